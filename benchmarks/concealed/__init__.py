@@ -1,0 +1,1 @@
+"""Independent simulator of piezo-actuator recordings with concealed effects (no fracjax code)."""

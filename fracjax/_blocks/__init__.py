@@ -1,0 +1,45 @@
+"""The physical laws, one per file; a new effect is its file plus one line here."""
+
+from . import (
+    creep,
+    delay,
+    drive_lag,
+    electrostriction,
+    mains_interference,
+    minor_loop_memory,
+    resonance,
+    saturation,
+    thermal_drift,
+)
+from ._block import AbstractBlock as AbstractBlock
+from ._block import AbstractLinearBlock as AbstractLinearBlock
+from ._block import linear_gains as linear_gains
+from ._effect import Effect as Effect
+from ._effect import Setting as Setting
+from .bouc_wen import BoucWen as BoucWen
+from .creep import Creep as Creep
+from .delay import Delay as Delay
+from .drive_lag import DriveLag as DriveLag
+from .electrostriction import Electrostriction as Electrostriction
+from .foh import FOH as FOH
+from .lfdh import LFDH as LFDH
+from .mains_interference import MainsInterference as MainsInterference
+from .minor_loop_memory import MinorLoopMemory as MinorLoopMemory
+from .resonance import Resonance as Resonance
+from .saturation import Saturation as Saturation
+from .thermal_drift import ThermalDrift as ThermalDrift
+
+EFFECTS: dict[str, Effect] = {
+    module.EFFECT.name: module.EFFECT
+    for module in (
+        creep,
+        drive_lag,
+        delay,
+        resonance,
+        electrostriction,
+        minor_loop_memory,
+        saturation,
+        thermal_drift,
+        mains_interference,
+    )
+}

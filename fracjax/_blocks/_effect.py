@@ -1,0 +1,71 @@
+"""A catalogue entry: a block, where it is inserted, and what tells it from its look-alikes."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping, Sequence
+from dataclasses import dataclass, field
+from typing import Literal
+
+from jax.typing import ArrayLike
+
+from .._parameters import set_values
+from ._block import AbstractBlock
+
+Site = Literal["drive", "response", "additive", "modulation", "force", "series"]
+
+
+@dataclass(frozen=True)
+class Setting:
+    """What a recording says about the size of things: from it an effect takes its typical shapes.
+
+    drive_low, drive_high: the drive's extremes; response_span: peak to peak of the response;
+    step, duration: in seconds; top_frequency: in Hz, the highest with appreciable drive.
+    """
+
+    drive_low: float
+    drive_high: float
+    response_span: float
+    step: float
+    duration: float
+    top_frequency: float
+
+    @property
+    def drive_span(self) -> float:
+        return self.drive_high - self.drive_low
+
+    @property
+    def drive_centre(self) -> float:
+        return 0.5 * (self.drive_low + self.drive_high)
+
+
+@dataclass(frozen=True)
+class Effect:
+    """One row of the catalogue.
+
+    `trials(setting)` lists blocks of one structure at typical amplitudes and shapes: each is a
+    direction of the score test and a start of the refit.  `separated_by` says, for each look-alike,
+    which experiment tells the two apart.  `axes` are the places where its signature stands out.
+    """
+
+    name: str
+    site: Site
+    sentence: str
+    equation: str
+    source: str
+    trials: Callable[[Setting], Sequence[AbstractBlock]]
+    separated_by: dict[str, str]
+    concealed_by: str
+    axes: tuple[str, ...] = field(default=("time",))
+
+    def insert(self, base: AbstractBlock, block: AbstractBlock) -> AbstractBlock:
+        """The base with this effect's block at its site."""
+        if self.site == "drive":
+            return block >> base
+        if self.site == "additive":
+            return base + block
+        return base >> block
+
+
+def at_values(block: AbstractBlock, shapes: Sequence[Mapping[str, ArrayLike]]) -> list[AbstractBlock]:
+    """The same block at several parameter values, one per trial."""
+    return [set_values(block, shape) for shape in shapes]

@@ -1,0 +1,50 @@
+"""Linear fractional differentiation hysteresis (LFDH) of Zhu et al. 2012."""
+
+from __future__ import annotations
+
+from jax import Array
+from jax.typing import ArrayLike
+
+from .._parameters import Parameter
+from ._block import AbstractLinearBlock
+
+
+class LFDH(AbstractLinearBlock):
+    r"""A linear law with fractional powers in numerator and denominator [L 8, 9]:
+
+        G(s) = (k_0 + k_δ s^δ) / (1 + χ s^μ),      0 < μ, δ < 1
+
+    with k_0 = ρ K_amp (n d33)² / RC [response/drive] and k_δ = k_0 κ [response/drive · s^δ], so that
+    both gains enter linearly; χ [s^μ].  The default values are those identified in [L 11].
+    Source: Zhu & Zhou, Modeling and Compensation for Hysteresis Nonlinearity of a Piezoelectrically
+    Actuated Fast Tool Servo Based on a Novel Linear Model (2012), equations (8), (9), (11).
+    """
+
+    k_0: Parameter
+    k_delta: Parameter
+    chi: Parameter
+    delta: Parameter
+    mu: Parameter
+
+    def __init__(
+        self,
+        k_0: float = 1 / 79.6379,
+        k_delta: float = 11.3885 / 79.6379,
+        chi: float = 16.523 / 79.6379,
+        delta: float = 0.046153,
+        mu: float = 0.44346,
+    ):
+        self.k_0 = Parameter(k_0, "response/drive", gain=True)
+        self.k_delta = Parameter(k_delta, "response/drive*s^delta", gain=True)
+        self.chi = Parameter(
+            chi, "s^mu", lower=1e-6, upper=1e3, plausible=(1e-2, 3.0), logarithmic=True
+        )
+        self.delta = Parameter(delta, lower=1e-3, upper=0.999, plausible=(0.02, 0.6))
+        self.mu = Parameter(mu, lower=1e-3, upper=0.999, plausible=(0.05, 0.9))
+
+    def symbol(self, s: Array) -> Array:
+        numerator = self.k_0.value + self.k_delta.value * s**self.delta.value
+        return numerator / (1 + self.chi.value * s**self.mu.value)
+
+    def static_gain(self) -> ArrayLike:
+        return self.k_0.value

@@ -1,0 +1,74 @@
+"""Lines of the mains in the sensor signal."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from .._operators import Grid
+from .._parameters import Parameter
+from ._block import AbstractBlock
+from ._effect import Effect, Setting, at_values
+
+_LINES = np.arange(1, 6)
+
+
+class MainsInterference(AbstractBlock):
+    r"""The mains' fundamental and its 2nd to 5th harmonics, in no relation to the drive:
+
+        d(t) = Σ_{k=1}^{5} a_k cos(2πk f t) + b_k sin(2πk f t)
+
+    a, b [response], f within 1 % of 50 or 60 Hz.  Lines above half the sampling rate appear aliased,
+    as in the recording.
+    """
+
+    cosines: Parameter
+    sines: Parameter
+    frequency: Parameter
+
+    def __init__(self, frequency: float):
+        self.cosines = Parameter(np.zeros(_LINES.size), "response", gain=True)
+        self.sines = Parameter(np.zeros(_LINES.size), "response", gain=True)
+        self.frequency = Parameter(
+            frequency,
+            "Hz",
+            lower=0.99 * frequency,
+            upper=1.01 * frequency,
+            plausible=(0.998 * frequency, 1.002 * frequency),
+        )
+
+    @property
+    def linear(self) -> bool:
+        return False
+
+    def __call__(self, drive: Array, grid: Grid) -> Array:
+        time = jnp.arange(drive.shape[0]) * grid.step
+        angles = 2 * np.pi * self.frequency.value * time[:, None] * _LINES
+        return jnp.cos(angles) @ self.cosines.value + jnp.sin(angles) @ self.sines.value
+
+
+def _trials(setting: Setting) -> list:
+    size = 0.001 * setting.response_span
+    lines = size * np.eye(_LINES.size)
+    return [
+        trial
+        for mains in (50.0, 60.0)
+        for trial in at_values(
+            MainsInterference(mains),
+            [{name: line} for name in ("cosines", "sines") for line in lines],
+        )
+    ]
+
+
+EFFECT = Effect(
+    name="mains_interference",
+    site="additive",
+    sentence="the mains and its harmonics are in the sensor signal",
+    equation="sum_k a_k cos(2 pi k f t) + b_k sin(2 pi k f t)",
+    source="Ott, Electromagnetic Compatibility Engineering (2009), chapter 3",
+    trials=_trials,
+    separated_by={"resonance": "a drive off the multiples of the mains frequency"},
+    concealed_by="nothing, unless the drive itself runs at the mains frequency",
+    axes=("frequency",),
+)

@@ -1,0 +1,67 @@
+"""One mechanical mode."""
+
+from __future__ import annotations
+
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from .._parameters import Parameter
+from ._block import AbstractLinearBlock
+from ._effect import Effect, Setting, at_values
+
+
+class Resonance(AbstractLinearBlock):
+    r"""Moving mass on the stack's stiffness, with damping [F 17]:
+
+        G(s) = 1 / (1 + 2 ζ s/ω_0 + s²/ω_0²),   ω_0 = 2π f_0
+
+    f_0 [Hz], damping ratio ζ dimensionless.
+    Source: Xu et al., Fractal Fract. 8 (2024) 3, equation (17), its static gain left to the law
+    before it.
+    """
+
+    frequency: Parameter
+    damping: Parameter
+
+    def __init__(self, frequency: float, damping: float = 0.02):
+        self.frequency = Parameter(
+            frequency, "Hz", lower=0.1, upper=1e5, plausible=(10.0, 1e4), logarithmic=True
+        )
+        self.damping = Parameter(
+            damping, lower=1e-3, upper=1.0, plausible=(4e-3, 0.2), logarithmic=True
+        )
+
+    def symbol(self, s: Array) -> Array:
+        x = s / (2 * np.pi * self.frequency.value)
+        return 1 / (1 + 2 * self.damping.value * x + x * x)
+
+    def static_gain(self) -> ArrayLike:
+        return 1.0
+
+
+def _trials(setting: Setting) -> list:
+    nyquist = 0.5 / setting.step
+    lowest = max(min(2 * setting.top_frequency, 0.5 * nyquist), 10.0)
+    frequencies = np.geomspace(min(lowest, nyquist / 8), 2 * nyquist, 8)
+    return at_values(
+        Resonance(nyquist),
+        [{"frequency": f, "damping": z} for f in frequencies for z in (0.01, 0.05)],
+    )
+
+
+EFFECT = Effect(
+    name="resonance",
+    site="response",
+    sentence="a mechanical mode rings after fast changes and raises the gain as the square of "
+    "frequency",
+    equation="1 / (1 + 2 zeta s/omega0 + s^2/omega0^2)",
+    source="Xu et al., Fractal Fract. 8 (2024) 3, eq. (17)",
+    trials=_trials,
+    separated_by={
+        "delay": "a sweep up to a third of the suspected natural frequency, or fast steps",
+        "drive_lag": "a sweep: a lag loses gain where a resonance gains it",
+    },
+    concealed_by="the hysteresis, while the drive holds only low harmonics",
+    axes=("frequency", "rate", "reversal"),
+)

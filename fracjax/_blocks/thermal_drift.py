@@ -1,0 +1,67 @@
+"""Drift that does not depend on the drive."""
+
+from __future__ import annotations
+
+import jax.numpy as jnp
+from jax import Array
+
+from .._operators import Grid
+from .._parameters import Parameter
+from ._block import AbstractBlock
+from ._effect import Effect, Setting, at_values
+
+
+class ThermalDrift(AbstractBlock):
+    r"""The frame warms up while recording:
+
+        d(t) = a (1 - exp(-t/τ)) + b t
+
+    a [response], b [response/s], τ [s].  Independent of the drive.
+    """
+
+    amplitude: Parameter
+    slope: Parameter
+    time_constant: Parameter
+
+    def __init__(self, time_constant: float, *, longest: float):
+        self.amplitude = Parameter(0.0, "response", gain=True)
+        self.slope = Parameter(0.0, "response/s", gain=True)
+        self.time_constant = Parameter(
+            time_constant,
+            "s",
+            lower=1e-3 * longest,
+            upper=3 * longest,
+            plausible=(0.02 * longest, longest),
+            logarithmic=True,
+        )
+
+    @property
+    def linear(self) -> bool:
+        return False
+
+    def __call__(self, drive: Array, grid: Grid) -> Array:
+        time = jnp.arange(drive.shape[0]) * grid.step
+        warming = -jnp.expm1(-time / self.time_constant.value)
+        return self.amplitude.value * warming + self.slope.value * time
+
+
+def _trials(setting: Setting) -> list:
+    duration, size = setting.duration, 0.01 * setting.response_span
+    block = ThermalDrift(0.3 * duration, longest=duration)
+    shapes = [
+        {"amplitude": size, "time_constant": share * duration} for share in (0.03, 0.1, 0.3)
+    ]
+    return at_values(block, [*shapes, {"slope": size / duration}])
+
+
+EFFECT = Effect(
+    name="thermal_drift",
+    site="additive",
+    sentence="the displacement drifts slowly and independently of the drive, as a frame warming up",
+    equation="a (1 - exp(-t/tau)) + b t",
+    source="Slocum, Precision Machine Design (1992), section 2.3",
+    trials=_trials,
+    separated_by={"creep": "a record at constant drive: drift goes on, creep has died away"},
+    concealed_by="the offset and the slow tail of the order alpha",
+    axes=("time", "frequency"),
+)

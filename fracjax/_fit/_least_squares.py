@@ -1,0 +1,191 @@
+r"""Least squares by variable projection, every start in one compiled program.
+
+A model is y = Φ(θ) c + y_0(θ) with gains c (and one offset per recording) entering linearly.  For each θ the
+gains follow from a linear least-squares problem, so that Levenberg–Marquardt runs over θ alone:
+
+    min_θ ‖ W (y - y_0(θ) - Φ(θ) c(θ)) ‖²,     c(θ) = argmin_c ‖ W (y - y_0(θ) - Φ(θ) c) ‖
+
+Source: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413.  θ is fitted through a sine that
+keeps it within its bounds.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import optimistix as optx
+from jax import Array
+
+from .._blocks import AbstractBlock, linear_gains
+from .._parameters import named_parameters, set_values
+from ._problem import Problem
+
+_STEPS = 40
+_RIDGE = 1e-9
+_SOLVER = optx.LevenbergMarquardt(rtol=1e-6, atol=1e-8)
+
+
+class Layout(NamedTuple):
+    """Names and sizes of the parameters a fit moves: shapes iterated, gains eliminated."""
+
+    shapes: tuple[tuple[str, int], ...]
+    gains: tuple[tuple[str, int], ...]
+
+
+def layout_of(block: AbstractBlock) -> Layout:
+    gains = linear_gains(block)
+    free = {n: int(np.size(p.value)) for n, p in named_parameters(block).items() if not p.fixed}
+    return Layout(
+        tuple((n, size) for n, size in free.items() if n not in gains),
+        tuple((n, free[n]) for n in gains),
+    )
+
+
+def _split(block: AbstractBlock, names: tuple[tuple[str, int], ...], vector: Array) -> dict:
+    parameters = named_parameters(block)
+    values, at = {}, 0
+    for name, size in names:
+        values[name] = vector[at : at + size].reshape(jnp.shape(parameters[name].value))
+        at += size
+    return values
+
+
+def _concatenate(pieces: list) -> Array:
+    return jnp.concatenate([jnp.ravel(p) for p in pieces]) if pieces else jnp.zeros(0)
+
+
+def unconstrained(block: AbstractBlock) -> Array:
+    """The block's shapes as one vector of angles."""
+    parameters = named_parameters(block)
+    shapes = layout_of(block).shapes
+    return _concatenate([parameters[n].to_unconstrained(parameters[n].value) for n, _ in shapes])
+
+
+def with_shapes(block: AbstractBlock, angles: Array) -> AbstractBlock:
+    parameters = named_parameters(block)
+    values = _split(block, layout_of(block).shapes, angles)
+    return set_values(block, {n: parameters[n].from_unconstrained(z) for n, z in values.items()})
+
+
+def with_gains(block: AbstractBlock, gains: Array) -> AbstractBlock:
+    return set_values(block, _split(block, layout_of(block).gains, gains))
+
+
+def _linear_system(block: AbstractBlock, problem: Problem, offset: Array) -> tuple[Array, Array]:
+    """Whitened columns (L, gains + offsets) and whitened remainder (L,) of one recording."""
+    count = sum(size for _, size in layout_of(block).gains)
+    at_zero, along = jax.linearize(
+        lambda gains: problem.simulate(with_gains(block, gains)), jnp.zeros(count)
+    )
+    columns = [jax.vmap(along)(jnp.eye(count)).T] if count else []
+    constant = jnp.ones_like(jnp.asarray(problem.response))[:, None] * offset
+    columns = jnp.concatenate([*columns, constant], axis=1)
+    return problem.whiten(columns), problem.whiten(problem.response - at_zero)
+
+
+def project(block: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[Array, Array, Array]:
+    """Best gains and offsets at the block's shapes, the whitened residual (ΣL,), and an orthonormal
+    basis (ΣL, gains + offsets) of what they span."""
+    offsets = jnp.eye(len(problems))
+    systems = [_linear_system(block, p, o) for p, o in zip(problems, offsets, strict=True)]
+    columns = jnp.concatenate([s[0] for s in systems])
+    target = jnp.concatenate([s[1] for s in systems])
+    # Columns of unit length, and a ridge far below the noise, where two of them coincide.
+    lengths = jnp.sqrt(jnp.sum(columns**2, axis=0)) + 1e-300
+    scaled = jnp.concatenate([columns / lengths, _RIDGE * jnp.eye(columns.shape[1])])
+    q, r = jnp.linalg.qr(scaled)
+    basis = q[: target.shape[0]]
+    solution = jax.scipy.linalg.solve_triangular(r, basis.T @ target) / lengths
+    return solution, target - columns @ solution, basis
+
+
+def _projected_residual(block: AbstractBlock, problems: tuple[Problem, ...]) -> Array:
+    """The residual of `project`, with Kaufman's derivative: -(1 - QQᵀ) (∂Φ/∂θ) c.
+
+    Gains and basis are held while differentiating; the term left out is of the order of the
+    residual itself (Kaufman, BIT 15 (1975) 49), and no derivative runs through the QR.
+    """
+    solution, _, basis = jax.lax.stop_gradient(project(block, problems))
+    count = solution.shape[0] - len(problems)
+    fitted = with_gains(block, solution[:count])
+    residual = jnp.concatenate(
+        [
+            p.whiten(p.response - p.simulate(fitted) - offset)
+            for p, offset in zip(problems, solution[count:], strict=True)
+        ]
+    )
+    return residual - basis @ (basis.T @ residual)
+
+
+class Solution(NamedTuple):
+    """Logits (S, n), sums of squares (S,), steps (S,) and success (S,) of every start."""
+
+    angles: Array
+    cost: Array
+    steps: Array
+    success: Array
+
+
+@eqx.filter_jit
+def solve(starts: AbstractBlock, problems: tuple[Problem, ...]) -> Solution:
+    """Fit every start; `starts` is a block whose leaves carry a leading axis (S, …)."""
+
+    def one(block: AbstractBlock) -> Solution:
+        def residual(angles, _):
+            return _projected_residual(with_shapes(block, angles), problems)
+
+        start = unconstrained(block)
+        if start.size == 0:
+            cost = jnp.sum(residual(start, None) ** 2)
+            return Solution(start, cost, jnp.zeros((), int), jnp.ones((), bool))
+        found = optx.least_squares(residual, _SOLVER, start, max_steps=_STEPS, throw=False)
+        cost = jnp.sum(residual(found.value, None) ** 2)
+        return Solution(
+            found.value,
+            jnp.where(jnp.isfinite(cost), cost, jnp.inf),
+            found.stats["num_steps"],
+            found.result == optx.RESULTS.successful,
+        )
+
+    return jax.lax.map(one, starts, batch_size=None)
+
+
+@eqx.filter_jit
+def finish(block: AbstractBlock, angles: Array, problems: tuple[Problem, ...]) -> tuple:
+    """The fitted block, its offsets (R,), and per recording its simulation (L,)."""
+    shaped = with_shapes(block, angles)
+    solution, _, _ = project(shaped, problems)
+    count = solution.shape[0] - len(problems)
+    fitted = with_gains(shaped, solution[:count])
+    return fitted, solution[count:], tuple(p.simulate(fitted) for p in problems)
+
+
+def stack(blocks: list[AbstractBlock]) -> AbstractBlock:
+    """Blocks of one structure as one block with a leading axis."""
+    return jax.tree_util.tree_map(lambda *leaves: np.stack(leaves), *blocks)
+
+
+@eqx.filter_jit
+def jacobian(block: AbstractBlock, problems: tuple[Problem, ...]) -> Array:
+    """Whitened derivative (ΣL, shapes + gains + offsets) of the simulation in physical values."""
+    layout = layout_of(block)
+    names = layout.shapes + layout.gains
+    parameters = named_parameters(block)
+    values = _concatenate([parameters[n].value for n, _ in names])
+
+    def simulate(vector: Array) -> Array:
+        moved = set_values(block, _split(block, names, vector))
+        return jnp.concatenate([p.whiten(p.simulate(moved)) for p in problems])
+
+    columns = jax.jacfwd(simulate)(values)
+    offsets = [
+        jnp.concatenate(
+            [p.whiten(jnp.ones_like(jnp.asarray(p.response)) * (k == at)) for k, p in enumerate(problems)]
+        )
+        for at in range(len(problems))
+    ]
+    return jnp.concatenate([columns, jnp.stack(offsets, axis=1)], axis=1)

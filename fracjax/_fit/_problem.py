@@ -1,0 +1,105 @@
+"""A recording made ready for fitting: fine grid, history, padding, weights, whitening."""
+
+from __future__ import annotations
+
+import equinox as eqx
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from scipy.signal import lfilter
+
+from .._blocks import AbstractBlock, Setting
+from .._operators import Grid, interpolate
+from .._operators._grid import History
+from .._recording import Recording
+
+_FILTER_TAPS = 13
+
+
+class Problem(eqx.Module):
+    """One recording on the block's grid.
+
+    drive (M,) on the fine grid, response (L,) and weights (L,) on the recording's own, padded to
+    a common length L so that recordings of similar length share one compiled program; whitening
+    (taps,) the noise's whitening filter, zero-padded.  Weight 0 leaves a sample out.
+    """
+
+    drive: np.ndarray | Array
+    response: np.ndarray | Array
+    weights: np.ndarray | Array
+    whitening: np.ndarray | Array
+    grid: Grid
+    oversampling: int = eqx.field(static=True)
+
+    def simulate(self, block: AbstractBlock) -> Array:
+        """The block's response (L,) at the recording's samples."""
+        return block(jnp.asarray(self.drive), self.grid)[:: self.oversampling]
+
+    def whiten(self, signals: Array) -> Array:
+        """Signals (L, …) through the whitening filter, unit variance where the weight is 1."""
+        filtered = self.whitening[0] * signals
+        for k in range(1, _FILTER_TAPS):
+            filtered = filtered.at[k:].add(self.whitening[k] * signals[:-k])
+        return filtered * self.weights.reshape(-1, *([1] * (signals.ndim - 1)))
+
+
+def bucket(samples: int) -> int:
+    """The next of the lengths 2^k · {1, 1.25, 1.5, 1.75}."""
+    power = 2 ** int(np.floor(np.log2(samples)))
+    return int(next(power * q // 4 for q in (4, 5, 6, 7, 8) if power * q // 4 >= samples))
+
+
+def make_problem(
+    recording: Recording,
+    *,
+    history: History,
+    oversampling: int,
+    used: np.ndarray,
+    whitening: np.ndarray,
+) -> Problem:
+    """Assemble a problem; `used` (N,) is true where a sample counts."""
+    samples = len(recording)
+    drive, response = recording.drive, recording.response
+    taps = np.zeros(_FILTER_TAPS)
+    taps[: whitening.size] = whitening
+    # A whitened sample mixes its predecessors: it counts only if all of them do.
+    support = np.ones(whitening.size)
+    weights = (lfilter(support, 1.0, np.where(used, 0.0, 1.0)) < 0.5).astype(float)
+    weights[: whitening.size - 1] = 0.0
+    length = samples if history == "periodic" else bucket(samples)
+    if history == "periodic":
+        wrapped = np.append(drive, drive[0])
+        fine = interpolate(wrapped, oversampling)[0][:-1]
+    else:
+        fine = interpolate(drive, oversampling)[0]
+        fine = np.pad(fine, (0, (length - samples) * oversampling), mode="edge")
+    padding = (0, length - samples)
+    return Problem(
+        drive=fine,
+        response=np.pad(response, padding, mode="edge"),
+        weights=np.pad(weights, padding),
+        whitening=taps,
+        grid=Grid(np.asarray(recording.dt / oversampling), history),
+        oversampling=oversampling,
+    )
+
+
+def setting_of(recordings: list[Recording]) -> Setting:
+    """What the recordings say about the size of things."""
+    return Setting(
+        drive_low=float(min(r.drive.min() for r in recordings)),
+        drive_high=float(max(r.drive.max() for r in recordings)),
+        response_span=float(max(np.ptp(r.response) for r in recordings)),
+        step=float(min(r.dt for r in recordings)),
+        duration=float(max(len(r) * r.dt for r in recordings)),
+        top_frequency=max(top_frequency(r) for r in recordings),
+    )
+
+
+def top_frequency(recording: Recording) -> float:
+    """The frequency [Hz] below which 99 % of the power of the drive's rate lies."""
+    rate = np.diff(recording.drive)
+    power = np.abs(np.fft.rfft((rate - rate.mean()) * np.hanning(rate.size))) ** 2
+    frequencies = np.fft.rfftfreq(rate.size, recording.dt)
+    share = np.cumsum(power) / power.sum()
+    return float(max(frequencies[np.searchsorted(share, 0.99)], frequencies[1]))

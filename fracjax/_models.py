@@ -1,0 +1,82 @@
+"""Models by name, and their composition in text: "foh >> creep + resonance"."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import equinox as eqx
+
+from ._blocks import EFFECTS, FOH, LFDH, AbstractBlock, BoucWen, Creep, Setting
+from ._parameters import Parameter, named_parameters, set_values
+from ._recording import InputError
+
+
+class Model(eqx.Module):
+    """A block that maps drive to response, and the name it is reported under."""
+
+    block: AbstractBlock
+    name: str = eqx.field(static=True)
+
+    def __init__(self, block: AbstractBlock, name: str | None = None):
+        self.block = block
+        self.name = type(block).__name__ if name is None else name
+
+    @property
+    def parameters(self) -> dict[str, Parameter]:
+        """All parameters by dotted path."""
+        return named_parameters(self.block)
+
+    def with_values(self, values: dict) -> Model:
+        """The same model at other parameter values."""
+        return Model(set_values(self.block, values), self.name)
+
+
+MODELS: dict[str, Callable[[], AbstractBlock]] = {
+    "foh": FOH,
+    "lfdh": LFDH,
+    "creep": Creep,
+    "coupled": lambda: FOH() >> Creep(fixed_gain=True),
+    "bouc_wen": BoucWen,
+}
+
+
+def _typical_effect(name: str, setting: Setting | None) -> AbstractBlock:
+    """An effect's block at its middle trial, for composition by name."""
+    trials = EFFECTS[name].trials(setting or _ORDINARY)
+    return trials[len(trials) // 2]
+
+
+# A stack of common size, for compositions named before any recording is there.
+_ORDINARY = Setting(
+    drive_low=0.0, drive_high=100.0, response_span=10.0, step=1e-3, duration=10.0, top_frequency=10.0
+)
+
+
+def parse_model(text: str, setting: Setting | None = None) -> Model:
+    """A model from its name, or from names joined by `>>` (series) and `+` (parallel).
+
+    `+` binds tighter.  The first name is a model; the others are models or effects, whose typical
+    sizes come from `setting`.  Raises InputError for an unknown name.
+    """
+
+    def block(name: str, first: bool) -> AbstractBlock:
+        name = name.strip()
+        if name in EFFECTS and not (first and name in MODELS):
+            return _typical_effect(name, setting)
+        if name in MODELS:
+            return MODELS[name]()
+        known = ", ".join(MODELS) + (", or an effect: " + ", ".join(EFFECTS))
+        raise InputError(
+            f'model "{text}": expected a known name, found "{name}"; use one of {known}'
+        )
+
+    series: AbstractBlock | None = None
+    for stage in text.split(">>"):
+        parallel: AbstractBlock | None = None
+        for name in stage.split("+"):
+            term = block(name, first=series is None)
+            parallel = term if parallel is None else parallel + term
+        assert parallel is not None  # split never returns an empty list
+        series = parallel if series is None else series >> parallel
+    assert series is not None
+    return Model(series, " ".join(text.split()))

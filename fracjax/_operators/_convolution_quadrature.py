@@ -1,0 +1,89 @@
+r"""Convolution quadrature: a symbol K(s) becomes the causal kernel with generating function
+
+    Σ_n w_n ζ^n = K(δ(ζ)/h),        δ(ζ) = Σ_{k=1}^{p} (1-ζ)^k / k,
+
+where p = 1 is backward Euler (for K = s^α: Grünwald–Letnikov) and p = 2 is BDF2.
+Source: Ch. Lubich, Convolution quadrature and discretized operational calculus I, Numer. Math. 52
+(1988) 129–145.
+
+The transform is taken on the circle |ζ| = r with r^L = 1e-10, L ≥ 2N the transform's length: what
+wraps round the circle is damped by r^L, and rounding errors grow by at most r^-N ≤ 1e5, so that the
+result agrees with the direct O(N²) sum to about 1e-11 of its largest value.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+from scipy.fft import next_fast_len
+
+from ._grid import Grid
+
+Symbol = Callable[[Array], Array]
+
+_WRAP_AROUND = 1e-10
+
+
+def generating_function(zeta: Array, order: int) -> Array:
+    """δ(ζ) of the backward differentiation formula of the given order (1 or 2)."""
+    return sum(((1 - zeta) ** k / k for k in range(2, order + 1)), 1 - zeta)
+
+
+def _circle(samples: int) -> tuple[int, float]:
+    length = next_fast_len(2 * samples, real=True)
+    return length, _WRAP_AROUND ** (1 / length)
+
+
+def _symbol_on_circle(symbol: Symbol, samples: int, grid: Grid) -> Array:
+    length, radius = _circle(samples)
+    angles = 2 * np.pi * np.arange(length // 2 + 1) / length
+    zeta = jnp.asarray(radius * np.exp(-1j * angles))
+    return symbol(generating_function(zeta, grid.order) / grid.step)
+
+
+def kernel(symbol: Symbol, samples: int, grid: Grid) -> Array:
+    """The first `samples` quadrature weights w_n of K(s): response_n = Σ_j w_j drive_{n-j}."""
+    length, radius = _circle(samples)
+    values = jnp.fft.irfft(_symbol_on_circle(symbol, samples, grid), length)[:samples]
+    return values * radius ** -np.arange(samples, dtype=float)
+
+
+def convolve(symbol: Symbol, static_gain: ArrayLike, drive: Array, grid: Grid) -> Array:
+    """Response (N,) of the linear law K(s) to a drive (N,) on the grid.
+
+    With `constant` history the law sees the drive's excursion from its first value, and that value
+    itself is passed on by `static_gain` (K(0), or 0 where a power law has none).  With `periodic`
+    history the steady response is exact at the harmonics of the record, K(jω).
+    Cost: two real transforms of length ≥ 2N.
+    """
+    samples = drive.shape[0]
+    if grid.history == "periodic":
+        frequencies = jnp.asarray(2j * np.pi * np.arange(1, samples // 2 + 1) / samples)
+        response = symbol(frequencies / grid.step)
+        response = jnp.concatenate([jnp.asarray(static_gain).reshape(1) + 0j, response])
+        return jnp.fft.irfft(response * jnp.fft.rfft(drive), samples)
+    before = drive[0] if grid.history == "constant" else 0.0
+    length, radius = _circle(samples)
+    damping = radius ** np.arange(samples, dtype=float)
+    transform = jnp.fft.rfft((drive - before) * damping, length)
+    symbols = _symbol_on_circle(symbol, samples, grid)
+    response = jnp.fft.irfft(symbols * transform, length)[:samples] / damping
+    return response + static_gain * before
+
+
+def derivative(order: ArrayLike, drive: Array, grid: Grid) -> Array:
+    """D^a of the drive: derivative for a > 0, identity at a = 0, integral for a < 0 [F 1, L 1].
+
+    Differentiable in the order through 0 and 1, and in the drive.  Units: drive · s^-a.
+    With `constant` history this is Caputo's derivative: the first value is not transmitted.
+    """
+    return convolve(lambda s: s**order, 0.0, drive, grid)
+
+
+def direct_convolution(weights: np.ndarray, drive: np.ndarray) -> np.ndarray:
+    """The same convolution as a plain O(N²) sum: the oracle of the fast one, for tests."""
+    return np.array([weights[: n + 1] @ drive[n::-1] for n in range(drive.size)])

@@ -1,0 +1,60 @@
+"""The time grid a block runs on, and how a recorded drive is carried onto a finer one."""
+
+from __future__ import annotations
+
+from typing import Literal, get_args
+
+import equinox as eqx
+import numpy as np
+from scipy.interpolate import Akima1DInterpolator, CubicSpline, interp1d
+
+History = Literal["rest", "constant", "periodic"]
+HISTORIES: tuple[History, ...] = get_args(History)
+
+
+class Grid(eqx.Module):
+    """Uniform grid with what is assumed before its first sample.
+
+    `step` is in seconds.  `history` says what the drive did for t < 0: `rest` (zero), `constant`
+    (its first value, for ever: the Caputo convention) or `periodic` (the samples are whole steady
+    periods).  `order` is the order of the convolution quadrature.
+    """
+
+    step: float | np.ndarray
+    history: History = eqx.field(static=True, default="constant")
+    order: int = eqx.field(static=True, default=2)
+
+
+# A staircase has few changes and long holds; a sampled ramp or sine changes at almost every sample.
+_STAIRCASE_SHARE = 0.05
+_INTERPOLATORS = {
+    "linear": lambda t, u: interp1d(t, u),
+    "akima": lambda t, u: Akima1DInterpolator(t, u, method="makima"),
+    "cubic": CubicSpline,
+}
+
+
+def _is_staircase(drive: np.ndarray) -> bool:
+    changes = np.abs(np.diff(drive)) > 1e-9 * np.ptp(drive)
+    return bool(0 < changes.sum() <= _STAIRCASE_SHARE * drive.size)
+
+
+def interpolate(drive: np.ndarray, oversampling: int) -> tuple[np.ndarray, str]:
+    """Carry a drive (N,) onto a grid `oversampling` times finer: ((N-1)·oversampling + 1,).
+
+    A staircase is held.  Otherwise linear, Akima and cubic interpolation are each asked to predict
+    the odd samples from the even ones, and the one that errs least is used: straight for triangles,
+    smooth for sines.  Returns the finer drive and the name of the method.
+    """
+    samples = np.arange(drive.size)
+    fine = np.linspace(0, drive.size - 1, (drive.size - 1) * oversampling + 1)
+    if _is_staircase(drive):
+        return drive[np.floor(fine + 1e-9).astype(int)], "hold"
+    last = drive.size - 1 - (drive.size - 1) % 2
+    even, odd = samples[: last + 1 : 2], samples[1:last:2]
+    errors = {
+        name: float(np.sum((make(even, drive[even])(odd) - drive[odd]) ** 2))
+        for name, make in _INTERPOLATORS.items()
+    }
+    best = min(errors, key=errors.__getitem__)
+    return np.asarray(_INTERPOLATORS[best](samples, drive)(fine)), best

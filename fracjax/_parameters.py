@@ -1,0 +1,125 @@
+"""Parameters: value, unit, physical bounds and plausible range in one tree node."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+
+def _array(value: ArrayLike) -> np.ndarray:
+    return np.asarray(value, dtype=np.float64)
+
+
+class Parameter(eqx.Module):
+    """One physical parameter of a block.
+
+    - `value`: its present value, in `unit` (scalar, or a vector of like quantities).
+    - `lower`, `upper`: physical bounds, never left by a fit.
+    - `plausible`: the range expected from the literature; starts are drawn from it, and a fit that
+      ends outside it says so.
+    - `unit`: text in which `drive` and `response` stand for the recording's units ("response/drive").
+    - `logarithmic`: fitted on a logarithmic scale (needs lower > 0).
+    - `gain`: the model's output is proportional to it, when all that follows it is linear; then it
+      is eliminated by variable projection instead of iterated.
+    - `fixed`: not fitted.
+    """
+
+    value: Array | np.ndarray = eqx.field(converter=lambda v: v)
+    lower: Array | np.ndarray
+    upper: Array | np.ndarray
+    plausible: tuple[Array | np.ndarray, Array | np.ndarray]
+    unit: str = eqx.field(static=True)
+    logarithmic: bool = eqx.field(static=True)
+    gain: bool = eqx.field(static=True)
+    fixed: bool = eqx.field(static=True)
+
+    def __init__(
+        self,
+        value: ArrayLike,
+        unit: str = "1",
+        *,
+        lower: ArrayLike = -np.inf,
+        upper: ArrayLike = np.inf,
+        plausible: tuple[ArrayLike, ArrayLike] | None = None,
+        logarithmic: bool = False,
+        gain: bool = False,
+        fixed: bool = False,
+    ):
+        self.value = _array(value)
+        self.lower, self.upper = _array(lower), _array(upper)
+        low, high = (lower, upper) if plausible is None else plausible
+        self.plausible = (_array(low), _array(high))
+        self.unit, self.logarithmic, self.gain, self.fixed = unit, logarithmic, gain, fixed
+        if not (np.all(self.lower <= self.value) and np.all(self.value <= self.upper)):
+            raise ValueError(
+                f"expected a value within [{lower}, {upper}] {unit}, found {value}; "
+                "widen the bounds or change the value"
+            )
+        if logarithmic and not np.all(self.lower > 0):
+            raise ValueError(
+                f"expected a lower bound above 0 for a logarithmic parameter, found {lower}"
+            )
+
+    def _scale(self, x: Any) -> Any:
+        return jnp.log(x) if self.logarithmic else x
+
+    def to_unconstrained(self, value: ArrayLike) -> Array:
+        """The real number that stands for `value` during a fit: lower + range·(1 + sin z)/2.
+
+        A bound lies at finite z, so that a fit which ends there converges.
+        """
+        low, high = self._scale(self.lower), self._scale(self.upper)
+        share = 2 * (self._scale(value) - low) / (high - low) - 1
+        # A start on a bound, where the derivative vanishes, would never leave it.
+        return jnp.arcsin(jnp.clip(share, -0.999999, 0.999999))
+
+    def from_unconstrained(self, z: ArrayLike) -> Array:
+        """The value that `z` stands for."""
+        low, high = self._scale(self.lower), self._scale(self.upper)
+        scaled = low + (high - low) * (1 + jnp.sin(z)) / 2
+        return jnp.exp(scaled) if self.logarithmic else scaled
+
+    def with_value(self, value: ArrayLike) -> Parameter:
+        return eqx.tree_at(lambda p: p.value, self, value)
+
+    def draw(self, generator: np.random.Generator) -> np.ndarray:
+        """A start, uniform in the plausible range on the parameter's scale."""
+        low, high = self.plausible
+        share = generator.uniform(size=np.shape(self.value))
+        if self.logarithmic:
+            return np.exp(np.log(low) + share * (np.log(high) - np.log(low)))
+        return low + share * (high - low)
+
+
+def is_parameter(node: object) -> bool:
+    return isinstance(node, Parameter)
+
+
+def named_parameters(tree: Any) -> dict[str, Parameter]:
+    """All parameters of a block or model by dotted path, in tree order."""
+    leaves = jax.tree_util.tree_leaves_with_path(tree, is_leaf=is_parameter)
+    return {
+        ".".join(str(getattr(key, "name", getattr(key, "idx", key))) for key in path): leaf
+        for path, leaf in leaves
+        if is_parameter(leaf)
+    }
+
+
+def replace_parameters(tree: Any, parameters: dict[str, Parameter]) -> Any:
+    """The same tree with parameters exchanged by dotted path."""
+    replacements = iter(parameters.get(n, p) for n, p in named_parameters(tree).items())
+    return jax.tree_util.tree_map(
+        lambda node: next(replacements) if is_parameter(node) else node, tree, is_leaf=is_parameter
+    )
+
+
+def set_values(tree: Any, values: dict[str, ArrayLike]) -> Any:
+    """The same tree with the named parameters' values exchanged."""
+    known = named_parameters(tree)
+    return replace_parameters(tree, {n: known[n].with_value(v) for n, v in values.items()})

@@ -1,0 +1,273 @@
+"""The recording's border, units, periods, rests and warnings."""
+
+import dataclasses
+
+import numpy as np
+import pint
+import pytest
+from hypothesis import example, given, settings
+from hypothesis import strategies as st
+
+from fracjax._recording import InputError, Recording, Repeats, parse_quantity, unit
+
+SAMPLES = np.arange(8000)
+SINE = np.sin(2 * np.pi * SAMPLES / 200)
+NOISE = np.random.default_rng(7).standard_normal(100_000)
+
+
+def record(drive, response=None, dt=0.005, **rest) -> Recording:
+    """A recording of `drive`, shape (N,), with a response that merely varies."""
+    return Recording(drive, NOISE[: len(drive)] if response is None else response, dt, **rest)
+
+
+# The border ---------------------------------------------------------------------------------------
+
+
+def test_what_it_holds():
+    drive = [float(k % 7) for k in range(40)]
+    recording = record(drive, dt=0.5, drive_unit="mV", response_unit="nm")
+    assert len(recording) == 40
+    assert recording.rate == 2.0
+    np.testing.assert_array_equal(recording.times, np.arange(40) / 2)
+    np.testing.assert_array_equal(recording.drive, drive)
+    assert recording.drive.dtype == recording.response.dtype == np.float64
+
+
+def test_arrays_are_copies_that_cannot_be_written():
+    drive = SINE[:100].copy()
+    recording = record(drive)
+    drive[0] = 9.0
+    assert recording.drive[0] == 0.0
+    with pytest.raises(ValueError, match="read-only"):
+        recording.response[0] = 1.0
+    with pytest.raises(dataclasses.FrozenInstanceError):
+        recording.dt = 1.0  # pyright: ignore[reportAttributeAccessIssue]
+
+
+@pytest.mark.parametrize(
+    ("change", "sentence"),
+    [
+        ({"drive": SINE[:31], "response": NOISE[:31]}, "at least 32 samples, found 31"),
+        ({"drive": SINE[:40]}, "40 of the drive and 50 of the response"),
+        ({"drive": SINE[:50].reshape(-1, 2)}, r"one axis, found shape \(25, 2\)"),
+        ({"drive": 1.0}, r"one axis, found shape \(\)"),
+        ({"drive": [[1.0], [1.0, 2.0]]}, "rows of unequal length"),
+        ({"drive": ["a"] * 50}, "drive: expected real numbers"),
+        ({"response": SINE[:50] * 1j}, "response: expected real numbers, found complex128"),
+        ({"drive": np.ones(50)}, "drive: expected a signal that varies, found the constant 1"),
+        ({"response": np.zeros(50)}, "response: expected a signal that varies"),
+        ({"response": np.r_[SINE[:49], np.nan]}, "response, sample 49: .* found nan"),
+        ({"response": np.r_[np.inf, SINE[:49]]}, "response, sample 0: .* found inf"),
+        ({"drive": np.r_[SINE[:49], 1e300]}, "drive, sample 49: expected a finite number"),
+        ({"dt": 0.0}, "positive step in seconds, found 0"),
+        ({"dt": -1.0}, "positive step in seconds, found -1"),
+        ({"dt": np.nan}, "dt: expected"),
+        ({"dt": np.inf}, "dt: expected"),
+        ({"drive_unit": "wumpus"}, 'drive: expected a unit such as um.* found "wumpus"'),
+        ({"response_unit": ""}, "response: expected a unit"),
+    ],
+)
+def test_refusals(change, sentence):
+    good = {"drive": SINE[:50], "response": NOISE[:50], "dt": 0.1, "source": "loop.csv"}
+    with pytest.raises(InputError, match=f"^loop.csv.*{sentence}.*; .*\\.$"):
+        Recording(**good | change)
+
+
+def test_window():
+    recording = record(SINE, source="loop.csv", warnings=("assumed",), response_unit="nm")
+    part = recording.window(100, 300)
+    np.testing.assert_array_equal(part.response, recording.response[100:300])
+    assert (part.source, part.warnings, part.response_unit) == ("loop.csv", ("assumed",), "nm")
+    assert part.times[0] == 0.0
+    for start, stop in ((-1, 100), (0, 8001), (200, 100), (0, 10)):
+        with pytest.raises(InputError):
+            recording.window(start, stop)
+
+
+# Units --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("text", "same", "ratio"),
+    [
+        ("um", "µm", 1),
+        ("um", "\u03bcm", 1),
+        ("Microns", "micron", 1),
+        ("mm", " um ", 1000),
+        ("Volts", "V", 1),
+        ("Seconds", "ms", 1000),
+        ("kHz", "Hz", 1000),
+        ("N", "kg*m/s**2", 1),
+        ("N·m", "J", 1),
+        ("um / V", "nm/mV", 1),
+        ("mm²", "um**2", 1e6),
+    ],
+)
+def test_units(text, same, ratio):
+    convert = pint.get_application_registry().convert
+    assert convert(1.0, unit(text), unit(same)) == pytest.approx(ratio)
+
+
+@pytest.mark.parametrize(
+    ("text", "default", "value"),
+    [
+        ("200Hz", "Hz", 200.0),
+        (" 200 Hz ", "Hz", 200.0),
+        ("0.2 kHz", "Hz", 200.0),
+        ("200", "Hz", 200.0),
+        (200, "Hz", 200.0),
+        (np.float64(0.1), "Hz", 0.1),
+        ("0.07 um", "um", 0.07),
+        ("-70nm", "um", -0.07),
+        ("1.5e-3 s", "ms", 1.5),
+    ],
+)
+def test_quantities(text, default, value):
+    assert parse_quantity(text, default) == pytest.approx(value, rel=1e-14)
+
+
+@pytest.mark.parametrize("text", ["", "Hz", "5 ms", "5 wumpus", "1,5 Hz", "nan", "1e999", "3 dB"])
+def test_quantities_refused(text):
+    with pytest.raises(InputError, match=r"^--rate: expected"):
+        parse_quantity(text, "Hz", "--rate")
+
+
+@settings(max_examples=200, deadline=None)
+@given(st.text(max_size=12) | st.text("mVus/*^-2 (_N.e", max_size=8))
+@example("¼")
+def test_any_text_is_a_unit_or_an_input_error(text):
+    for reading in (unit, lambda text: parse_quantity(text, "Hz")):
+        try:
+            reading(text)
+        except InputError as error:
+            assert str(error).endswith(".")
+
+
+# Periods ------------------------------------------------------------------------------------------
+
+PATTERN = np.cumsum(NOISE[:1000])
+SQUARE = np.tile(np.repeat([0.0, 1.0], 50), 10)
+HOLD, RAMP = np.full(1000, 0.3), np.linspace(0.0, 1.0, 2000)
+
+
+@pytest.mark.parametrize(
+    ("drive", "expected"),
+    [
+        (SINE, (200, 0, 8000)),
+        (SQUARE, (100, 0, 1000)),
+        (np.tile(PATTERN, 3), (1000, 0, 3000)),
+        (np.tile(NOISE[:127] > 0, 4).astype(float), (127, 0, 508)),
+        (np.abs(SAMPLES % 300 - 150.0), (300, 0, 8000)),
+        (np.sin(2 * np.pi * SAMPLES / 200) + np.sin(2 * np.pi * SAMPLES / 250), (1000, 0, 8000)),
+        (SINE + 0.01 * np.sin(np.pi * SAMPLES / 200), (400, 0, 8000)),
+        ((-1.0) ** SAMPLES, (2, 0, 8000)),
+        (np.r_[HOLD, SINE[:3000]], (200, 1000, 4000)),
+        (np.r_[HOLD, SINE[:3000], RAMP], (200, 1000, 4000)),
+        (np.r_[SINE[:2000], HOLD, np.sin(np.pi * SAMPLES[:4000] / 25)], (50, 3000, 7000)),
+    ],
+)
+@pytest.mark.parametrize("noise", [0.0, 3e-4])
+def test_period(drive, expected, noise):
+    noisy = 40 + 3 * (drive + noise * np.ptp(drive) * NOISE[: len(drive)])
+    found = record(noisy).drive_period()
+    assert found is not None
+    assert found.period == expected[0]
+    assert found == pytest.approx(expected, abs=1 if noise or expected[1] else 0)
+
+
+def test_a_rare_pulse_makes_the_period_longer():
+    drive = SINE[:6000].copy()
+    drive[50::600] += 0.1
+    assert record(drive).drive_period() == Repeats(600, 0, 6000)
+
+
+def test_a_long_period_is_found_to_the_sample():
+    drive = np.sin(2 * np.pi * np.arange(100_000) / 20_011)
+    found = record(drive + 6e-4 * NOISE).drive_period()
+    assert found == Repeats(20_011, 0, 100_000)
+
+
+@pytest.mark.parametrize("noise", [0.0, 3e-4])
+@pytest.mark.parametrize(
+    "drive",
+    [
+        np.sin(2 * np.pi * (SAMPLES / 2000 + SAMPLES**2 * 2e-6)),
+        np.sin(20 * np.pi * np.exp(SAMPLES / 1000)),
+        *(SINE * np.exp(-SAMPLES / samples) for samples in (500, 3000, 10_000, 50_000)),
+        SINE * SAMPLES,
+        SINE + SAMPLES / 2000,
+        np.tile(PATTERN, 2),
+        np.tile(PATTERN, 3)[:-1],
+        (SAMPLES > 4000).astype(float),
+        np.floor(SAMPLES / 500),
+        SAMPLES.astype(float),
+        NOISE[:8000],
+        np.cumsum(NOISE[:8000]),
+    ],
+)
+def test_no_period(drive, noise):
+    assert record(drive + noise * np.ptp(drive) * NOISE[-len(drive) :]).drive_period() is None
+
+
+@settings(max_examples=60, deadline=None)
+@given(st.data())
+def test_period_of_any_tiled_pattern(data):
+    pattern = np.array(data.draw(st.lists(st.integers(-9, 9), min_size=11, max_size=60)), float)
+    shifts = (np.array_equal(np.roll(pattern, k), pattern) for k in range(1, len(pattern)))
+    repeats = data.draw(st.integers(3, 9))
+    if np.ptp(pattern) == 0:
+        return
+    fundamental = 1 + next((k for k, same in enumerate(shifts) if same), len(pattern) - 1)
+    drive = np.tile(pattern, repeats)
+    assert record(drive).drive_period() == Repeats(fundamental, 0, len(drive))
+
+
+# Rests --------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("noise", [0.0, 3e-4])
+def test_rests_are_found(noise):
+    drive = np.r_[SINE[:2000], np.zeros(1000), SINE[:1550], np.full(500, 0.2), RAMP]
+    rests = record(drive + noise * NOISE[: len(drive)]).static_stretches()
+    assert np.abs(np.array(rests) - [(2000, 3000), (4550, 5050)]).max() <= (20 if noise else 1)
+
+
+def test_rests_last_as_long_as_asked():
+    recording = record(np.r_[np.zeros(100), SINE[:2000], np.zeros(1000)], dt=0.01)
+    assert len(recording.static_stretches()) == 2
+    assert len(recording.static_stretches(minimum_seconds=5.0)) == 1
+    assert recording.static_stretches(minimum_seconds=1e4) == []
+
+
+@pytest.mark.parametrize("noise", [0.0, 3e-4])
+@pytest.mark.parametrize("period", [20, 200, 5000, 30_000])
+def test_the_turning_points_of_a_sine_are_no_rests(period, noise):
+    drive = np.sin(2 * np.pi * np.arange(100_000) / period) + noise * NOISE
+    assert record(drive).static_stretches() == []
+
+
+# Warnings -----------------------------------------------------------------------------------------
+
+
+def test_a_good_recording_has_no_warnings():
+    assert record(SINE, np.roll(SINE, 9) + 1e-3 * NOISE[:8000]).checks() == ()
+
+
+@pytest.mark.parametrize(("sign", "name"), [(1, "largest"), (-1, "smallest")])
+def test_clipping(sign, name):
+    response = sign * np.minimum(SINE + 1e-3 * NOISE[:8000], 0.9)
+    (warning,) = record(SINE, response).checks()
+    assert f"{name} value, {sign * 0.9:g} um" in warning
+
+
+def test_a_held_drive_or_coarse_codes_do_not_look_clipped():
+    trapezoid = np.clip(2 * SINE, -1, 1)
+    assert record(trapezoid, 40 * trapezoid).checks() == ()
+    (warning,) = record(SINE, np.round(20 * SINE)).checks()
+    assert "41 distinct values, about 1 um apart" in warning
+
+
+def test_few_samples_per_period():
+    drive = np.sin(2 * np.pi * SAMPLES / 6)
+    (warning,) = record(drive, dt=1e-3).checks()
+    assert "near 167 Hz, has only 6.0 samples per period" in warning

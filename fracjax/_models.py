@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import ast
 from collections.abc import Callable
 
 import equinox as eqx
@@ -55,28 +56,30 @@ _ORDINARY = Setting(
 def parse_model(text: str, setting: Setting | None = None) -> Model:
     """A model from its name, or from names joined by `>>` (series) and `+` (parallel).
 
-    `+` binds tighter.  The first name is a model; the others are models or effects, whose typical
-    sizes come from `setting`.  Raises InputError for an unknown name.
+    `+` binds tighter; parentheses group.  A name alone is a model; in a composition an effect of
+    that name comes first, at its typical size for `setting`.  Raises InputError for an unknown name.
     """
 
-    def block(name: str, first: bool) -> AbstractBlock:
-        name = name.strip()
-        if name in EFFECTS and not (first and name in MODELS):
-            return _typical_effect(name, setting)
-        if name in MODELS:
-            return MODELS[name]()
-        known = ", ".join(MODELS) + (", or an effect: " + ", ".join(EFFECTS))
-        raise InputError(
-            f'model "{text}": expected a known name, found "{name}"; use one of {known}'
+    def refuse(found: str) -> InputError:
+        return InputError(
+            f'model "{text}": expected names joined by >> and +, found {found}; the models are '
+            f"{', '.join(MODELS)} and the effects {', '.join(EFFECTS)}"
         )
 
-    series: AbstractBlock | None = None
-    for stage in text.split(">>"):
-        parallel: AbstractBlock | None = None
-        for name in stage.split("+"):
-            term = block(name, first=series is None)
-            parallel = term if parallel is None else parallel + term
-        assert parallel is not None  # split never returns an empty list
-        series = parallel if series is None else series >> parallel
-    assert series is not None
-    return Model(series, " ".join(text.split()))
+    def build(node: ast.expr) -> AbstractBlock:
+        match node:
+            case ast.BinOp(left, ast.RShift(), right):
+                return build(left) >> build(right)
+            case ast.BinOp(left, ast.Add(), right):
+                return build(left) + build(right)
+            case ast.Name(name) if name in EFFECTS and node is not whole:
+                return _typical_effect(name, setting)
+            case ast.Name(name) if name in MODELS:
+                return MODELS[name]()
+        raise refuse(f'"{ast.unparse(node)}"')
+
+    try:
+        whole = ast.parse(text.strip(), mode="eval").body
+    except (SyntaxError, ValueError):
+        raise refuse("something else") from None
+    return Model(build(whole), ast.unparse(whole))

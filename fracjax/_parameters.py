@@ -30,7 +30,7 @@ class Parameter(eqx.Module):
     - `fixed`: not fitted.
     """
 
-    value: Array | np.ndarray = eqx.field(converter=lambda v: v)
+    value: Array | np.ndarray
     lower: Array | np.ndarray
     upper: Array | np.ndarray
     plausible: tuple[Array | np.ndarray, Array | np.ndarray]
@@ -86,7 +86,9 @@ class Parameter(eqx.Module):
         return jnp.exp(scaled) if self.logarithmic else scaled
 
     def with_value(self, value: ArrayLike) -> Parameter:
-        return eqx.tree_at(lambda p: p.value, self, value)
+        """The same parameter at another value."""
+        traced = isinstance(value, jax.Array)
+        return eqx.tree_at(lambda p: p.value, self, value if traced else _array(value))
 
     def draw(self, generator: np.random.Generator) -> np.ndarray:
         """A start, uniform in the plausible range on the parameter's scale."""

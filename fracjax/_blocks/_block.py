@@ -45,11 +45,16 @@ class AbstractLinearBlock(AbstractBlock):
         """G(0): what a drive held for ever is multiplied by (0 where a power law has none)."""
 
     @property
+    def accuracy(self) -> int:
+        """Order of the quadrature: 4, or 3 where G has poles near the imaginary axis."""
+        return 4
+
+    @property
     def linear(self) -> bool:
         return True
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
-        return convolve(self.symbol, self.static_gain(), drive, grid)
+        return convolve(self.symbol, self.static_gain(), drive, grid, self.accuracy)
 
 
 class LinearSeries(AbstractLinearBlock):
@@ -57,6 +62,10 @@ class LinearSeries(AbstractLinearBlock):
 
     first: AbstractLinearBlock
     second: AbstractLinearBlock
+
+    @property
+    def accuracy(self) -> int:
+        return min(self.first.accuracy, self.second.accuracy)
 
     def symbol(self, s: Array) -> Array:
         return self.first.symbol(s) * self.second.symbol(s)
@@ -70,6 +79,10 @@ class LinearParallel(AbstractLinearBlock):
 
     first: AbstractLinearBlock
     second: AbstractLinearBlock
+
+    @property
+    def accuracy(self) -> int:
+        return min(self.first.accuracy, self.second.accuracy)
 
     def symbol(self, s: Array) -> Array:
         return self.first.symbol(s) + self.second.symbol(s)

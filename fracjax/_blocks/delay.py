@@ -4,19 +4,20 @@ from __future__ import annotations
 
 import jax.numpy as jnp
 from jax import Array
-from jax.typing import ArrayLike
 
+from .._operators import Grid
 from .._parameters import Parameter
-from ._block import AbstractLinearBlock
+from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
 
 
-class Delay(AbstractLinearBlock):
+class Delay(AbstractBlock):
     r"""The response belongs to an earlier drive, as through a converter or a buffer:
 
         y(t) = u(t - τ),     G(s) = exp(-τ s),   τ [s]
 
-    Run by convolution quadrature, so that it stays causal and differentiable in τ.
+    Read between the grid's samples by Catmull–Rom cubics, continuous in slope, so that it is
+    differentiable in τ.
     """
 
     delay: Parameter
@@ -31,11 +32,26 @@ class Delay(AbstractLinearBlock):
             logarithmic=True,
         )
 
-    def symbol(self, s: Array) -> Array:
-        return jnp.exp(-self.delay.value * s)
+    @property
+    def linear(self) -> bool:
+        return True
 
-    def static_gain(self) -> ArrayLike:
-        return 1.0
+    def __call__(self, drive: Array, grid: Grid) -> Array:
+        samples = drive.shape[0]
+        position = jnp.arange(samples) - self.delay.value / grid.step
+        whole = jnp.floor(position)
+        x = position - whole
+
+        def at(shift: int) -> Array:
+            index = whole.astype(int) + shift
+            if grid.history == "periodic":
+                return drive[index % samples]
+            before = drive[0] if grid.history == "constant" else 0.0
+            return jnp.where(index < 0, before, drive[jnp.clip(index, 0, samples - 1)])
+
+        a, b, c, d = at(-1), at(0), at(1), at(2)
+        cubic = (3 * (b - c) + d - a) * x + 2 * a - 5 * b + 4 * c - d
+        return b + 0.5 * x * (c - a + x * cubic)
 
 
 def _trials(setting: Setting) -> list:

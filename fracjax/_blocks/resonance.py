@@ -32,6 +32,10 @@ class Resonance(AbstractLinearBlock):
             damping, lower=1e-3, upper=1.0, plausible=(4e-3, 0.2), logarithmic=True
         )
 
+    @property
+    def accuracy(self) -> int:
+        return 3
+
     def symbol(self, s: Array) -> Array:
         x = s / (2 * np.pi * self.frequency.value)
         return 1 / (1 + 2 * self.damping.value * x + x * x)

@@ -1,0 +1,31 @@
+"""Fitting: least squares with gains eliminated, from several starts, with standard errors."""
+
+from ._fit import Fit as Fit
+from ._fit import Progress as Progress
+from ._fit import Scores as Scores
+from ._fit import Solved as Solved
+from ._fit import fit as fit
+from ._fit import fit_of as fit_of
+from ._fit import load_model as load_model
+from ._fit import prepare as prepare
+from ._fit import scores_of as scores_of
+from ._fit import settle as settle
+from ._fit import silent as silent
+from ._fit import solve_from as solve_from
+from ._least_squares import finish as finish
+from ._least_squares import jacobian as jacobian
+from ._least_squares import layout_of as layout_of
+from ._least_squares import simulate_all as simulate_all
+from ._least_squares import stack as stack
+from ._noise import Noise as Noise
+from ._noise import autoregression as autoregression
+from ._noise import measured_noise as measured_noise
+from ._noise import residual_noise as residual_noise
+from ._preparation import Preparation as Preparation
+from ._preparation import Take as Take
+from ._preparation import take_of as take_of
+from ._problem import Problem as Problem
+from ._problem import top_frequency as top_frequency
+from ._uncertainty import Estimate as Estimate
+from ._uncertainty import orthonormal as orthonormal
+from ._uncertainty import physical_unit as physical_unit

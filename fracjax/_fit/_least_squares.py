@@ -170,22 +170,34 @@ def stack(blocks: list[AbstractBlock]) -> AbstractBlock:
 
 
 @eqx.filter_jit
-def jacobian(block: AbstractBlock, problems: tuple[Problem, ...]) -> Array:
-    """Whitened derivative (ΣL, shapes + gains + offsets) of the simulation in physical values."""
+def jacobian(block: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[Array, Array]:
+    """Derivative (ΣL, shapes + gains + offsets) of the simulation in physical values: as it is, and
+    whitened with left-out samples zero."""
     layout = layout_of(block)
     names = layout.shapes + layout.gains
     parameters = named_parameters(block)
     values = _concatenate([parameters[n].value for n, _ in names])
 
-    def simulate(vector: Array) -> Array:
+    def simulate(vector: Array) -> tuple[Array, ...]:
         moved = set_values(block, _split(block, names, vector))
-        return jnp.concatenate([p.whiten(p.simulate(moved)) for p in problems])
+        return tuple(p.simulate(moved) for p in problems)
 
-    columns = jax.jacfwd(simulate)(values)
-    offsets = [
-        jnp.concatenate(
-            [p.whiten(jnp.ones_like(jnp.asarray(p.response)) * (k == at)) for k, p in enumerate(problems)]
-        )
-        for at in range(len(problems))
+    offsets = jnp.eye(len(problems))
+    raw = [
+        jnp.concatenate([columns, jnp.ones((columns.shape[0], 1)) * offset], axis=1)
+        for columns, offset in zip(jax.jacfwd(simulate)(values), offsets, strict=True)
     ]
-    return jnp.concatenate([columns, jnp.stack(offsets, axis=1)], axis=1)
+    whitened = [p.whiten(columns) for p, columns in zip(problems, raw, strict=True)]
+    return jnp.concatenate(raw), jnp.concatenate(whitened)
+
+
+@eqx.filter_jit
+def simulate_all(blocks: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[Array, Array]:
+    """Simulations (K, ΣL) of K blocks of one structure, as they are and whitened."""
+
+    def one(block: AbstractBlock) -> tuple[Array, Array]:
+        simulations = [p.simulate(block) for p in problems]
+        whitened = [p.whiten(s) for p, s in zip(problems, simulations, strict=True)]
+        return jnp.concatenate(simulations), jnp.concatenate(whitened)
+
+    return jax.lax.map(one, blocks)

@@ -35,9 +35,9 @@ class Problem(eqx.Module):
         """The block's response (L,) at the recording's samples."""
         return block(jnp.asarray(self.drive), self.grid)[:: self.oversampling]
 
-    def whiten(self, signals: Array) -> Array:
+    def whiten(self, signals: Array | np.ndarray) -> Array:
         """Signals (L, …) through the whitening filter, unit variance where the weight is 1."""
-        filtered = self.whitening[0] * signals
+        filtered = self.whitening[0] * jnp.asarray(signals)
         for k in range(1, _FILTER_TAPS):
             filtered = filtered.at[k:].add(self.whitening[k] * signals[:-k])
         return filtered * self.weights.reshape(-1, *([1] * (signals.ndim - 1)))

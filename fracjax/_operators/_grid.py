@@ -17,12 +17,11 @@ class Grid(eqx.Module):
 
     `step` is in seconds.  `history` says what the drive did for t < 0: `rest` (zero), `constant`
     (its first value, for ever: the Caputo convention) or `periodic` (the samples are whole steady
-    periods).  `order` is the order of the convolution quadrature.
+    periods).
     """
 
     step: float | np.ndarray
     history: History = eqx.field(static=True, default="constant")
-    order: int = eqx.field(static=True, default=2)
 
 
 # A staircase has few changes and long holds; a sampled ramp or sine changes at almost every sample.

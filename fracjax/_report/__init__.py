@@ -1,0 +1,3 @@
+"""The report: one self-contained HTML file."""
+
+from ._report import write_report as write_report

@@ -1,0 +1,122 @@
+"""Held-out comparison: by recording where there is one, else by stretches set aside in turn."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._fit import Preparation, Solved, Take, jacobian
+
+_FOLDS = 5
+_BLOCKS = 20
+
+
+@dataclass(frozen=True)
+class Prediction:
+    """Errors of one model on data it has not seen: per fold RMSE, and whitened errors (n,)."""
+
+    rmse: float
+    folds: tuple[float, ...]
+    whitened: np.ndarray
+    fold_of_sample: np.ndarray
+
+
+def predict_recording(solved: Solved, preparation: Preparation, take: Take) -> Prediction:
+    """The solved block on another recording.
+
+    The recording's baseline displacement is read from its first samples, which are not scored.
+    """
+    problem = Preparation((take,), preparation.oversampling).problems()[0]
+    samples = len(take.recording)
+    error = take.recording.response - np.asarray(problem.simulate(solved.block))[:samples]
+    error = error - error[take.baseline].mean()
+    scored = np.arange(samples) >= take.baseline.stop
+    folds = np.minimum(np.arange(samples) * _FOLDS // samples, _FOLDS - 1)
+    assert take.noise is not None  # given its noise by the caller
+    return _prediction(error[scored], error[scored] / take.noise.sigma, folds[scored])
+
+
+def predict_stretches(solved: Solved, preparation: Preparation) -> Prediction:
+    """Each stretch predicted by a fit that has not seen it.
+
+    The refit without a stretch b is taken to first order from the full fit, with J the whitened
+    Jacobian and r the residual: θ_(b) = θ̂ - (JᵀJ - J_bᵀJ_b)⁻¹ J_bᵀ r_b.
+    Stretches are whole periods where the drive has them; five folds of interleaved stretches.
+    """
+    problems = preparation.problems()
+    raw, whitened = (np.asarray(a) for a in jacobian(solved.block, problems))
+    lengths = [p.response.shape[0] for p in problems]
+    residual, filtered, used, folds = [], [], [], []
+    for take, problem, simulation in zip(
+        preparation.takes, problems, solved.simulations, strict=True
+    ):
+        samples, length = len(take.recording), problem.response.shape[0]
+        error = np.zeros(length)
+        error[:samples] = take.recording.response - simulation
+        residual.append(error)
+        filtered.append(np.asarray(problem.whiten(error)))
+        used.append(np.asarray(problem.weights) > 0)
+        repeats = take.recording.drive_period()
+        stretch = samples / _BLOCKS
+        if repeats is not None and repeats.period < samples / _FOLDS:
+            stretch = repeats.period * max(1, round(stretch / repeats.period))
+        folds.append((np.arange(length) / stretch).astype(int) % _FOLDS)
+    assert sum(lengths) == raw.shape[0]
+    error, white = np.concatenate(residual), np.concatenate(filtered)
+    counted, fold = np.concatenate(used), np.concatenate(folds)
+
+    scale = np.linalg.norm(whitened, axis=0) + 1e-300
+    derivative, raw = whitened / scale, raw / scale
+    information = derivative.T @ derivative + 1e-12 * np.eye(derivative.shape[1])
+    predicted, predicted_white = error.copy(), white.copy()
+    for k in range(_FOLDS):
+        inside = counted & (fold == k)
+        own = derivative[inside]
+        step = np.linalg.lstsq(information - own.T @ own, own.T @ white[inside], rcond=1e-10)[0]
+        predicted[inside] += raw[inside] @ step
+        predicted_white[inside] += own @ step
+    return _prediction(predicted[counted], predicted_white[counted], fold[counted])
+
+
+def _prediction(error: np.ndarray, whitened: np.ndarray, fold: np.ndarray) -> Prediction:
+    folds = tuple(
+        float(np.sqrt(np.mean(error[fold == k] ** 2))) for k in np.unique(fold)
+    )
+    return Prediction(float(np.sqrt(np.mean(error**2))), folds, whitened, fold)
+
+
+@dataclass(frozen=True)
+class Gain:
+    """Base against extended on held-out data: fall of χ², its standard error, folds improved."""
+
+    fall: float
+    standard_error: float
+    improved: float
+    share_of_rmse: float
+
+    @property
+    def convincing(self) -> bool:
+        """At least 3 standard errors, and positive in at least 80 % of the folds."""
+        return self.fall >= 3 * self.standard_error and self.improved >= 0.8
+
+
+def gain(base: Prediction, extended: Prediction) -> Gain:
+    """The noise makes the fall of χ² uncertain by 2 ‖difference of the predictions‖."""
+    fall = float(np.sum(base.whitened**2) - np.sum(extended.whitened**2))
+    difference = float(np.linalg.norm(base.whitened - extended.whitened))
+    # A fold that the effect does not touch speaks neither for nor against it.
+    falls = [
+        float(
+            np.sum(base.whitened[base.fold_of_sample == k] ** 2)
+            - np.sum(extended.whitened[base.fold_of_sample == k] ** 2)
+        )
+        for k in np.unique(base.fold_of_sample)
+    ]
+    touched = [f for f in falls if abs(f) > 1e-3 * abs(fall)]
+    return Gain(
+        fall=fall,
+        standard_error=2 * difference,
+        improved=float(np.mean([f > 0 for f in touched])) if touched else 0.0,
+        share_of_rmse=1 - extended.rmse / base.rmse,
+    )

@@ -1,0 +1,174 @@
+"""Where the mismatch is: the score test with columns that are places instead of physics."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+
+import numpy as np
+from scipy.stats import chi2, norm
+
+from .._fit import Preparation, Problem
+from ._result import Axis
+from ._score import Residual
+
+_TIME_BINS = 16
+_PHASE_BINS = 24
+_LEVEL_BINS = 12
+_RATE_BINS = 10
+_REVERSAL_BINS = 10
+_FREQUENCY_BINS = 14
+_HARMONICS = 10
+_SIGNIFICANCE = 0.01
+
+
+def locate(preparation: Preparation, problems: tuple[Problem, ...], residual: Residual) -> list[Axis]:
+    """All axes that the recordings have, each with its map of strength."""
+    places = _Places(preparation, problems, residual)
+    axes = [places.time(), places.frequency(), places.level(), places.rate(), places.reversal()]
+    if places.period:
+        axes += [places.phase(), places.harmonics()]
+    return axes
+
+
+class _Places:
+    """The samples' coordinates, padded like the problems: time, drive, rate, reversals, phase."""
+
+    def __init__(self, preparation: Preparation, problems: tuple[Problem, ...], residual: Residual):
+        self.problems, self.residual = problems, residual
+        first = preparation.takes[0].recording
+        repeats = first.drive_period() if len(problems) == 1 else None
+        self.period = repeats.period if repeats else 0
+        self.step = first.dt
+        self.units = (first.drive_unit, first.response_unit)
+        lengths = [p.response.shape[0] for p in problems]
+        self.drive = np.concatenate(
+            [np.asarray(p.drive)[:: p.oversampling][:n] for p, n in zip(problems, lengths, strict=True)]
+        )
+        steps = [t.recording.dt for t in preparation.takes]
+        self.times = np.concatenate([np.arange(n) * h for n, h in zip(lengths, steps, strict=True)])
+        self.rates = np.concatenate(
+            [
+                np.gradient(np.asarray(p.drive), h / p.oversampling)[:: p.oversampling][:n]
+                for p, n, h in zip(problems, lengths, steps, strict=True)
+            ]
+        )
+        self.counted = np.concatenate([np.asarray(p.weights) for p in problems]) > 0
+
+    def _whiten(self, columns: np.ndarray) -> np.ndarray:
+        """Columns (K, ΣL) through each recording's whitening filter."""
+        pieces, at = [], 0
+        for problem in self.problems:
+            length = problem.response.shape[0]
+            pieces.append(np.asarray(problem.whiten(columns[:, at : at + length].T)).T)
+            at += length
+        return np.concatenate(pieces, axis=1)
+
+    def _p_value(self, columns: np.ndarray) -> float:
+        """χ² test of a group of columns (K, ΣL) after projection."""
+        projected = self.residual.project(self._whiten(columns))
+        left, singular, _ = np.linalg.svd(projected.T, full_matrices=False)
+        kept = left[:, singular > 1e-6 * max(float(singular[0]), 1e-300)]
+        return float(chi2.sf(np.sum((kept.T @ self.residual.whitened) ** 2), kept.shape[1]))
+
+    def _axis(
+        self, name: str, unit: str, edges: np.ndarray, groups: Iterator[np.ndarray]
+    ) -> Axis:
+        return _map(name, unit, edges, np.array([self._p_value(g) for g in groups]))
+
+    def _binned(self, name: str, unit: str, values: np.ndarray, edges: np.ndarray, *shapes) -> Axis:
+        """Bins of a coordinate; within each the residual may follow any of the shapes."""
+        index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
+        shapes = (np.ones_like(values), *shapes)
+
+        def groups() -> Iterator[np.ndarray]:
+            for k in range(edges.size - 1):
+                inside = (index == k) & self.counted
+                yield np.stack([shape * inside for shape in shapes])
+
+        return self._axis(name, unit, edges, groups())
+
+    @staticmethod
+    def _scaled(values: np.ndarray) -> np.ndarray:
+        return (values - values.mean()) / values.std()
+
+    def _quantiles(self, values: np.ndarray, bins: int) -> np.ndarray:
+        edges = np.unique(np.quantile(values[self.counted], np.linspace(0, 1, bins + 1)))
+        return edges if edges.size > 1 else np.array([edges[0], edges[0] + 1.0])
+
+    def time(self) -> Axis:
+        used = self.times[self.counted]
+        edges = np.linspace(used.min(), used.max() + self.step, _TIME_BINS + 1)
+        return self._binned(
+            "time", "s", self.times, edges, self._scaled(self.drive), self._scaled(self.rates)
+        )
+
+    def level(self) -> Axis:
+        low, high = self.drive[self.counted].min(), self.drive[self.counted].max()
+        edges = np.linspace(low, high, _LEVEL_BINS + 1)
+        return self._binned("level", self.units[0], self.drive, edges, np.sign(self.rates))
+
+    def rate(self) -> Axis:
+        edges = self._quantiles(self.rates, _RATE_BINS)
+        return self._binned("rate", f"{self.units[0]}/s", self.rates, edges, self._scaled(self.drive))
+
+    def reversal(self) -> Axis:
+        """Time since the drive last turned, in logarithmic bins."""
+        moving = np.where(np.abs(self.rates) > 1e-3 * np.abs(self.rates).max(), np.sign(self.rates), 0)
+        last = np.maximum.accumulate(np.where(moving != 0, np.arange(moving.size), 0))
+        direction = moving[last]
+        turns = np.flatnonzero(np.diff(direction) != 0) + 1
+        since = np.arange(direction.size) - np.concatenate([[0], turns])[
+            np.searchsorted(turns, np.arange(direction.size), side="right")
+        ]
+        elapsed = (since + 0.5) * self.step
+        edges = np.geomspace(0.5 * self.step, elapsed[self.counted].max() * 1.001, _REVERSAL_BINS + 1)
+        return self._binned("reversal", "s", elapsed, edges, direction)
+
+    def phase(self) -> Axis:
+        phases = (np.arange(self.times.size) % self.period) / self.period * 360
+        return self._binned("phase", "deg", phases, np.linspace(0, 360, _PHASE_BINS + 1))
+
+    def harmonics(self) -> Axis:
+        """The first ten harmonics of the drive's period, each with both quadratures."""
+        angles = 2 * np.pi * np.arange(self.times.size) / self.period
+        groups = (
+            np.stack([np.cos(k * angles), np.sin(k * angles)]) * self.counted
+            for k in range(1, _HARMONICS + 1)
+        )
+        return self._axis("harmonics", "1", np.arange(_HARMONICS + 1) + 0.5, groups)
+
+    def frequency(self) -> Axis:
+        """Energy of the whitened residual in logarithmic bands, against white noise.
+
+        The noise's own uncertainty is allowed for: its variance is taken to be known to 1 in √n.
+        """
+        kept = self.residual.whitened[self.counted]
+        power = np.abs(np.fft.rfft(kept)) ** 2 / kept.size
+        frequencies = np.fft.rfftfreq(kept.size, self.step)[1:]
+        power = power[1:]
+        edges = np.geomspace(frequencies[0] * 0.999, frequencies[-1] * 1.001, _FREQUENCY_BINS + 1)
+        index = np.clip(np.searchsorted(edges, frequencies) - 1, 0, _FREQUENCY_BINS - 1)
+        p_values = np.ones(_FREQUENCY_BINS)
+        for k in range(_FREQUENCY_BINS):
+            inside = power[index == k]
+            if inside.size:
+                # 2·Σ power is χ² with 2 per line; widened for the noise variance's own error.
+                excess = (inside.mean() - 1) / np.sqrt(1 / inside.size + 8 / kept.size)
+                exact = chi2.sf(2 * inside.sum(), 2 * inside.size)
+                p_values[k] = max(exact, norm.sf(excess) if inside.size > 50 else 0.0)
+        return _map("frequency", "Hz", edges, p_values)
+
+
+def _map(name: str, unit: str, edges: np.ndarray, p_values: np.ndarray) -> Axis:
+    """An axis from its bins' p-values: |z|-equivalents, threshold, and the bins that stand out."""
+    strength = norm.isf(np.maximum(p_values, 1e-300) / 2)
+    threshold = float(norm.isf(_SIGNIFICANCE / p_values.size / 2))
+    standing_out = strength >= max(threshold, 0.5 * float(strength.max()))
+    intervals: list[tuple[float, float]] = []
+    for k in np.flatnonzero(standing_out):
+        low, high = float(edges[k]), float(edges[k + 1])
+        if intervals and intervals[-1][1] == low:
+            low = intervals.pop()[0]
+        intervals.append((low, high))
+    p_value = min(1.0, float(p_values.min()) * p_values.size)
+    return Axis(name, unit, edges, strength, threshold, tuple(intervals), p_value)

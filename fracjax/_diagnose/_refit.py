@@ -1,0 +1,57 @@
+"""The nested refit: base and effect fitted together, from several starts."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._blocks import AbstractBlock
+from .._fit import Preparation, Solved, layout_of, solve_from
+from .._parameters import named_parameters, set_values
+from ._score import EffectScore
+
+
+@dataclass(frozen=True)
+class Refit:
+    """An extended model at its optimum, and the effect's own parameters within it."""
+
+    score: EffectScore
+    solved: Solved
+
+    @property
+    def name(self) -> str:
+        return self.score.effect.name
+
+
+def refit(
+    score: EffectScore, fitted: AbstractBlock, nominal: AbstractBlock, preparation: Preparation, seed: int
+) -> Refit:
+    """Fit base and effect together from the fitted base, the nominal point and prior draws.
+
+    Starting also from nominal values keeps a fit from staying in the basin where the base model
+    has absorbed the effect.
+    """
+    effect = score.effect
+    generator = np.random.default_rng(seed)
+    order = np.argsort(-np.abs(score.z))
+    best = score.trials[order[0]]
+    second = score.trials[order[1]] if len(order) > 1 else best
+
+    def drawn(block: AbstractBlock) -> AbstractBlock:
+        parameters = named_parameters(block)
+        shapes = [name for name, _ in layout_of(block).shapes]
+        return set_values(block, {n: parameters[n].draw(generator) for n in shapes})
+
+    starts = [
+        effect.insert(fitted, best),
+        effect.insert(fitted, second),
+        effect.insert(nominal, best),
+        effect.insert(drawn(nominal), best),
+        effect.insert(nominal, _drawn_among(score.trials, generator)),
+    ]
+    return Refit(score, solve_from(starts, preparation))
+
+
+def _drawn_among(trials: list[AbstractBlock], generator: np.random.Generator) -> AbstractBlock:
+    return trials[int(generator.integers(len(trials)))]

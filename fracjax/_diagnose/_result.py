@@ -1,0 +1,203 @@
+"""The diagnosis as plain data."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Literal
+
+import numpy as np
+
+from .._fit import Estimate, Fit, Noise
+from .._models import Model
+
+SCHEMA = "fracjax.diagnosis/1"
+
+Verdict = Literal["none", "missing", "confusable", "unexplained"]
+
+
+@dataclass(frozen=True)
+class Candidate:
+    """One effect of the catalogue, tested against the recording.
+
+    `score` is the largest |z| over its shapes and `log_evidence` the linear evidence for it;
+    `detectable_amplitude` the smallest rms change of the response, in the response's unit and
+    before any refit, that would have been seen; `concealment` the share of its signature that the
+    base model absorbs (0–1).  After a refit: `delta_bic` (base minus extended, positive is better)
+    and `explained_fraction` of the excess residual; `held_out_gain` the fall of held-out RMSE as a
+    share.  `reason` says in words why it was kept or rejected.
+    """
+
+    name: str
+    site: str
+    score: float
+    log_evidence: float
+    detectable_amplitude: float
+    concealment: float
+    reason: str
+    delta_bic: float | None = None
+    explained_fraction: float | None = None
+    held_out_gain: float | None = None
+
+
+@dataclass(frozen=True)
+class NamedEffect:
+    """An effect the recording shows, with its parameters and what it may be mistaken for."""
+
+    name: str
+    site: str
+    probability: float
+    explained_fraction: float
+    parameters: tuple[Estimate, ...]
+    confusable_with: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Axis:
+    """Where along one axis the mismatch stands out.
+
+    `edges` (n+1,) bound the bins, in `unit`; `strength` (n,) is each bin's |z|-equivalent and
+    `threshold` the level that 1 % of clean recordings exceed anywhere on the axis; `intervals` are
+    the bins above it, joined where they touch.
+    """
+
+    axis: str
+    unit: str
+    edges: np.ndarray
+    strength: np.ndarray
+    threshold: float
+    intervals: tuple[tuple[float, float], ...]
+    p_value: float
+
+
+@dataclass(frozen=True)
+class HeldOut:
+    """Scores on data no fit has seen: RMSE per fold, for the base and the extended model.
+
+    `method` says what was held out.  `source` names the recording, `simulations` are both models'
+    predictions over it where it is a recording of its own.
+    """
+
+    method: str
+    base_rmse: float
+    extended_rmse: float | None
+    base_folds: tuple[float, ...]
+    extended_folds: tuple[float, ...]
+    source: str
+
+
+@dataclass(frozen=True)
+class NextExperiment:
+    """What to record next, and which effects it would tell apart."""
+
+    sentence: str
+    separates: tuple[str, ...]
+
+
+@dataclass(frozen=True)
+class Diagnosis:
+    """What a model leaves unexplained in a recording, where, and what physics would explain it."""
+
+    verdict: Verdict
+    sentence: str
+    base: Fit
+    extended: Fit | None
+    effects: tuple[NamedEffect, ...]
+    candidates: tuple[Candidate, ...]
+    axes: tuple[Axis, ...]
+    where: str
+    noise: Noise
+    numerics: float
+    p_value: float
+    held_out: HeldOut
+    next_experiment: NextExperiment | None
+    warnings: tuple[str, ...]
+
+    @property
+    def extended_model(self) -> Model:
+        """The model with what was found, or the base model where nothing was."""
+        return (self.extended or self.base).model
+
+    def to_dict(self) -> dict:
+        """Plain data, as in diagnosis.json (schema fracjax.diagnosis/1)."""
+        takes = self.base.preparation.takes
+        unit = takes[0].recording.response_unit
+        scores: dict = {"unit": unit, "noise_floor": self.noise.sigma}
+        scores["base"] = _scores(self.base, self.held_out.base_rmse)
+        if self.extended is not None and self.held_out.extended_rmse is not None:
+            scores["extended"] = _scores(self.extended, self.held_out.extended_rmse)
+            scores["extended"]["model"] = self.extended.model.name
+        result: dict = {
+            "schema": SCHEMA,
+            "model": self.base.model.name,
+            "recordings": [take.recording.source for take in takes],
+            "verdict": self.verdict,
+            "sentence": self.sentence,
+            "p_value": self.p_value,
+            "noise": {"sigma": self.noise.sigma, "unit": self.noise.unit, "method": self.noise.method},
+            "numerics": {"error_over_noise": self.numerics},
+            "effects": [
+                {
+                    "name": e.name,
+                    "site": e.site,
+                    "probability": e.probability,
+                    "explained_fraction": e.explained_fraction,
+                    "parameters": {
+                        p.name: {
+                            "value": p.value,
+                            "low": p.interval[0],
+                            "high": p.interval[1],
+                            "unit": p.unit,
+                        }
+                        for p in e.parameters
+                    },
+                    "confusable_with": list(e.confusable_with),
+                }
+                for e in self.effects
+            ],
+            "candidates": [{k: v for k, v in vars(c).items() if v is not None} for c in self.candidates],
+            "where": {
+                "summary": self.where,
+                "axes": [
+                    {
+                        "axis": a.axis,
+                        "unit": a.unit,
+                        "p_value": a.p_value,
+                        "intervals": [list(i) for i in a.intervals],
+                        "edges": a.edges.tolist(),
+                        "strength": a.strength.tolist(),
+                        "threshold": a.threshold,
+                    }
+                    for a in self.axes
+                ],
+            },
+            "fit": scores,
+            "held_out": {
+                "method": self.held_out.method,
+                "source": self.held_out.source,
+                "base_folds": list(self.held_out.base_folds),
+                "extended_folds": list(self.held_out.extended_folds),
+            },
+            "warnings": list(self.warnings),
+        }
+        if self.next_experiment is not None:
+            result["next_experiment"] = {
+                "sentence": self.next_experiment.sentence,
+                "separates": list(self.next_experiment.separates),
+            }
+        return result
+
+    def save(self, path: str | Path) -> None:
+        """Write diagnosis.json."""
+        Path(path).write_text(json.dumps(self.to_dict(), indent=1) + "\n", encoding="utf-8")
+
+
+def _scores(fit: Fit, holdout_rmse: float) -> dict:
+    return {
+        "train_rmse": fit.scores.rmse,
+        "holdout_rmse": holdout_rmse,
+        "bic": fit.scores.bic,
+        "nrmse_percent": fit.scores.nrmse_percent,
+        "r_squared": fit.scores.r_squared,
+    }

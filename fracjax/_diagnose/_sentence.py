@@ -1,0 +1,101 @@
+"""The diagnosis in words."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from .._blocks import EFFECTS
+from .._fit import Fit, Noise
+from ._result import Axis, Candidate, HeldOut, NamedEffect, NextExperiment, Verdict
+
+_SIGNIFICANCE = 0.01
+
+
+def where_of(axes: Sequence[Axis], verdict: Verdict) -> str:
+    """One sentence on the place: the first axis that stands out, and its strongest stretch."""
+    standing_out = [axis for axis in axes if axis.p_value < _SIGNIFICANCE]
+    if verdict == "none" or not standing_out:
+        return "Nowhere does the residual stand out from the noise."
+    axis = standing_out[0]
+    stretches = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in axis.intervals[:3])
+    unit = "" if axis.unit == "1" else f" {axis.unit}"
+    others = ", ".join(other.axis for other in standing_out[1:4])
+    also = f"; it also shows along {others}" if others else ""
+    return f"The mismatch stands out along {axis.axis}, at {stretches}{unit}{also}."
+
+
+def sentence_of(
+    verdict: Verdict,
+    effects: Sequence[NamedEffect],
+    adopted: Sequence[str],
+    candidates: Sequence[Candidate],
+    axes: Sequence[Axis],
+    base: Fit,
+    noise: Noise,
+    held_out: HeldOut,
+) -> str:
+    """The plain sentence that everything else supports."""
+    unit = noise.unit
+    name = base.model.name
+    if verdict == "none":
+        hidden = max(candidates, key=lambda c: c.concealment)
+        floor = f"the noise floor of {noise.sigma:.3g} {unit} ({noise.method})"
+        if noise.method == "residual":
+            return (
+                f"No effect stands out from what {name} leaves, but that residual is all there is "
+                "to judge the noise by, so a mismatch cannot be excluded; record repeats or a rest."
+            )
+        return (
+            f"{name} and the recording agree within {floor}; best hidden would be "
+            f"{hidden.name}, seen only if it changes the response by more than "
+            f"{hidden.detectable_amplitude:.3g} {unit} rms."
+        )
+    improvement = ""
+    if held_out.extended_rmse is not None:
+        improvement = (
+            f" With it the error on data held out falls from {held_out.base_rmse:.3g} to "
+            f"{held_out.extended_rmse:.3g} {unit} (noise floor {noise.sigma:.3g} {unit})."
+        )
+    if verdict == "unexplained":
+        place = where_of(axes, verdict).removeprefix("The mismatch stands out ").rstrip(".")
+        partly = f" It is partly {' and '.join(adopted)}-like." if adopted else ""
+        return (
+            f"{name} and the recording differ beyond noise {place}, and no effect of the "
+            f"catalogue explains it.{partly}{improvement if adopted else ''}"
+        )
+    parts = " and ".join(f"{e.name} ({EFFECTS[e.name].sentence})" for e in effects)
+    if verdict == "confusable":
+        others = sorted({other for e in effects for other in e.confusable_with})
+        return (
+            f"{name} leaves out {parts}, or what this drive cannot tell from it: "
+            f"{', '.join(others)}.{improvement}"
+        )
+    return f"{name} leaves out {parts}.{improvement}"
+
+
+def next_experiment(
+    verdict: Verdict, effects: Sequence[NamedEffect], candidates: Sequence[Candidate]
+) -> NextExperiment | None:
+    """The experiment of the catalogue that separates what was found from its look-alikes."""
+    if verdict == "none":
+        return None
+    for effect in effects:
+        for other in effect.confusable_with:
+            told = EFFECTS[effect.name].separated_by.get(other) or EFFECTS[other].separated_by.get(
+                effect.name
+            )
+            if told:
+                return NextExperiment(f"Record {told}.", (effect.name, other))
+    if verdict == "confusable" and effects:
+        named = effects[0]
+        return NextExperiment(
+            "Record the same drive at twice the frequency and at half the amplitude.",
+            (named.name, *named.confusable_with),
+        )
+    if verdict == "unexplained":
+        first = candidates[:2]
+        return NextExperiment(
+            "Record the same drive at two amplitudes and two frequencies, each repeated.",
+            tuple(c.name for c in first),
+        )
+    return None

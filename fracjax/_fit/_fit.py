@@ -1,0 +1,371 @@
+"""Fitting a model to recordings, and the result."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import jax
+import numpy as np
+
+from .._blocks import AbstractBlock, Setting
+from .._models import Model, parse_model
+from .._operators._grid import History
+from .._parameters import Parameter, named_parameters, replace_parameters, set_values
+from .._recording import InputError, Recording
+from ._least_squares import finish, layout_of, solve, stack
+from ._noise import Noise, measured_noise, residual_noise
+from ._preparation import Preparation, Take, coarse_oversampling, take_of
+from ._uncertainty import Estimate, estimates
+
+SCHEMA = "fracjax.fit/1"
+_ROUNDS = 3
+
+Progress = Callable[[str], None]
+
+
+def silent(message: str) -> None:
+    """Report no progress."""
+
+
+@dataclass(frozen=True)
+class Scores:
+    """How well a model reproduces a recording, over the samples that count.
+
+    rmse (the papers' e_RMS) in the response's unit; e_r = ‖y-ŷ‖/‖y - mean‖; nrmse_percent is
+    MATLAB's `compare`, 100 (1 - e_r); bic with the noise known.
+    """
+
+    rmse: float
+    e_r: float
+    nrmse_percent: float
+    r_squared: float
+    bic: float
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A block at its optimum: offsets (R,), simulations (N,) with offset, χ² and convergence."""
+
+    block: AbstractBlock
+    offsets: np.ndarray
+    simulations: tuple[np.ndarray, ...]
+    cost: float
+    converged: bool
+    start_costs: tuple[float, ...]
+    samples: int
+
+    @property
+    def bic(self) -> float:
+        """χ² + k ln n, the noise known."""
+        layout = layout_of(self.block)
+        free = sum(size for _, size in layout.shapes + layout.gains) + len(self.offsets)
+        return self.cost + free * float(np.log(self.samples))
+
+
+@dataclass(frozen=True)
+class Fit:
+    """A fitted model with its uncertainty, scores and the assumptions it rests on.
+
+    `simulations` are the model's responses at the recordings' samples, offset included, in the
+    response's unit; `correlated` names parameters that the data only know together.
+    """
+
+    model: Model
+    preparation: Preparation
+    estimates: tuple[Estimate, ...]
+    correlated: tuple[str, ...]
+    offsets: tuple[float, ...]
+    simulations: tuple[np.ndarray, ...]
+    scores: Scores
+    converged: bool
+    start_costs: tuple[float, ...]
+
+    @property
+    def residuals(self) -> tuple[np.ndarray, ...]:
+        """Measured minus simulated, (N,) per recording, in the response's unit."""
+        pairs = zip(self.preparation.takes, self.simulations, strict=True)
+        return tuple(take.recording.response - simulation for take, simulation in pairs)
+
+    def to_dict(self) -> dict:
+        """Plain data, as in fit.json."""
+        first = self.preparation.takes[0]
+        noise = first.noise
+        assert noise is not None  # fit() always ends with a noise model
+        return {
+            "schema": SCHEMA,
+            "model": self.model.name,
+            "setting": asdict(self.preparation.setting),
+            "values": {n: np.asarray(p.value).tolist() for n, p in self.model.parameters.items()},
+            "recordings": [take.recording.source for take in self.preparation.takes],
+            "units": {
+                "drive": first.recording.drive_unit,
+                "response": first.recording.response_unit,
+            },
+            "parameters": {
+                e.name: {
+                    "value": e.value,
+                    "standard_error": e.standard_error,
+                    "low": e.interval[0],
+                    "high": e.interval[1],
+                    "unit": e.unit,
+                    "identified": e.identified,
+                    "at_bound": e.at_bound,
+                }
+                for e in self.estimates
+            },
+            "known_only_together": list(self.correlated),
+            "offsets": list(self.offsets),
+            "scores": asdict(self.scores),
+            "noise": {"sigma": noise.sigma, "unit": noise.unit, "method": noise.method},
+            "assumptions": [
+                {"history": t.history, "settling_samples": t.settling}
+                for t in self.preparation.takes
+            ],
+            "oversampling": self.preparation.oversampling,
+            "converged": self.converged,
+        }
+
+    def save(self, path: str | Path) -> None:
+        """Write fit.json; `load_model` reads the model back."""
+        Path(path).write_text(json.dumps(self.to_dict(), indent=1) + "\n", encoding="utf-8")
+
+
+def load_model(path: str | Path) -> Model:
+    """The fitted model from a fit.json.  Raises InputError where the file is none."""
+    try:
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        if content["schema"] != SCHEMA:
+            raise KeyError(content["schema"])
+        model = parse_model(content["model"], Setting(**content["setting"]))
+        return model.with_values(content["values"])
+    except FileNotFoundError:
+        raise InputError(f"{path}: expected a fit.json, found no such file; check the path") from None
+    except (OSError, UnicodeDecodeError, json.JSONDecodeError, KeyError, TypeError, ValueError):
+        raise InputError(
+            f'{path}: expected a fit saved by fracjax (schema "{SCHEMA}"), found something else; '
+            "save it again by `fracjax fit`"
+        ) from None
+
+
+def starts_of(block: AbstractBlock, count: int, seed: int) -> list[AbstractBlock]:
+    """The block as it stands, and draws of its shapes from their plausible ranges."""
+    generator = np.random.default_rng(seed)
+    parameters = named_parameters(block)
+    names = [n for n, _ in layout_of(block).shapes]
+    draws = [
+        set_values(block, {n: parameters[n].draw(generator) for n in names})
+        for _ in range(count - 1)
+    ]
+    return [block, *draws]
+
+
+def solve_from(starts: list[AbstractBlock], preparation: Preparation) -> Solved:
+    """Fit every start and finish the best."""
+    problems = preparation.problems()
+    solution = solve(stack(starts), problems)
+    costs = np.asarray(solution.cost)
+    best = int(np.argmin(costs))
+    block, offsets, simulations = finish(starts[best], solution.angles[best], problems)
+    block = jax.tree_util.tree_map(np.asarray, block)
+    offsets = np.asarray(offsets)
+    lengths = [len(take.recording) for take in preparation.takes]
+    return Solved(
+        block=block,
+        offsets=offsets,
+        simulations=tuple(
+            np.asarray(s)[:n] + o for s, n, o in zip(simulations, lengths, offsets, strict=True)
+        ),
+        cost=float(costs[best]),
+        converged=bool(solution.success[best]) and bool(np.isfinite(costs[best])),
+        start_costs=tuple(float(c) for c in costs),
+        samples=int(sum(p.weights.sum() for p in problems)),
+    )
+
+
+def fit_block(block: AbstractBlock, preparation: Preparation, starts: int, seed: int) -> Solved:
+    """Multi-start fit, taken up again from its best point until it has converged."""
+    solved = solve_from(starts_of(block, starts, seed), preparation)
+    for _ in range(_ROUNDS):
+        if solved.converged:
+            break
+        again = solve_from([solved.block] * starts, preparation)
+        if not again.cost < solved.cost * (1 - 1e-6):
+            return _as_converged(again)
+        solved = again
+    return solved
+
+
+def _as_converged(solved: Solved) -> Solved:
+    """No descent is left from here, whatever the solver's own criterion says."""
+    return Solved(**{**solved.__dict__, "converged": True})
+
+
+def scores_of(solved: Solved, preparation: Preparation) -> Scores:
+    """Scores over the samples that count, all recordings together."""
+    pairs = list(zip(preparation.takes, solved.simulations, strict=True))
+    residual = np.concatenate([(t.recording.response - s)[t.used] for t, s in pairs])
+    centred = np.concatenate(
+        [t.recording.response[t.used] - t.recording.response[t.used].mean() for t, _ in pairs]
+    )
+    e_r = float(np.linalg.norm(residual) / np.linalg.norm(centred))
+    return Scores(
+        rmse=float(np.sqrt(np.mean(residual**2))),
+        e_r=e_r,
+        nrmse_percent=100 * (1 - e_r),
+        r_squared=1 - e_r**2,
+        bic=solved.bic,
+    )
+
+
+def prepare(
+    recordings: Sequence[Recording],
+    *,
+    noise: Noise | None = None,
+    repeat: Recording | None = None,
+    specification: float | None = None,
+    history: History | None = None,
+    settling: int | None = None,
+) -> Preparation:
+    """Decide noise, history, settling and grid for recordings that are to be fitted together."""
+    first = recordings[0]
+    for other in recordings[1:]:
+        if (other.drive_unit, other.response_unit) != (first.drive_unit, first.response_unit):
+            raise InputError(
+                f"{other.source}: expected the units of {first.source} ({first.drive_unit}, "
+                f"{first.response_unit}), found ({other.drive_unit}, {other.response_unit}); "
+                "convert one of them"
+            )
+    takes = tuple(
+        take_of(
+            recording,
+            noise or measured_noise(recording, repeat, specification),
+            history,
+            settling,
+        )
+        for recording in recordings
+    )
+    return Preparation(takes, coarse_oversampling(list(recordings)))
+
+
+def settle(
+    block: AbstractBlock,
+    preparation: Preparation,
+    *,
+    history: History | None,
+    starts: int,
+    seed: int,
+) -> tuple[Solved, Preparation]:
+    """Fit, and settle what only a fit can tell: the history, and the noise where none was measured."""
+    solved = fit_block(block, preparation, starts, seed)
+    if history is None and any(_begins_with_a_jump(take) for take in preparation.takes):
+        from_rest = preparation.with_histories(
+            ["rest" if _begins_with_a_jump(take) else take.history for take in preparation.takes]
+        )
+        other = fit_block(block, from_rest, starts, seed)
+        if _error_throughout(other, from_rest) < _error_throughout(solved, preparation):
+            solved, preparation = other, from_rest
+    if any(take.noise is None for take in preparation.takes):
+        preparation = preparation.with_noises(
+            [
+                take.noise
+                or residual_noise((take.recording.response - s)[take.used], take.recording.response_unit)
+                for take, s in zip(preparation.takes, solved.simulations, strict=True)
+            ]
+        )
+        solved = fit_block(solved.block, preparation, starts, seed)
+    return solved, preparation
+
+
+def _begins_with_a_jump(take: Take) -> bool:
+    """Whether the drive may have been switched on with the first sample, from zero."""
+    away = abs(take.recording.drive[0]) > 0.02 * np.ptp(take.recording.drive)
+    return bool(take.history == "constant" and take.settling and away)
+
+
+def _error_throughout(solved: Solved, preparation: Preparation) -> float:
+    """Mean square residual, settling samples included."""
+    pairs = zip(preparation.takes, solved.simulations, strict=True)
+    return float(np.mean(np.concatenate([(t.recording.response - s) ** 2 for t, s in pairs])))
+
+
+def fit_of(model: Model, solved: Solved, preparation: Preparation) -> Fit:
+    """The result, with standard errors, from a solved block."""
+    first = preparation.takes[0].recording
+    inflation = max(1.0, float(np.sqrt(solved.cost / solved.samples)))
+    found, correlated = estimates(
+        solved.block, preparation.problems(), (first.drive_unit, first.response_unit), inflation
+    )
+    return Fit(
+        model=Model(solved.block, model.name),
+        preparation=preparation,
+        estimates=found,
+        correlated=correlated,
+        offsets=tuple(float(o) for o in solved.offsets),
+        simulations=solved.simulations,
+        scores=scores_of(solved, preparation),
+        converged=solved.converged,
+        start_costs=solved.start_costs,
+    )
+
+
+def fit(
+    model: Model,
+    recordings: Recording | Sequence[Recording],
+    *,
+    noise: Noise | None = None,
+    history: History | None = None,
+    settling: int | None = None,
+    fixed: dict[str, float] | None = None,
+    bounds: dict[str, tuple[float, float]] | None = None,
+    starts: int = 8,
+    seed: int = 0,
+    progress: Progress = silent,
+) -> Fit:
+    """Fit a model to one recording, or to several with shared parameters and own offsets.
+
+    Least squares, whitened by the noise's own colour, gains eliminated, from `starts` points.
+    `history` and `settling` [samples] are decided from the data where not given; `fixed` holds
+    parameters at values, `bounds` narrows their range, by name.
+    Raises InputError where names are unknown.  A fit that did not converge says so in `converged`.
+    """
+    listed = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    with jax.enable_x64(True):
+        progress(f"fitting {model.name}")
+        block = replace_parameters(
+            model.block, _constrained(model.parameters, fixed or {}, bounds or {})
+        )
+        preparation = prepare(listed, noise=noise, history=history, settling=settling)
+        solved, preparation = settle(block, preparation, history=history, starts=starts, seed=seed)
+        return fit_of(model, solved, preparation)
+
+
+def _constrained(
+    parameters: dict[str, Parameter],
+    fixed: dict[str, float],
+    bounds: dict[str, tuple[float, float]],
+) -> dict[str, Parameter]:
+    for name in (*fixed, *bounds):
+        if name not in parameters:
+            raise InputError(
+                f'parameter "{name}": expected one of {", ".join(parameters)}, found none of that '
+                "name; correct it"
+            )
+    changed = {}
+    for name in {*fixed, *bounds}:
+        p = parameters[name]
+        low, high = bounds.get(name, (p.lower, p.upper))
+        value = np.clip(fixed.get(name, p.value), low, high)
+        changed[name] = Parameter(
+            value,
+            p.unit,
+            lower=low,
+            upper=high,
+            plausible=(np.clip(p.plausible[0], low, high), np.clip(p.plausible[1], low, high)),
+            logarithmic=p.logarithmic,
+            gain=p.gain and name not in bounds,
+            fixed=name in fixed,
+        )
+    return changed

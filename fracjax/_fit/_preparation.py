@@ -1,0 +1,106 @@
+"""What is assumed about recordings before they are fitted: history, memory, noise, grid."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .._blocks import Setting
+from .._operators._grid import History
+from .._recording import Recording
+from ._noise import Noise
+from ._problem import Problem, make_problem, setting_of
+
+_STEADY_FROM = 8
+_LEAST_BASELINE = 20
+
+
+@dataclass(frozen=True)
+class Take:
+    """One recording with its history, the samples that count and its noise, as yet perhaps unknown.
+
+    `settling`: the first samples, whose memory is unknown; they do not count.
+    """
+
+    recording: Recording
+    history: History
+    settling: int
+    used: np.ndarray
+    noise: Noise | None
+
+    @property
+    def baseline(self) -> slice:
+        """The first samples, from which a prediction's zero is read."""
+        return slice(0, max(self.settling, _LEAST_BASELINE))
+
+
+@dataclass(frozen=True)
+class Preparation:
+    """Recordings made ready to be fitted together."""
+
+    takes: tuple[Take, ...]
+    oversampling: int
+
+    @property
+    def setting(self) -> Setting:
+        return setting_of([take.recording for take in self.takes])
+
+    def problems(self, oversampling: int | None = None) -> tuple[Problem, ...]:
+        """One problem per recording, on its own grid or on another."""
+        return tuple(
+            make_problem(
+                take.recording,
+                history=take.history,
+                oversampling=oversampling or self.oversampling,
+                used=take.used,
+                whitening=np.ones(1) if take.noise is None else take.noise.whitening,
+            )
+            for take in self.takes
+        )
+
+    def with_noises(self, noises: list[Noise]) -> Preparation:
+        takes = zip(self.takes, noises, strict=True)
+        return replace(self, takes=tuple(replace(t, noise=n) for t, n in takes))
+
+    def with_histories(self, histories: list[History]) -> Preparation:
+        takes = zip(self.takes, histories, strict=True)
+        return replace(self, takes=tuple(replace(t, history=h) for t, h in takes))
+
+    def with_oversampling(self, oversampling: int) -> Preparation:
+        return replace(self, oversampling=oversampling)
+
+
+def take_of(
+    recording: Recording, noise: Noise | None, history: History | None, settling: int | None
+) -> Take:
+    """Decide history and settling where the caller has not.
+
+    Steady cycles from the first sample on are `periodic` (cut to whole periods).  Otherwise the
+    history is `constant`, and of a drive with many periods the first one does not count.
+    """
+    repeats = recording.drive_period()
+    if repeats is not None and history in (None, "periodic") and repeats.start == 0:
+        whole = (repeats.stop // repeats.period) * repeats.period
+        if whole > 0.8 * len(recording) and (history or _is_steady(recording, repeats.period)):
+            return Take(recording.window(0, whole), "periodic", 0, np.ones(whole, bool), noise)
+    if settling is None:
+        many = repeats is not None and repeats.stop - repeats.start >= _STEADY_FROM * repeats.period
+        moving = repeats is not None and repeats.start < repeats.period
+        settling = repeats.period if repeats is not None and many and moving else 0
+    used = np.arange(len(recording)) >= settling
+    return Take(recording, history or "constant", settling, used, noise)
+
+
+def _is_steady(recording: Recording, period: int) -> bool:
+    """Whether the first period of the response is like the second, as far as the later ones are."""
+    count = len(recording) // period
+    periods = recording.response[: count * period].reshape(count, period)
+    changes = np.sqrt(np.mean(np.diff(periods, axis=0) ** 2, axis=1))
+    return bool(changes[0] <= 1.5 * np.median(changes))
+
+
+def coarse_oversampling(recordings: list[Recording]) -> int:
+    """A first grid: at least 40 samples per period of the fastest drive."""
+    samples = min(1 / (setting_of([r]).top_frequency * r.dt) for r in recordings)
+    return int(np.clip(2 ** np.ceil(np.log2(max(40 / samples, 1))), 1, 8))

@@ -43,7 +43,7 @@ from ._score import EffectScore, Residual, confusability, family_wise_p, score_e
 from ._sentence import next_experiment, sentence_of, where_of
 
 _SIGNIFICANCE = 0.01
-_FINEST = 16
+_FINEST = 8
 _NUMERICS_TARGET, _NUMERICS_LIMIT = 0.5, 1.0
 _STARTS = 8
 _SHORTLIST, _LONGEST_SHORTLIST = 4, 6
@@ -162,13 +162,13 @@ def _fine_enough(
 ) -> tuple[Solved, Preparation, float]:
     """Refine the grid until the numerical error is far under the noise, or the grid is finest."""
     while True:
-        progress(f"checking the numerics on a grid {preparation.oversampling} times finer")
+        progress(f"checking the numerics with {preparation.oversampling} steps per sample")
         basis = residual_of(solved, preparation).basis
         error = numerical_error(solved.block, preparation, basis)
         if error <= _NUMERICS_TARGET or preparation.oversampling >= _FINEST:
             return solved, preparation, error
         preparation = preparation.with_oversampling(2 * preparation.oversampling)
-        solved = solve_from([solved.block] * _STARTS, preparation)
+        solved = solve_from([solved.block], preparation)
 
 
 class _Procedure:
@@ -215,7 +215,8 @@ class _Procedure:
             scores, axes, p_value = self._detect(stage)
             if round_ == 0:
                 first_scores, first_axes, first_p = scores, axes, p_value
-            if p_value >= _SIGNIFICANCE or round_ == _ROUNDS:
+            # A mismatch no larger than the simulation's own error is never given a name.
+            if p_value >= _SIGNIFICANCE or round_ == _ROUNDS or self.numerics > _NUMERICS_LIMIT:
                 break
             found = self._judge(stage, scores)
             judged = {**{j.name: j for j in found}, **judged}
@@ -313,7 +314,7 @@ class _Procedure:
         if winners:
             extended = fit_of(Model(stage.solved.block, stage.name), stage.solved, stage.preparation)
             last = winners[-1][0]
-            if last.explained >= _EXPLAINED and self.numerics <= _NUMERICS_LIMIT:
+            if last.explained >= _EXPLAINED:
                 effects = tuple(
                     self._named(winner, found, extended, stage) for winner, found in winners
                 )
@@ -381,7 +382,7 @@ class _Procedure:
             log_evidence=score.log_evidence,
             detectable_amplitude=score.detectable_amplitude,
             concealment=float(np.clip(score.concealments[score.best], 0.0, 1.0)),
-            reason=_reason(score, judged, stage, p_value),
+            reason=_reason(score, judged, stage, p_value, self.numerics),
             delta_bic=None if judged is None else judged.delta_bic,
             explained_fraction=None if judged is None else judged.explained,
             held_out_gain=None if judged is None else judged.gain.share_of_rmse,
@@ -472,11 +473,13 @@ def _plausible(attempt: Refit) -> bool:
 
 
 def _reason(
-    score: EffectScore, judged: Judged | None, stage: Stage, p_value: float
+    score: EffectScore, judged: Judged | None, stage: Stage, p_value: float, numerics: float
 ) -> str:
     """Why a candidate was kept or rejected, in words."""
     if p_value >= _SIGNIFICANCE:
         return "nothing in the residual beyond noise"
+    if numerics > _NUMERICS_LIMIT:
+        return f"not refitted: the discretisation error is {numerics:.2g} noise units"
     if judged is None:
         return "not refitted: other effects have more evidence in the residual"
     if judged.name in stage.adopted:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 from collections.abc import Callable, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import jax
@@ -15,13 +15,15 @@ from .._models import Model, parse_model
 from .._operators._grid import History
 from .._parameters import Parameter, named_parameters, replace_parameters, set_values
 from .._recording import InputError, Recording
-from ._least_squares import finish, layout_of, solve, stack
+from ._least_squares import finish, layout_of, solve, stack, with_shapes
 from ._noise import Noise, measured_noise, residual_noise
-from ._preparation import Preparation, Take, coarse_oversampling, take_of
+from ._preparation import Preparation, Take, coarse_oversampling, other_histories, take_of
 from ._uncertainty import Estimate, estimates
 
 SCHEMA = "fracjax.fit/1"
-_ROUNDS = 3
+_ROUNDS = 5
+_CLOSE = 1.5
+_NO_DESCENT = 1e-7
 
 Progress = Callable[[str], None]
 
@@ -163,12 +165,29 @@ def starts_of(block: AbstractBlock, count: int, seed: int) -> list[AbstractBlock
 
 
 def solve_from(starts: list[AbstractBlock], preparation: Preparation) -> Solved:
-    """Fit every start and finish the best."""
+    """A few steps from every start, then the best ones to convergence, and the best of them finished."""
     problems = preparation.problems()
-    solution = solve(stack(starts), problems)
-    costs = np.asarray(solution.cost)
+    active = np.ones(len(starts), bool)
+    solution = solve(stack(starts), active, problems)
+    costs, converged = np.array(solution.cost), np.array(solution.success)
+    angles = np.array(solution.angles)
+    for _ in range(_ROUNDS):
+        best = int(np.argmin(costs))
+        close = costs <= max(_CLOSE * costs[best], np.sort(costs)[min(1, len(costs) - 1)])
+        active = close & ~converged
+        if converged[best] and not active[:best].any():
+            break
+        before = costs[best]
+        moved = [with_shapes(start, a) for start, a in zip(starts, angles, strict=True)]
+        solution = solve(stack(moved), active, problems)
+        costs = np.where(active, np.minimum(costs, solution.cost), costs)
+        angles = np.where(active[:, None], solution.angles, angles)
+        converged = np.where(active, solution.success, converged)
+        if costs.min() > before * (1 - _NO_DESCENT):
+            converged[np.argmin(costs)] = True
+            break
     best = int(np.argmin(costs))
-    block, offsets, simulations = finish(starts[best], solution.angles[best], problems)
+    block, offsets, simulations = finish(starts[best], angles[best], problems)
     block = jax.tree_util.tree_map(np.asarray, block)
     offsets = np.asarray(offsets)
     lengths = [len(take.recording) for take in preparation.takes]
@@ -179,28 +198,15 @@ def solve_from(starts: list[AbstractBlock], preparation: Preparation) -> Solved:
             np.asarray(s)[:n] + o for s, n, o in zip(simulations, lengths, offsets, strict=True)
         ),
         cost=float(costs[best]),
-        converged=bool(solution.success[best]) and bool(np.isfinite(costs[best])),
+        converged=bool(converged[best]) and bool(np.isfinite(costs[best])),
         start_costs=tuple(float(c) for c in costs),
         samples=int(sum(p.weights.sum() for p in problems)),
     )
 
 
 def fit_block(block: AbstractBlock, preparation: Preparation, starts: int, seed: int) -> Solved:
-    """Multi-start fit, taken up again from its best point until it has converged."""
-    solved = solve_from(starts_of(block, starts, seed), preparation)
-    for _ in range(_ROUNDS):
-        if solved.converged:
-            break
-        again = solve_from([solved.block] * starts, preparation)
-        if not again.cost < solved.cost * (1 - 1e-6):
-            return _as_converged(again)
-        solved = again
-    return solved
-
-
-def _as_converged(solved: Solved) -> Solved:
-    """No descent is left from here, whatever the solver's own criterion says."""
-    return Solved(**{**solved.__dict__, "converged": True})
+    """Multi-start fit."""
+    return solve_from(starts_of(block, starts, seed), preparation)
 
 
 def scores_of(solved: Solved, preparation: Preparation) -> Scores:
@@ -260,13 +266,16 @@ def settle(
 ) -> tuple[Solved, Preparation]:
     """Fit, and settle what only a fit can tell: the history, and the noise where none was measured."""
     solved = fit_block(block, preparation, starts, seed)
-    if history is None and any(_begins_with_a_jump(take) for take in preparation.takes):
-        from_rest = preparation.with_histories(
-            ["rest" if _begins_with_a_jump(take) else take.history for take in preparation.takes]
-        )
-        other = fit_block(block, from_rest, starts, seed)
-        if _error_throughout(other, from_rest) < _error_throughout(solved, preparation):
-            solved, preparation = other, from_rest
+    if history is None:
+        others = [other_histories(take) for take in preparation.takes]
+        if any(others):
+            takes = zip(others, preparation.takes, strict=True)
+            alternative = replace(preparation, takes=tuple(o or t for o, t in takes))
+            other = fit_block(block, alternative, starts, seed)
+            if _error_in_common(other, alternative, others) < _error_in_common(
+                solved, preparation, others
+            ):
+                solved, preparation = other, alternative
     if any(take.noise is None for take in preparation.takes):
         preparation = preparation.with_noises(
             [
@@ -279,16 +288,18 @@ def settle(
     return solved, preparation
 
 
-def _begins_with_a_jump(take: Take) -> bool:
-    """Whether the drive may have been switched on with the first sample, from zero."""
-    away = abs(take.recording.drive[0]) > 0.02 * np.ptp(take.recording.drive)
-    return bool(take.history == "constant" and take.settling and away)
-
-
-def _error_throughout(solved: Solved, preparation: Preparation) -> float:
-    """Mean square residual, settling samples included."""
-    pairs = zip(preparation.takes, solved.simulations, strict=True)
-    return float(np.mean(np.concatenate([(t.recording.response - s) ** 2 for t, s in pairs])))
+def _error_in_common(
+    solved: Solved, preparation: Preparation, others: Sequence[Take | None]
+) -> float:
+    """Mean square residual where both histories are put to the test: of a jump the settling samples
+    too, of steady cycles the whole periods after the first."""
+    errors = []
+    for take, other, simulation in zip(preparation.takes, others, solved.simulations, strict=True):
+        steady = other is not None and other.history == "periodic"
+        stop = len(other.recording) if other is not None else len(take.recording)
+        start = stop // 10 if steady else 0
+        errors.append((take.recording.response - simulation)[start:stop] ** 2)
+    return float(np.mean(np.concatenate(errors)))
 
 
 def fit_of(model: Model, solved: Solved, preparation: Preparation) -> Fit:

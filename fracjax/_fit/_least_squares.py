@@ -24,7 +24,7 @@ from .._blocks import AbstractBlock, linear_gains
 from .._parameters import named_parameters, set_values
 from ._problem import Problem
 
-_STEPS = 40
+_STEPS = 12
 _RIDGE = 1e-9
 _SOLVER = optx.LevenbergMarquardt(rtol=1e-6, atol=1e-8)
 
@@ -131,8 +131,11 @@ class Solution(NamedTuple):
 
 
 @eqx.filter_jit
-def solve(starts: AbstractBlock, problems: tuple[Problem, ...]) -> Solution:
-    """Fit every start; `starts` is a block whose leaves carry a leading axis (S, …)."""
+def solve(starts: AbstractBlock, active: Array, problems: tuple[Problem, ...]) -> Solution:
+    """A few steps from every active start; `starts` is a block with a leading axis (S, …).
+
+    The steps are limited so that hopeless starts cost little; take the promising ones up again.
+    """
 
     def one(block: AbstractBlock) -> Solution:
         def residual(angles, _):
@@ -143,7 +146,7 @@ def solve(starts: AbstractBlock, problems: tuple[Problem, ...]) -> Solution:
             cost = jnp.sum(residual(start, None) ** 2)
             return Solution(start, cost, jnp.zeros((), int), jnp.ones((), bool))
         found = optx.least_squares(residual, _SOLVER, start, max_steps=_STEPS, throw=False)
-        cost = jnp.sum(residual(found.value, None) ** 2)
+        cost = 2 * found.state.f_info.as_min()
         return Solution(
             found.value,
             jnp.where(jnp.isfinite(cost), cost, jnp.inf),
@@ -151,7 +154,11 @@ def solve(starts: AbstractBlock, problems: tuple[Problem, ...]) -> Solution:
             found.result == optx.RESULTS.successful,
         )
 
-    return jax.lax.map(one, starts, batch_size=None)
+    def skipped(block: AbstractBlock) -> Solution:
+        start = unconstrained(block)
+        return Solution(start, jnp.full((), jnp.inf), jnp.zeros((), int), jnp.zeros((), bool))
+
+    return jax.lax.map(lambda job: jax.lax.cond(job[1], one, skipped, job[0]), (starts, active))
 
 
 @eqx.filter_jit

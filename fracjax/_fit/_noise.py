@@ -7,6 +7,7 @@ from typing import Literal
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
+from scipy.ndimage import median_filter
 
 from .._recording import InputError, Recording
 
@@ -34,12 +35,24 @@ class Noise:
         return self.filter / self.innovation
 
 
-def autoregression(series: list[np.ndarray]) -> tuple[np.ndarray, float]:
-    """AR(p) filter and innovation sd of one or more stretches of noise, p by BIC (Yule–Walker)."""
+def _autocovariance(series: np.ndarray, lags: int) -> np.ndarray:
+    """Autocovariance (lags+1,) from a spectrum smoothed by a running median, so that lines of the
+    mains, which are no noise but interference, do not count."""
+    power = np.abs(np.fft.rfft(series)) ** 2 / series.size
+    power[0] = power[1]
+    width = 2 * (max(power.size // 40, 5)) + 1
+    # Periodogram values are exponentially distributed: their median is ln 2 of their mean.
+    smooth = median_filter(power, min(width, power.size), mode="nearest") / np.log(2)
+    return np.fft.irfft(smooth, series.size)[: lags + 1]
+
+
+def autoregression(series: list[np.ndarray]) -> tuple[np.ndarray, float, float]:
+    """AR(p) filter, innovation and noise sd of one or more stretches, p by BIC (Yule–Walker)."""
     count = sum(s.size for s in series)
-    largest = min(_LARGEST_ORDER, count // 20)
-    autocovariance = np.array(
-        [sum(float(s[k:] @ s[: s.size - k]) for s in series) / count for k in range(largest + 1)]
+    largest = min(_LARGEST_ORDER, min(s.size for s in series) // 20)
+    weights = [s.size / count for s in series]
+    autocovariance = np.sum(
+        [w * _autocovariance(s, largest) for w, s in zip(weights, series, strict=True)], axis=0
     )
     best, best_score = (np.ones(1), float(np.sqrt(autocovariance[0]))), count * np.log(
         autocovariance[0]
@@ -51,38 +64,42 @@ def autoregression(series: list[np.ndarray]) -> tuple[np.ndarray, float]:
         if score < best_score:
             best = np.concatenate([[1.0], -coefficients]), float(np.sqrt(variance))
             best_score = score
-    return best
+    return *best, float(np.sqrt(autocovariance[0]))
 
 
 def _noise(series: list[np.ndarray], unit: str, method: Method) -> Noise:
-    coefficients, innovation = autoregression(series)
-    sigma = float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
+    coefficients, innovation, sigma = autoregression(series)
     return Noise(sigma, unit, method, coefficients, innovation)
 
 
 def _from_repeats(recording: Recording) -> list[np.ndarray]:
-    """Differences of successive periods /√2, where neither is still settling."""
+    """Second differences over successive periods /√6, once the response has settled.
+
+    A first difference would still hold the slow decay of the actuator's memory of its start; the
+    second keeps only what is new in each period.
+    """
     repeats = recording.drive_period()
     if repeats is None:
         return []
-    response = recording.response[repeats.start : repeats.stop]
-    difference = (response[repeats.period :] - response[: -repeats.period]) / np.sqrt(2)
-    periods = difference[: difference.size // repeats.period * repeats.period]
-    periods = periods.reshape(-1, repeats.period)
-    spread = periods.std(axis=1)
+    period = repeats.period
+    y = recording.response[repeats.start : repeats.stop]
+    difference = (y[2 * period :] - 2 * y[period:-period] + y[: -2 * period]) / np.sqrt(6)
+    whole = max(difference.size // period, 1)
+    spread = difference[: whole * period].reshape(whole, -1).std(axis=1)
     settled = int(np.argmax(spread <= 1.2 * np.median(spread)))
-    kept = difference[settled * repeats.period :]
+    kept = difference[settled * period :]
     return [kept - kept.mean()]
 
 
 def _from_static(recording: Recording) -> list[np.ndarray]:
-    """Rests with their slow motion (a parabola) taken off, the first fifth left out."""
+    """Rests without the actuator's slow relaxation: a parabola and logarithms of time taken off."""
     stretches = []
     for start, stop in recording.static_stretches(_REST_SECONDS):
-        begin = start + (stop - start) // 5
+        begin = start + (stop - start) // 10
         y = recording.response[begin:stop]
-        x = np.linspace(-1, 1, y.size)
-        stretches.append(y - np.polynomial.Polynomial.fit(x, y, 2)(x))
+        x = np.linspace(0, 1, y.size)
+        slow = np.stack([np.ones_like(x), x, x**2, np.log(x + 0.02), np.log(x + 0.2)], axis=1)
+        stretches.append(y - slow @ np.linalg.lstsq(slow, y, rcond=None)[0])
     return stretches
 
 

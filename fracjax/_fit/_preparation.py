@@ -8,7 +8,7 @@ import numpy as np
 
 from .._blocks import Setting
 from .._operators._grid import History
-from .._recording import Recording
+from .._recording import InputError, Recording, Repeats
 from ._noise import Noise
 from ._problem import Problem, make_problem, setting_of
 
@@ -63,10 +63,6 @@ class Preparation:
         takes = zip(self.takes, noises, strict=True)
         return replace(self, takes=tuple(replace(t, noise=n) for t, n in takes))
 
-    def with_histories(self, histories: list[History]) -> Preparation:
-        takes = zip(self.takes, histories, strict=True)
-        return replace(self, takes=tuple(replace(t, history=h) for t, h in takes))
-
     def with_oversampling(self, oversampling: int) -> Preparation:
         return replace(self, oversampling=oversampling)
 
@@ -74,22 +70,53 @@ class Preparation:
 def take_of(
     recording: Recording, noise: Noise | None, history: History | None, settling: int | None
 ) -> Take:
-    """Decide history and settling where the caller has not.
+    """A recording under the given history (`constant` where none is given).
 
-    Steady cycles from the first sample on are `periodic` (cut to whole periods).  Otherwise the
-    history is `constant`, and of a drive with many periods the first one does not count.
+    `periodic` cuts it to whole periods.  Of a drive with many periods the first does not count,
+    unless `settling` [samples] says otherwise.
     """
     repeats = recording.drive_period()
-    if repeats is not None and history in (None, "periodic") and repeats.start == 0:
-        whole = (repeats.stop // repeats.period) * repeats.period
-        if whole > 0.8 * len(recording) and (history or _is_steady(recording, repeats.period)):
-            return Take(recording.window(0, whole), "periodic", 0, np.ones(whole, bool), noise)
+    if history == "periodic":
+        if repeats is None or repeats.start >= repeats.period:
+            raise InputError(
+                f"{recording.source}: expected a drive that repeats from the start for the history "
+                '"periodic", found none; choose "constant" or "rest"'
+            )
+        return _steady_take(recording, repeats, noise)
     if settling is None:
         many = repeats is not None and repeats.stop - repeats.start >= _STEADY_FROM * repeats.period
         moving = repeats is not None and repeats.start < repeats.period
         settling = repeats.period if repeats is not None and many and moving else 0
     used = np.arange(len(recording)) >= settling
     return Take(recording, history or "constant", settling, used, noise)
+
+
+def _steady_take(recording: Recording, repeats: Repeats, noise: Noise | None) -> Take:
+    whole = (repeats.stop // repeats.period) * repeats.period
+    return Take(recording.window(0, whole), "periodic", 0, np.ones(whole, bool), noise)
+
+
+def other_histories(take: Take) -> Take | None:
+    """The other way the recording may have begun, for the fit to choose between; None if clear.
+
+    A drive that repeats from its first sample on may have run before (`periodic`), where its first
+    period is like the second; one that jumps to its first value may have been switched on with it
+    (`rest`).
+    """
+    recording = take.recording
+    if take.history != "constant":
+        return None
+    repeats = recording.drive_period()
+    if (
+        repeats is not None
+        and repeats.start == 0
+        and repeats.stop > 0.8 * len(recording)
+        and _is_steady(recording, repeats.period)
+    ):
+        return _steady_take(recording, repeats, take.noise)
+    if take.settling and abs(recording.drive[0]) > 0.02 * np.ptp(recording.drive):
+        return replace(take, history="rest")
+    return None
 
 
 def _is_steady(recording: Recording, period: int) -> bool:
@@ -101,6 +128,6 @@ def _is_steady(recording: Recording, period: int) -> bool:
 
 
 def coarse_oversampling(recordings: list[Recording]) -> int:
-    """A first grid: at least 40 samples per period of the fastest drive."""
+    """A first grid: at least 16 samples per period of the fastest drive."""
     samples = min(1 / (setting_of([r]).top_frequency * r.dt) for r in recordings)
-    return int(np.clip(2 ** np.ceil(np.log2(max(40 / samples, 1))), 1, 8))
+    return int(np.clip(2 ** np.ceil(np.log2(max(16 / samples, 1))), 1, 8))

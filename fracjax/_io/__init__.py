@@ -4,11 +4,13 @@ from collections.abc import Callable
 from os import PathLike
 from pathlib import Path
 
-from fracjax._io._columns import Table, recording
+import numpy as np
+
+from fracjax._io._columns import Table, drive, recording
 from fracjax._io._text import read_text, write_text
 from fracjax._recording import Recording
 
-__all__ = ["read", "write_text"]
+__all__ = ["read", "read_drive", "write_text"]
 
 _READERS: dict[str, Callable[[str | PathLike[str]], Table]] = {
     **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc"), read_text),
@@ -37,10 +39,28 @@ def read(
 
     **Raises:** `InputError` with file, line and column for a file that cannot be used.
     """
-    reader = _READERS.get(Path(path).suffix.lower(), read_text)
     return recording(
-        reader(path),
+        _table(path),
         {"time": time, "input": input, "output": output},
         rate=rate,
         units={"input": input_unit, "output": output_unit},
     )
+
+
+def read_drive(
+    path: str | PathLike[str],
+    *,
+    time: str | int | None = None,
+    input: str | int | None = None,
+    rate: str | float | None = None,
+    input_unit: str | None = None,
+) -> tuple[np.ndarray, float, str]:
+    """The drive in a file, its step [s] and its unit; there need be no response.
+
+    **Arguments** and **raises:** as `read`.
+    """
+    return drive(_table(path), {"time": time, "input": input}, rate=rate, unit=input_unit)
+
+
+def _table(path: str | PathLike[str]) -> Table:
+    return _READERS.get(Path(path).suffix.lower(), read_text)(path)

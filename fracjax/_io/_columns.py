@@ -1,7 +1,7 @@
 """Which column is the time, the drive and the response, and what unit each is written in."""
 
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Protocol
 
 import numpy as np
@@ -74,15 +74,8 @@ def recording(
     **Raises:** `InputError` for a column or rate that is missing, ambiguous or contradictory, an
     unknown unit, a time that does not run in uniform steps, or a signal no `Recording` takes.
     """
-    hertz = None if rate is None else _rate(table, rate)
-    chosen = _choose(table, columns)
-    told = {role: _unit(table, role, column, units.get(role)) for role, column in chosen.items()}
-    drive, response = table.numbers(chosen["input"]), table.numbers(chosen["output"])
-    require_samples(len(drive), table.source)
-    if "time" in chosen:
-        step = _step_of_time(table, chosen["time"], told["time"][0], hertz)
-    else:
-        step = _step_of_rate(table, hertz)
+    signals, step, told = _signals(table, columns, rate, units)
+    drive, response = signals["input"], signals["output"]
     return Recording(
         drive,
         response,
@@ -94,6 +87,40 @@ def recording(
     )
 
 
+def drive(
+    table: Table,
+    columns: Mapping[str, str | int | None],
+    *,
+    rate: str | float | None,
+    unit: str | None,
+) -> tuple[np.ndarray, float, str]:
+    """The drive of a table, its step [s] and its unit; the table need not hold a response.
+
+    **Arguments** and **raises:** as `recording`, `columns` for time and input only.
+    """
+    signals, step, told = _signals(table, columns, rate, {"input": unit})
+    return signals["input"], step, told["input"][0]
+
+
+def _signals(
+    table: Table,
+    columns: Mapping[str, str | int | None],
+    rate: str | float | None,
+    units: Mapping[str, str | None],
+) -> tuple[dict[str, np.ndarray], float, dict[str, tuple[str, str]]]:
+    """The signals by role, their step [s], and each role's unit with a note on it."""
+    hertz = None if rate is None else _rate(table, rate)
+    chosen = _choose(table, columns)
+    told = {role: _unit(table, role, column, units.get(role)) for role, column in chosen.items()}
+    signals = {role: table.numbers(column) for role, column in chosen.items() if role != "time"}
+    require_samples(len(signals["input"]), table.source)
+    if "time" in chosen:
+        step = _step_of_time(table, chosen["time"], told["time"][0], hertz)
+    else:
+        step = _step_of_rate(table, hertz)
+    return signals, step, told
+
+
 # Columns ------------------------------------------------------------------------------------------
 
 
@@ -101,13 +128,13 @@ def _choose(table: Table, columns: Mapping[str, str | int | None]) -> dict[str, 
     """The index of each role's column: as given, else by name and unit, else by position."""
     chosen = {role: _given(table, role, key) for role, key in columns.items() if key is not None}
     if table.names:
-        for role in _WORDS:
+        for role in columns:
             free = [c for c in range(table.width) if c not in chosen.values()]
             if role not in chosen and (column := _recognised(table, role, free)) is not None:
                 chosen[role] = column
     elif not chosen:
-        chosen = _by_position(table)
-    missing = [role for role in ("input", "output") if role not in chosen]
+        chosen = _by_position(table, [role for role in columns if role != "time"])
+    missing = [role for role in columns if role != "time" and role not in chosen]
     if missing:
         options = " and ".join(f"--{role}" for role in missing)
         raise InputError.at(
@@ -153,17 +180,17 @@ def _recognised(table: Table, role: str, free: list[int]) -> int | None:
     return found[0] if found else None
 
 
-def _by_position(table: Table) -> dict[str, int]:
-    """Time, drive, response in a nameless file of three columns, drive and response in one of two.
+def _by_position(table: Table, signals: Sequence[str]) -> dict[str, int]:
+    """The signals, such as drive and response, in a nameless file of just them, or after a time.
 
     Nothing where neither fits.
     """
-    if table.width == 2:
-        return {"input": 0, "output": 1}
-    if table.width == 3:
+    if table.width == len(signals):
+        return {role: column for column, role in enumerate(signals)}
+    if table.width == len(signals) + 1:
         steps = np.diff(table.numbers(0))
         if len(steps) and _uniform(steps).all():
-            return {"time": 0, "input": 1, "output": 2}
+            return {role: column for column, role in enumerate(("time", *signals))}
     return {}
 
 

@@ -24,7 +24,7 @@ class Grid(eqx.Module):
     history: History = eqx.field(static=True, default="constant")
 
 
-# A staircase has few changes and long holds; a sampled ramp or sine changes at almost every sample.
+# A staircase changes rarely, and from one sample to the next; a ramp's changes follow each other.
 _STAIRCASE_SHARE = 0.05
 _INTERPOLATORS = {
     "linear": lambda t, u: interp1d(t, u),
@@ -35,7 +35,8 @@ _INTERPOLATORS = {
 
 def _is_staircase(drive: np.ndarray) -> bool:
     changes = np.abs(np.diff(drive)) > 1e-9 * np.ptp(drive)
-    return bool(0 < changes.sum() <= _STAIRCASE_SHARE * drive.size)
+    isolated = not np.any(changes[1:] & changes[:-1])
+    return bool(0 < changes.sum() <= _STAIRCASE_SHARE * drive.size) and isolated
 
 
 def interpolate(drive: np.ndarray, oversampling: int) -> tuple[np.ndarray, str]:

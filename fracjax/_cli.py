@@ -1,0 +1,792 @@
+"""The command line: reads, calls the package, writes what it found, and says it plainly.
+
+Whatever takes long to import is imported by the command that needs it, so that help is instant.
+"""
+
+from __future__ import annotations
+
+import json
+import logging
+import os
+import re
+import sys
+import time
+import warnings
+from collections.abc import Callable, Iterator, Sequence
+from contextlib import contextmanager, suppress
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from . import __version__
+
+if TYPE_CHECKING:
+    import numpy as np
+
+    from ._blocks import AbstractBlock
+    from ._diagnose import Diagnosis
+    from ._fit import Fit
+    from ._models import Model
+    from ._operators._grid import History
+    from ._recording import Recording
+
+UNUSABLE, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
+_SIMULATION_ERROR = 1e-4
+_FINEST = 32
+_OPENINGS = {"V": "voltage", "A": "current", "m": "displacement", "N": "force"}
+
+Progress = Callable[[str], None]
+
+
+def main() -> None:
+    """The program `fracjax`."""
+    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
+    logging.getLogger("jax").setLevel(logging.ERROR)
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+    sys.exit(run())
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit status; what went wrong is one sentence on stderr."""
+    saved: list[Path] = []
+    try:
+        return cli.main(arguments, prog_name="fracjax", standalone_mode=False, obj=saved) or 0
+    except click.Abort:
+        kept = f"kept {', '.join(map(str, saved))}" if saved else "nothing had been written yet"
+        return _fail(f"Interrupted; {kept}.", INTERRUPTED)
+    except click.ClickException as error:
+        context = getattr(error, "ctx", None)
+        command = context.command_path if context else "fracjax"
+        message = " ".join(error.format_message().split()).rstrip(".?").replace(". ", "; ")
+        return _fail(f"{command}: {message}; see {command} --help.", UNUSABLE)
+    except OSError as error:
+        place, reason = error.filename or "output", (error.strerror or str(error)).lower()
+        return _fail(
+            f"{place}: expected a place that can be written, found {reason}; choose another.",
+            UNUSABLE,
+        )
+    except ValueError as error:
+        from ._recording import InputError
+
+        if not isinstance(error, InputError):
+            raise
+        return _fail(f"{str(error).rstrip('.')}.", UNUSABLE)
+
+
+def _fail(sentence: str, status: int) -> int:
+    print(sentence, file=sys.stderr)
+    return status
+
+
+# Options ------------------------------------------------------------------------------------------
+
+
+def _options(*options: Callable) -> Callable:
+    """Several options as one decorator."""
+
+    def decorate(command: Callable) -> Callable:
+        for option in reversed(options):
+            command = option(command)
+        return command
+
+    return decorate
+
+
+_quiet = click.option("--quiet", is_flag=True, help="Show no progress and no summary.")
+_json = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+_seed = click.option("--seed", type=int, default=0, show_default=True, help="Of random starts.")
+_time = click.option("--time", metavar="COLUMN", help="The time: a name, or an index from 0.")
+_input = click.option("--input", metavar="COLUMN", help="The drive, likewise.")
+_output = click.option("--output", metavar="COLUMN", help="The response, likewise.")
+_rate = click.option("--rate", metavar="200Hz", help="Needed where there is no time column.")
+_input_unit = click.option("--input-unit", metavar="V", help="Unit of the drive.")
+_output_unit = click.option("--output-unit", metavar="um", help="Unit of the response.")
+_reading = _options(_time, _input, _output, _rate, _input_unit, _output_unit)
+_history = click.option(
+    "--history",
+    type=click.Choice(["auto", "rest", "constant", "periodic"]),
+    default="auto",
+    show_default=True,
+    help="What the drive did before the first sample.",
+)
+_settle = click.option(
+    "--settle", metavar='"1 s"', help="Leave out the first samples, whose memory is unknown."
+)
+_recordings = click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...")
+_folder_option = click.option(
+    "--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="For the results."
+)
+
+
+@click.group(
+    context_settings={"help_option_names": ["-h", "--help"]},
+    no_args_is_help=False,
+    epilog='Completion of words: eval "$(_FRACJAX_COMPLETE=bash_source fracjax)", or zsh_source, '
+    "fish_source.",
+)
+@click.version_option(__version__, prog_name="fracjax")
+def cli() -> None:
+    """What a simulation of an actuator left out, and by how much."""
+
+
+# fit ----------------------------------------------------------------------------------------------
+
+
+@cli.command("fit")
+@_recordings
+@click.option("--model", "names", multiple=True, required=True, help="Once or more; see `models`.")
+@_folder_option
+@_options(_reading, _history, _settle, _seed, _quiet, _json)
+@click.pass_obj
+def fit_command(
+    saved: list[Path],
+    recordings: tuple[str, ...],
+    names: tuple[str, ...],
+    out: Path,
+    history: str,
+    settle: str | None,
+    seed: int,
+    quiet: bool,
+    as_json: bool,
+    **columns: str | None,
+) -> int:
+    """Fit models to recordings, jointly where there are several.
+
+    Writes fit.json (of the best model by BIC), report.html and, for several models, one
+    fit_MODEL.json each.
+    """
+    taken, models = _understood(recordings, names, columns)
+    settling = _samples(settle, taken)
+    from ._fit import fit
+    from ._report import write_report
+    from ._report._text import file_name, fit_sentence, key_figures, ranked
+
+    _cache_compilations()
+    with _folder(out):
+        fits = []
+        with _stages(quiet) as progress:
+            for model in models:
+                found = fit(
+                    model,
+                    taken,
+                    history=_known(history),
+                    settling=settling,
+                    seed=seed,
+                    progress=progress,
+                )
+                fits.append(found)
+                if len(models) > 1:
+                    _save(found.save, out / f"fit_{file_name(model.name)}.json", saved)
+            progress("writing the report")
+            best = [found for found, _ in ranked(fits)]
+            _save(best[0].save, out / "fit.json", saved)
+            _save(lambda path: write_report(fits, path), out / "report.html", saved)
+    if as_json:
+        print(json.dumps(_fits_as_data(ranked(fits)), indent=1))
+    elif not quiet:
+        notes = [note for found in best for note in _doubts(found)]
+        _summary(fit_sentence(best), key_figures(best), notes, saved)
+    return _status(fits, out)
+
+
+def _fits_as_data(fits: Sequence[tuple[Fit, float]]) -> dict:
+    best = fits[0][0].to_dict()
+    if len(fits) == 1:
+        return best
+    rows = [{"bic": bic, **found.to_dict()} for found, bic in fits]
+    return {"schema": "fracjax.comparison/1", "best": best["model"], "fits": rows}
+
+
+# diagnose -----------------------------------------------------------------------------------------
+
+
+@cli.command("diagnose")
+@_recordings
+@click.option("--model", "name", required=True, help="The model to be questioned; see `models`.")
+@_folder_option
+@click.option("--holdout", metavar="FILE", help="A recording that no fit sees.")
+@click.option("--repeat", metavar="FILE", help="The same drive again, for the noise floor.")
+@click.option("--noise", metavar='"0.07 um"', help="The sensor's noise, rms, as specified.")
+@_options(_reading, _history, _settle, _seed, _quiet, _json)
+@click.pass_obj
+def diagnose_command(
+    saved: list[Path],
+    recordings: tuple[str, ...],
+    name: str,
+    out: Path,
+    holdout: str | None,
+    repeat: str | None,
+    noise: str | None,
+    history: str,
+    settle: str | None,
+    seed: int,
+    quiet: bool,
+    as_json: bool,
+    **columns: str | None,
+) -> int:
+    """Say whether, where and why a model and recordings differ.
+
+    Writes diagnosis.json, report.html and fit.json, the model with what was found.
+    """
+    from ._io import read
+
+    taken, (model,) = _understood(recordings, [name], columns)
+    options: dict[str, Any] = {
+        "holdout": holdout and read(holdout, **columns),
+        "repeat": repeat and read(repeat, **columns),
+        "noise": noise and _specification(noise, taken[0].response_unit),
+        "history": _known(history),
+        "settling": _samples(settle, taken),
+        "seed": seed,
+    }
+    with _folder(out), _stages(quiet) as progress:
+        diagnosis = _diagnosed(model, taken, out, saved, progress, options)
+    return _concluded(diagnosis, out, saved, quiet, as_json)
+
+
+@cli.command("demo")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("fracjax-demo"),
+    show_default=True,
+    metavar="DIR",
+    help="For the results.",
+)
+@_options(_quiet, _json)
+@click.pass_obj
+def demo_command(saved: list[Path], out: Path, quiet: bool, as_json: bool) -> int:
+    """Diagnose a shipped recording with a concealed effect."""
+    from importlib.resources import as_file, files
+
+    from ._io import read
+
+    with as_file(files("fracjax") / "_demo") as folder:
+        training, held_out = (read(folder / f"{name}.csv") for name in ("training", "heldout"))
+    model = _models_for(["foh"], [training])[0]
+    began = time.perf_counter()
+
+    def told(sentence: str) -> None:
+        if not (quiet or as_json):
+            print(f"{time.perf_counter() - began:6.1f} s  {sentence}", flush=True)
+
+    with _folder(out):
+        diagnosis = _diagnosed(model, [training], out, saved, told, {"holdout": held_out})
+    return _concluded(diagnosis, out, saved, quiet, as_json)
+
+
+def _diagnosed(
+    model: Model,
+    recordings: list[Recording],
+    out: Path,
+    saved: list[Path],
+    progress: Progress,
+    options: dict[str, Any],
+) -> Diagnosis:
+    """The diagnosis, saved."""
+    from ._diagnose import diagnose
+    from ._report import write_report
+
+    _cache_compilations()
+    diagnosis = diagnose(model, recordings, progress=progress, **options)
+    progress("writing the report")
+    _save(diagnosis.save, out / "diagnosis.json", saved)
+    _save((diagnosis.extended or diagnosis.base).save, out / "fit.json", saved)
+    _save(lambda path: write_report(diagnosis, path), out / "report.html", saved)
+    return diagnosis
+
+
+def _concluded(
+    diagnosis: Diagnosis, out: Path, saved: list[Path], quiet: bool, as_json: bool
+) -> int:
+    """Print a diagnosis and return the exit status."""
+    from ._report._text import key_figures
+
+    fits = [diagnosis.base] + ([diagnosis.extended] if diagnosis.extended else [])
+    if as_json:
+        print(json.dumps(diagnosis.to_dict(), indent=1))
+    elif not quiet:
+        notes = [diagnosis.where, *(note for found in fits for note in _doubts(found))]
+        if diagnosis.next_experiment:
+            notes.append(f"Next: {diagnosis.next_experiment.sentence}")
+        _summary(diagnosis.sentence, key_figures(diagnosis), notes, saved)
+    return _status(fits, out)
+
+
+# simulate -----------------------------------------------------------------------------------------
+
+
+@cli.command("simulate")
+@click.argument("drive")
+@click.option("--model", "name", help="A model at its nominal parameters; see `models`.")
+@click.option("--fit", "fitted", metavar="FILE", help="A fit.json.")
+@click.option(
+    "--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="A CSV file."
+)
+@_options(_time, _input, _rate, _input_unit, _output_unit, _history, _quiet, _json)
+@click.pass_obj
+def simulate_command(
+    saved: list[Path],
+    drive: str,
+    name: str | None,
+    fitted: str | None,
+    out: Path,
+    output_unit: str | None,
+    history: str,
+    quiet: bool,
+    as_json: bool,
+    **columns: str | None,
+) -> int:
+    """Simulate a model's response to a recorded drive.
+
+    The file need not hold a response.
+    """
+    import numpy as np
+
+    from ._io import read_drive, write_text
+    from ._models import parse_model
+
+    if (name is None) == (fitted is None):
+        raise click.UsageError("Give either --model or --fit")
+    samples, step, drive_unit = read_drive(drive, **columns)
+    if fitted is None:
+        model, response_unit = parse_model(name or ""), output_unit or "um"
+    else:
+        model, samples, drive_unit, response_unit = _fitted(fitted, samples, drive_unit)
+    _cache_compilations()
+    with _stages(quiet) as progress:
+        progress(f"simulating {model.name}")
+        response, error = _simulated(model, samples, step, _known(history) or "constant")
+    signals = {"time_s": step * np.arange(len(samples))}
+    signals |= {_head("drive", drive_unit): samples, _head("response", response_unit): response}
+    write_text(out, signals)
+    saved.append(out)
+    sentence = (
+        f"{model.name} was simulated over {len(samples)} samples; discretisation changes the "
+        f"response by {100 * error:.2g} % of its span."
+    )
+    if as_json:
+        span = [float(response.min()), float(response.max())]
+        told = {"schema": "fracjax.simulation/1", "model": model.name, "file": str(out)}
+        told |= {"samples": len(samples), "range": span, "unit": response_unit, "error": error}
+        print(json.dumps(told, indent=1))
+    elif not quiet:
+        _summary(sentence, ([], []), [], saved)
+    if not error <= 1e-2:
+        return _fail(
+            f"The simulation of {model.name} did not converge as its grid was refined; its finest "
+            f"result was saved in {out}.",
+            NOT_CONVERGED,
+        )
+    return 0
+
+
+def _fitted(path: str, drive: np.ndarray, drive_unit: str) -> tuple[Model, np.ndarray, str, str]:
+    """A fitted model, the drive in the unit it was fitted in, and both units."""
+    from ._fit import load_model
+    from ._recording import parse_quantity
+
+    model = load_model(path)
+    units = json.loads(Path(path).read_text(encoding="utf-8"))["units"]
+    scale = parse_quantity(f"1 {drive_unit}", units["drive"], "drive")
+    return model, drive * scale, units["drive"], units["response"]
+
+
+def _simulated(
+    model: Model, drive: np.ndarray, step: float, history: History
+) -> tuple[np.ndarray, float]:
+    """The response on the samples, and what the last halving of the step changed of its span."""
+    import equinox as eqx
+    import jax
+    import numpy as np
+
+    from ._operators import Grid, interpolate
+
+    def respond(block: AbstractBlock, oversampling: int) -> np.ndarray:
+        if history == "periodic":
+            fine = interpolate(np.append(drive, drive[0]), oversampling)[0][:-1]
+        else:
+            fine = interpolate(drive, oversampling)[0]
+        grid = Grid(np.asarray(step / oversampling), history)
+        return np.asarray(eqx.filter_jit(block)(jax.numpy.asarray(fine), grid))[::oversampling]
+
+    with jax.enable_x64(True):
+        oversampling, error = 2, np.inf
+        response = respond(model.block, oversampling)
+        while not error <= _SIMULATION_ERROR and oversampling < _FINEST:
+            oversampling *= 2
+            coarse, response = response, respond(model.block, oversampling)
+            error = float(np.abs(response - coarse).max() / max(np.ptp(response), 1e-300))
+    return response, error
+
+
+def _head(role: str, unit: str) -> str:
+    """A column's name that says its unit: voltage_V, displacement_um, or drive [V/um]."""
+    plain = re.fullmatch(r"[numkµμ]?([VAmN])", unit)
+    return f"{_OPENINGS[plain[1]]}_{unit}" if plain else f"{role} [{unit}]"
+
+
+# info, models, effects ----------------------------------------------------------------------------
+
+
+@cli.command("info")
+@click.argument("recording")
+@_options(_reading, _json)
+def info_command(recording: str, as_json: bool, **columns: str | None) -> None:
+    """Say what was understood of a recording."""
+    from ._io import read
+    from ._report._description import describe
+
+    told = describe(read(recording, **columns))
+    if as_json:
+        print(json.dumps(told, indent=1))
+    else:
+        _table([], _info_rows(told))
+        for warning in told["warnings"]:
+            print(f"Warning: {warning}")
+
+
+def _info_rows(told: dict[str, Any]) -> list[list[str]]:
+    from ._report._text import figure, pretty_unit, quantity
+
+    def extent(signal: dict) -> str:
+        return f"{figure(signal['low'], 4)} to {quantity(signal['high'], signal['unit'])}"
+
+    drive, period, rests, noise = told["drive"], told["period"], told["rests_s"], told["noise"]
+    rows = [
+        ["source", told["source"]],
+        ["samples", f"{told['samples']} at {told['rate_Hz']:.6g} Hz, {told['duration_s']:.6g} s"],
+        [
+            "drive",
+            f"{extent(drive)}, {drive['kind']}, up to {figure(drive['top_frequency_Hz'])} Hz",
+        ],
+        ["response", extent(told["response"])],
+    ]
+    if period is None:
+        rows.append(["period", "none found that repeats three times"])
+    else:
+        rows.append(
+            [
+                "period",
+                f"{period['seconds']:.4g} s, {period['repeats']:.4g} repeats from "
+                f"{period['from_s']:.4g} to {period['to_s']:.4g} s",
+            ]
+        )
+        opening = figure(told["loop_opening_percent"])
+        rows.append(["loop opening", f"{opening} % of the response's span"])
+    held = sum(stop - start for start, stop in rests)
+    rows.append(["rests", f"{len(rests)}, {held:.3g} s in all" if rests else "none"])
+    if noise is None:
+        unit = pretty_unit(told["response"]["unit"])
+        rows.append(["noise floor", f"not to be seen here; give diagnose --noise in {unit}"])
+    else:
+        source = {"repeats": "from repeats", "static": "at rest"}[noise["method"]]
+        rows.append(["noise floor", f"{quantity(noise['sigma'], noise['unit'])}, {source}"])
+    return rows
+
+
+@cli.command("models")
+@_json
+def models_command(as_json: bool) -> None:
+    """List the models with their equations and parameters."""
+    from ._models import MODELS
+
+    listed = [_law(name, make()) for name, make in MODELS.items()]
+    if as_json:
+        print(json.dumps(listed, indent=1))
+        return
+    _table(
+        ["model", "what it is", "equation", "parameters"],
+        [
+            [
+                law["name"],
+                law["sentence"],
+                law["equation"],
+                "\n".join(
+                    f"{p['name']} [{p['unit']}]" if p["unit"] != "1" else p["name"]
+                    for p in law["parameters"]
+                ),
+            ]
+            for law in listed
+        ],
+    )
+    print('Models and effects are joined in series by >> and in parallel by +: "foh >> creep".')
+
+
+def _law(name: str, block: AbstractBlock) -> dict[str, Any]:
+    """A model as plain data, its words those of its blocks' docstrings."""
+    import inspect
+
+    parts = _parts(block)
+    lines = [inspect.cleandoc(type(part).__doc__ or "").splitlines() for part in parts]
+    equations = [line.strip() for part in lines for line in part if line.startswith("    ")]
+    openings = [re.sub(r" \[[FL][^]]*\]", "", part[0]).rstrip(":.") for part in lines]
+    return {
+        "name": name,
+        "sentence": "; then ".join(openings),
+        "equation": "\n".join(equations),
+        "parameters": _parameters(block),
+    }
+
+
+def _parts(block: AbstractBlock) -> list[AbstractBlock]:
+    """The laws that a composition holds, in order."""
+    from ._blocks._block import LinearParallel, LinearSeries, Parallel, Series
+
+    if isinstance(block, Series | LinearSeries | Parallel | LinearParallel):
+        return _parts(block.first) + _parts(block.second)
+    return [block]
+
+
+def _parameters(block: AbstractBlock) -> list[dict[str, Any]]:
+    """A block's free parameters as plain data; of a vector the widest range, None for any."""
+    import numpy as np
+
+    from ._parameters import named_parameters
+
+    rows = []
+    for name, parameter in named_parameters(block).items():
+        if not parameter.fixed:
+            low, high = (f(p) for f, p in zip((np.min, np.max), parameter.plausible, strict=True))
+            plausible = [float(low), float(high)] if np.isfinite(high - low) else None
+            rows.append({"name": name, "unit": parameter.unit, "plausible": plausible})
+    return rows
+
+
+@cli.command("effects")
+@click.argument("name", required=False)
+@_json
+def effects_command(name: str | None, as_json: bool) -> None:
+    """List the effects that diagnose knows, or tell all about one."""
+    from ._blocks import EFFECTS
+    from ._recording import InputError
+
+    if name is not None and name not in EFFECTS:
+        raise InputError(
+            f'effect "{name}": expected one of {", ".join(EFFECTS)}, found none of that name; '
+            "correct it"
+        )
+    listed = [_effect(key) for key in ([name] if name else EFFECTS)]
+    if as_json:
+        print(json.dumps(listed[0] if name else listed, indent=1))
+    elif name is None:
+        _table(
+            ["effect", "inserted at", "equation", "what it is"],
+            [[e["name"], e["site"], e["equation"], e["sentence"]] for e in listed],
+        )
+    else:
+        _table([], _effect_rows(listed[0]))
+
+
+def _effect(name: str) -> dict[str, Any]:
+    """A catalogue entry as plain data; ranges are those for a stack of common size."""
+    from ._blocks import EFFECTS
+    from ._models import _ORDINARY
+
+    effect = EFFECTS[name]
+    fields = ("name", "site", "sentence", "equation", "separated_by", "concealed_by", "source")
+    return {field: getattr(effect, field) for field in fields} | {
+        "parameters": _parameters(effect.trials(_ORDINARY)[0])
+    }
+
+
+def _effect_rows(effect: dict[str, Any]) -> list[list[str]]:
+    from ._report._text import figure, pretty_unit, quantity
+
+    parameters = [
+        f"{p['name']}: {figure(p['plausible'][0])} to {quantity(p['plausible'][1], p['unit'])}"
+        if p["plausible"]
+        else f"{p['name']}: any {pretty_unit(p['unit'])}"
+        for p in effect["parameters"]
+    ]
+    look_alikes = [f"{other}: told apart by {how}" for other, how in effect["separated_by"].items()]
+    return [
+        ["effect", effect["name"]],
+        ["what it is", effect["sentence"]],
+        ["equation", effect["equation"]],
+        ["inserted at", effect["site"]],
+        ["plausible", "\n".join(parameters)],
+        ["look-alikes", "\n".join(look_alikes) or "none"],
+        ["concealed by", effect["concealed_by"]],
+        ["source", effect["source"]],
+    ]
+
+
+# Input --------------------------------------------------------------------------------------------
+
+
+def _understood(
+    paths: Sequence[str], names: Sequence[str], columns: dict[str, str | None]
+) -> tuple[list[Recording], list[Model]]:
+    """The recordings and models that a call names."""
+    from ._io import read
+
+    recordings = [read(path, **columns) for path in paths]
+    return recordings, _models_for(list(dict.fromkeys(names)), recordings)
+
+
+def _models_for(names: Sequence[str], recordings: list[Recording]) -> list[Model]:
+    from ._fit._problem import setting_of
+    from ._models import parse_model
+
+    setting = setting_of(recordings)
+    return [parse_model(name, setting) for name in names]
+
+
+def _known(history: str) -> History | None:
+    """The history that the call states, None where the data shall decide."""
+    return None if history == "auto" else history  # type: ignore[return-value]
+
+
+def _samples(settle: str | None, recordings: list[Recording]) -> int | None:
+    """A settling time in samples."""
+    from ._recording import MINIMUM_SAMPLES, InputError, parse_quantity
+
+    if settle is None:
+        return None
+    samples = round(parse_quantity(settle, "s", "--settle") / recordings[0].dt)
+    shortest = min(recordings, key=len)
+    longest = (len(shortest) - MINIMUM_SAMPLES) * shortest.dt
+    if not 0 <= samples <= len(shortest) - MINIMUM_SAMPLES:
+        raise InputError.at(
+            "--settle", f"a time from 0 to {longest:.4g} s", f'"{settle}"', "shorten it"
+        )
+    return samples
+
+
+def _specification(noise: str, unit: str) -> float:
+    """The sensor's noise in the response's unit."""
+    from ._recording import InputError, parse_quantity
+
+    sigma = parse_quantity(noise, unit, "--noise")
+    if sigma <= 0:
+        raise InputError.at("--noise", "a level above 0", f'"{noise}"', "give the rms noise")
+    return sigma
+
+
+def _cache_compilations() -> None:
+    """Keep compiled programs from one run to the next, where the environment does not say how."""
+    if "JAX_COMPILATION_CACHE_DIR" in os.environ:
+        return
+    import jax
+    import platformdirs
+
+    folder = platformdirs.user_cache_path("fracjax") / "xla"
+    jax.config.update("jax_compilation_cache_dir", str(folder))
+    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+
+
+# Output -------------------------------------------------------------------------------------------
+
+
+@contextmanager
+def _folder(path: Path) -> Iterator[None]:
+    """A folder for results, taken away again if the work fails before anything is in it."""
+    created = [place for place in (path, *path.parents) if not place.exists()]
+    path.mkdir(parents=True, exist_ok=True)
+    try:
+        probe = path / ".part"
+        probe.touch()
+        probe.unlink()
+        yield
+    except BaseException:
+        with suppress(OSError):
+            for place in created:
+                place.rmdir()
+        raise
+
+
+def _save(write: Callable[[Path], None], path: Path, saved: list[Path]) -> None:
+    """Write a file whole or not at all, and note it."""
+    part = path.with_name(f".{path.name}.part")
+    try:
+        write(part)
+        part.replace(path)
+    finally:
+        part.unlink(missing_ok=True)
+    saved.append(path)
+
+
+@contextmanager
+def _stages(quiet: bool) -> Iterator[Progress]:
+    """Stages with a spinner and the time each took, where someone watches stderr."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda sentence: None
+        return
+    from rich.console import Console
+    from rich.progress import Progress as Bars
+    from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
+
+    columns = SpinnerColumn(finished_text=" "), TextColumn("{task.description}", markup=False)
+    with Bars(*columns, TimeElapsedColumn(), console=Console(stderr=True)) as bars:
+
+        def finish() -> None:
+            for task in bars.task_ids:
+                bars.update(task, completed=1)
+
+        def begin(sentence: str) -> None:
+            finish()
+            bars.add_task(sentence, total=1)
+
+        yield begin
+        finish()
+
+
+def _doubts(fit: Fit) -> list[str]:
+    """What the data do not determine, by name."""
+    unknown = [e.name for e in fit.estimates if not e.identified]
+    bound = [e.name for e in fit.estimates if e.at_bound]
+    return [
+        f"{fit.model.name}: {text}."
+        for text, found in (
+            (f"this recording does not identify {', '.join(unknown)}", unknown),
+            (f"ended on its bound: {', '.join(bound)}", bound),
+            (f"known only together: {'; '.join(fit.correlated)}", fit.correlated),
+        )
+        if found
+    ]
+
+
+def _summary(
+    sentence: str,
+    table: tuple[list[str], list[list[str]]],
+    notes: Sequence[str],
+    saved: Sequence[Path],
+) -> None:
+    """The plain sentence, the key figures, what to mind, and where everything is."""
+    from rich.console import Console
+
+    Console(markup=False, highlight=False).print(sentence, style="bold", soft_wrap=True)
+    if table[1]:
+        _table(*table)
+    for note in notes:
+        print(note)
+    print("Written: " + ", ".join(map(str, saved)))
+
+
+def _table(heads: list[str], rows: list[list[str]]) -> None:
+    """A table on stdout, without heads a list of facts; as wide as the terminal, else 120."""
+    from rich import box
+    from rich.console import Console
+    from rich.table import Table
+
+    table = Table(box=box.SIMPLE_HEAD, show_header=bool(heads), show_edge=False, pad_edge=False)
+    for head in heads or rows[0]:
+        table.add_column(head)
+    for row in rows:
+        table.add_row(*row)
+    width = None if sys.stdout.isatty() else 120
+    Console(markup=False, emoji=False, highlight=False, width=width).print(table)
+
+
+def _status(fits: Sequence[Fit], out: Path) -> int:
+    """0, or 3 and a sentence where a fit did not converge."""
+    failed = [fit.model.name for fit in fits if not fit.converged]
+    if not failed:
+        return 0
+    return _fail(
+        f"The fit of {' and '.join(failed)} did not converge; its best point was saved in {out}.",
+        NOT_CONVERGED,
+    )

@@ -1,0 +1,181 @@
+"""The report: a result as one self-contained HTML file."""
+
+from __future__ import annotations
+
+import base64
+import json
+from collections.abc import Sequence
+from importlib.resources import files
+from pathlib import Path
+from typing import Any
+
+import jinja2
+from markupsafe import Markup
+
+from .._blocks import EFFECTS
+from .._diagnose import Candidate, Diagnosis
+from .._fit import Fit
+from . import _figures
+from ._text import (
+    estimate_row,
+    figure,
+    file_name,
+    fit_sentence,
+    key_figures,
+    noise_of,
+    noise_text,
+    opening,
+    p_value,
+    percent,
+    quantity,
+    ranked,
+    sources,
+)
+
+_MOST_MODELS = 4
+_MOST_RECORDINGS = 3
+_BADGES = {
+    "none": "nothing missing beyond noise",
+    "missing": "physics missing",
+    "confusable": "physics missing, not told apart",
+    "unexplained": "mismatch without a name",
+}
+
+
+def write_report(result: Fit | Diagnosis | Sequence[Fit], path: str | Path) -> None:
+    """Write a fit, a comparison of fits or a diagnosis as one HTML file, readable offline."""
+    environment = jinja2.Environment(
+        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
+    )
+    environment.filters.update(figure=figure, opening=opening, percent=percent, quantity=quantity)
+    template = files("fracjax._report").joinpath("report.html.jinja").read_text(encoding="utf-8")
+    if isinstance(result, Diagnosis):
+        content = _of_diagnosis(result)
+    else:
+        content = _of_fits([result] if isinstance(result, Fit) else list(result))
+    page = environment.from_string(template).render(content)
+    Path(path).write_text(page, encoding="utf-8")
+
+
+def _of_fits(fits: Sequence[Fit]) -> dict[str, Any]:
+    best_first = [fit for fit, _ in ranked(fits)]
+    downloads = [
+        _download(f"fit_{file_name(fit.model.name)}.json", fit.to_dict()) for fit in best_first
+    ]
+    converged = all(fit.converged for fit in fits)
+    return {
+        **_common(best_first, best_first),
+        "title": f"Fit of {sources(fits[0])}",
+        "sentence": fit_sentence(best_first),
+        "badge": "converged" if converged else "not converged",
+        "verdict": "none" if converged else "unexplained",
+        "facts": [("Noise floor", noise_text(noise_of(best_first[0])))],
+        "warnings": _warnings(best_first),
+        "diagnosis": None,
+        "downloads": downloads,
+    }
+
+
+def _of_diagnosis(diagnosis: Diagnosis) -> dict[str, Any]:
+    fits = [fit for fit in (diagnosis.base, diagnosis.extended) if fit is not None]
+    names = [fit.model.name for fit in fits]
+    return {
+        **_common(fits, diagnosis),
+        "title": f"Diagnosis of {sources(diagnosis.base)}",
+        "sentence": diagnosis.sentence,
+        "badge": _BADGES[diagnosis.verdict],
+        "verdict": diagnosis.verdict,
+        "facts": [
+            ("Noise floor", noise_text(diagnosis.noise)),
+            ("Discretisation error over noise", figure(diagnosis.numerics)),
+            ("Chance of such a residual from noise alone", p_value(diagnosis.p_value)),
+        ],
+        "warnings": diagnosis.warnings,
+        "diagnosis": diagnosis,
+        "groups": _groups(diagnosis),
+        "largest_score": max(candidate.score for candidate in diagnosis.candidates),
+        "effects": [
+            (effect, EFFECTS[effect.name], [estimate_row(e) for e in effect.parameters])
+            for effect in diagnosis.effects
+        ],
+        "places": _figures.places(diagnosis.axes),
+        "hidden": _figures.hidden(diagnosis.candidates, diagnosis.noise),
+        "held_out": _figures.held_out(diagnosis.held_out, names, diagnosis.noise),
+        "unit": diagnosis.noise.unit,
+        "downloads": [
+            _download("diagnosis.json", diagnosis.to_dict()),
+            *(_download(f"fit_{file_name(fit.model.name)}.json", fit.to_dict()) for fit in fits),
+        ],
+    }
+
+
+def _common(fits: Sequence[Fit], result: Diagnosis | Sequence[Fit]) -> dict[str, Any]:
+    """What the reports of fits and diagnoses share."""
+    drawn, noise = fits[:_MOST_MODELS], noise_of(fits[0])
+    takes = fits[0].preparation.takes
+    heads, rows = key_figures(result)
+    return {
+        "heads": heads,
+        "rows": rows,
+        "recordings": [
+            {
+                "source": take.recording.source,
+                "loops": _figures.loops(drawn, index, noise),
+                "series": _figures.series(drawn, index),
+                "residuals": _figures.residuals(drawn, index, noise),
+            }
+            for index, take in enumerate(takes[:_MOST_RECORDINGS])
+        ],
+        "undrawn": max(0, len(takes) - _MOST_RECORDINGS),
+        "models": [
+            {
+                "name": fit.model.name,
+                "estimates": [estimate_row(e) for e in fit.estimates],
+                "correlated": fit.correlated,
+                "assumptions": _assumptions(fit),
+            }
+            for fit in fits
+        ],
+    }
+
+
+def _assumptions(fit: Fit) -> list[str]:
+    """What the figures rest on, a sentence for each recording and one for the grid."""
+    sentences = {
+        "rest": "at zero drive",
+        "constant": "the first value of the drive, held for ever",
+        "periodic": "the same steady cycles",
+    }
+    found = []
+    for take in fit.preparation.takes:
+        name, count = Path(take.recording.source).name, len(take.recording)
+        counted = f"all {count} samples count"
+        if take.settling:
+            counted = (
+                f"the first {take.settling} of {count} samples, of unknown memory, do not count"
+            )
+        found.append(f"{name}: before the first sample {sentences[take.history]}; {counted}.")
+    return [*found, f"Simulated on a grid {fit.preparation.oversampling} times finer than sampled."]
+
+
+def _warnings(fits: Sequence[Fit]) -> list[str]:
+    takes = fits[0].preparation.takes
+    noted = [w for take in takes for w in (*take.recording.warnings, *take.recording.checks())]
+    failed = [f"The fit of {fit.model.name} did not converge." for fit in fits if not fit.converged]
+    return noted + failed
+
+
+def _groups(diagnosis: Diagnosis) -> list[tuple[bool, list[Candidate]]]:
+    """What was named, each with its look-alikes in one bracket, then the others as ranked."""
+    by_name = {candidate.name: candidate for candidate in diagnosis.candidates}
+    groups: list[tuple[bool, list[Candidate]]] = []
+    for effect in diagnosis.effects:
+        together = [by_name.pop(n) for n in (effect.name, *effect.confusable_with) if n in by_name]
+        groups.append((len(together) > 1, together))
+    return [*groups, (False, list(by_name.values()))]
+
+
+def _download(name: str, content: dict) -> dict[str, str]:
+    """A file that the page carries with it."""
+    encoded = base64.b64encode(json.dumps(content, indent=1).encode()).decode()
+    return {"name": name, "href": Markup(f"data:application/json;base64,{encoded}")}

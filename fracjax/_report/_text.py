@@ -1,0 +1,165 @@
+"""Results in words and figures, the same in the terminal and in the report."""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Sequence
+from math import floor, isfinite, log, log10
+from pathlib import Path
+
+import numpy as np
+
+from .._diagnose import Diagnosis
+from .._fit import Estimate, Fit, Noise
+
+_METHODS = {
+    "repeats": "from repeats",
+    "static": "at rest",
+    "specification": "as specified",
+    "residual": "from the residual itself",
+}
+
+
+def figure(value: float | None, digits: int = 3) -> str:
+    """A number to so many significant digits, a dash where there is none."""
+    if value is None:
+        return "–"
+    return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.{digits}g}"
+
+
+def p_value(p: float) -> str:
+    """A p-value, as far as one can be told from 0."""
+    return "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"
+
+
+def opening(sentence: str) -> str:
+    """A sentence with its first letter in upper case, the others as they are."""
+    return sentence[:1].upper() + sentence[1:]
+
+
+def percent(share: float | None) -> str:
+    """A share of 1 in per cent; 100 only where it is the whole."""
+    if share is None:
+        return "–"
+    return "> 99.9 %" if 0.9995 <= share < 1 else f"{100 * share:.3g} %"
+
+
+def pretty_unit(unit: str) -> str:
+    """A unit as it is printed: µm for um, V·s for V*s, nothing for 1."""
+    spelt = re.sub(r"\bu(?=[mVANs]\b)", "µ", unit).replace("**", "^").replace("^2", "²")
+    spelt = spelt.replace("*", "·")
+    return "" if spelt == "1" else spelt
+
+
+def quantity(value: float | None, unit: str) -> str:
+    """A number with its unit."""
+    return f"{figure(value)} {pretty_unit(unit)}".strip()
+
+
+def noise_of(fit: Fit) -> Noise:
+    """The noise that a fit was weighed by."""
+    noise = fit.preparation.takes[0].noise
+    assert noise is not None  # fit() always ends with a noise model
+    return noise
+
+
+def noise_text(noise: Noise) -> str:
+    """The noise floor and where it was read."""
+    return f"{quantity(noise.sigma, noise.unit)} ({_METHODS[noise.method]})"
+
+
+def sources(fit: Fit) -> str:
+    """The names of the files that were fitted."""
+    return ", ".join(Path(take.recording.source).name for take in fit.preparation.takes)
+
+
+def fit_sentence(fits: Sequence[Fit]) -> str:
+    """What one fit, or the best of several, achieved."""
+    fit, noise = fits[0], noise_of(fits[0])
+    unit = fit.preparation.takes[0].recording.response_unit
+    error = f"{quantity(fit.scores.rmse, unit)} rms (fit {fit.scores.nrmse_percent:.4g} %)"
+    best = "" if len(fits) == 1 else f" best of {len(fits)} models by BIC"
+    if noise.method == "residual":
+        return (
+            f"{fit.model.name} describes {sources(fit)}{best}, with an error of {error}; "
+            "no repeat and no rest shows how much of it is noise."
+        )
+    return (
+        f"{fit.model.name} describes {sources(fit)}{best}, with an error of {error}, "
+        f"{fit.scores.rmse / noise.sigma:.2f} times the noise floor of {noise_text(noise)}."
+    )
+
+
+def file_name(model: str) -> str:
+    """A model's name as part of a file's: foh >> creep becomes foh-then-creep."""
+    return model.replace(" >> ", "-then-").replace(" + ", "-plus-")
+
+
+def ranked(fits: Sequence[Fit]) -> list[tuple[Fit, float]]:
+    """Fits of the same recordings with their BIC, best first.
+
+    Where the noise was taken from the residuals each fit has a noise of its own; then the BIC with
+    that noise unknown, n ln(rmse²) + k ln n, makes them comparable.
+    """
+    if all(noise_of(fit).method != "residual" for fit in fits):
+        return sorted(((fit, fit.scores.bic) for fit in fits), key=lambda pair: pair[1])
+    count = int(sum(take.used.sum() for take in fits[0].preparation.takes))
+
+    def bic(fit: Fit) -> float:
+        free = len(fit.estimates) + len(fit.offsets)
+        return 2 * count * log(fit.scores.rmse) + free * log(count)
+
+    return sorted(((fit, bic(fit)) for fit in fits), key=lambda pair: pair[1])
+
+
+def estimate_row(estimate: Estimate) -> dict[str, str]:
+    """Name, value, 95 % interval, unit and remark of a parameter, without false digits."""
+    if not estimate.identified:
+        value, remark = f"about {estimate.value:.1g}", "not identified by this recording"
+    else:
+        value, remark = _rounded(estimate.value, estimate.standard_error), ""
+    if estimate.at_bound:
+        remark = "; ".join(filter(None, (remark, "ended on its bound")))
+    low, high = (_rounded(end, estimate.standard_error) for end in estimate.interval)
+    return {
+        "name": estimate.name,
+        "value": value,
+        "interval": f"{low} to {high}" if estimate.identified else "–",
+        "unit": pretty_unit(estimate.unit),
+        "remark": remark,
+    }
+
+
+def _rounded(value: float, error: float) -> str:
+    """A value with as many digits as leave two of its error."""
+    if not (isfinite(value) and 0 < error < np.inf) or value == 0:
+        return figure(value)
+    digits = max(1, floor(log10(abs(value))) - floor(log10(error)) + 2)
+    return figure(float(f"{value:.{digits}g}"), digits)
+
+
+def key_figures(result: Diagnosis | Sequence[Fit]) -> tuple[list[str], list[list[str]]]:
+    """Heads and rows of the table of scores: a column for each model."""
+    held_out: list[float | None]
+    if isinstance(result, Diagnosis):
+        fits = [fit for fit in (result.base, result.extended) if fit is not None]
+        held_out = [result.held_out.base_rmse, result.held_out.extended_rmse][: len(fits)]
+        bics = [fit.scores.bic for fit in fits]
+    else:
+        fits, held_out = list(result), []
+        bics = [bic for _, bic in ranked(fits)]
+    noise = noise_of(fits[0])
+    unit = noise.unit
+    scores = [fit.scores for fit in fits]
+    rows = [["RMSE, fitted data", *(quantity(s.rmse, unit) for s in scores)]]
+    if held_out:
+        rows.append(["RMSE, held-out data", *(quantity(rmse, unit) for rmse in held_out)])
+    if noise.method != "residual":
+        rows.append(["RMSE over noise floor", *(figure(s.rmse / noise.sigma) for s in scores)])
+    rows += [
+        ["e_r", *(figure(s.e_r) for s in scores)],
+        ["NRMSE fit", *(f"{s.nrmse_percent:.5g} %" for s in scores)],
+        ["R²", *(f"{s.r_squared:.7g}" for s in scores)],
+        ["BIC", *(f"{bic:.1f}" for bic in bics)],
+    ]
+    return ["", *(fit.model.name for fit in fits)], rows

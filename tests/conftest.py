@@ -1,0 +1,34 @@
+"""What all tests share: float64, the real recordings, and a hypothesis profile that repeats."""
+
+import os
+from collections.abc import Iterator
+from pathlib import Path
+
+import hypothesis
+import jax
+import pytest
+
+ROOT = Path(__file__).resolve().parents[1]
+
+# The layers below the public entry points take float64 as given; the entry points enable it
+# themselves.  Set before a test module is read, so that its module-level arrays have it too.
+jax.config.update("jax_enable_x64", True)
+
+hypothesis.settings.register_profile("fracjax", derandomize=True, deadline=None)
+hypothesis.settings.load_profile("fracjax")
+
+
+@pytest.fixture
+def float32_default() -> Iterator[None]:
+    """JAX as a user finds it: a public entry point must give float64 results all the same."""
+    with jax.enable_x64(False):
+        yield
+
+
+@pytest.fixture(scope="session")
+def data_folder() -> Path:
+    """The folder of real recordings: FRACJAX_DATA, or shared/data beside the repository."""
+    folder = Path(os.environ.get("FRACJAX_DATA") or ROOT.parent / "shared" / "data")
+    if not folder.is_dir():
+        pytest.skip("No real recordings here: set FRACJAX_DATA to a folder that holds them.")
+    return folder

@@ -6,7 +6,6 @@ Whatever takes long to import is imported by the command that needs it, so that 
 from __future__ import annotations
 
 import json
-import logging
 import os
 import re
 import sys
@@ -41,8 +40,6 @@ Progress = Callable[[str], None]
 
 def main() -> None:
     """The program `fracjax`."""
-    os.environ.setdefault("TF_CPP_MIN_LOG_LEVEL", "3")
-    logging.getLogger("jax").setLevel(logging.ERROR)
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     sys.exit(run())
@@ -163,7 +160,7 @@ def fit_command(
     from ._report import write_report
     from ._report._text import file_name, fit_sentence, key_figures, ranked
 
-    _cache_compilations()
+    _prepare_jax()
     with _folder(out):
         fits = []
         with _stages(quiet) as progress:
@@ -289,7 +286,7 @@ def _diagnosed(
     from ._diagnose import diagnose
     from ._report import write_report
 
-    _cache_compilations()
+    _prepare_jax()
     diagnosis = diagnose(model, recordings, progress=progress, **options)
     progress("writing the report")
     _save(diagnosis.save, out / "diagnosis.json", saved)
@@ -355,7 +352,7 @@ def simulate_command(
         model, response_unit = parse_model(name or ""), output_unit or "um"
     else:
         model, samples, drive_unit, response_unit = _fitted(fitted, samples, drive_unit)
-    _cache_compilations()
+    _prepare_jax()
     with _stages(quiet) as progress:
         progress(f"simulating {model.name}")
         response, error = _simulated(model, samples, step, _known(history) or "constant")
@@ -666,16 +663,18 @@ def _specification(noise: str, unit: str) -> float:
     return sigma
 
 
-def _cache_compilations() -> None:
-    """Keep compiled programs from one run to the next, where the environment does not say how."""
-    if "JAX_COMPILATION_CACHE_DIR" in os.environ:
-        return
+def _prepare_jax() -> None:
+    """Keep compiled programs from one run to the next, silently; JAX's own variables go first."""
     import jax
     import platformdirs
 
-    folder = platformdirs.user_cache_path("fracjax") / "xla"
-    jax.config.update("jax_compilation_cache_dir", str(folder))
-    jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
+    if "JAX_LOGGING_LEVEL" not in os.environ:
+        # XLA calls a cached program's tuning flags an error, at any lower level.
+        jax.config.update("jax_logging_level", "CRITICAL")
+    if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
+        folder = platformdirs.user_cache_path("fracjax") / "xla"
+        jax.config.update("jax_compilation_cache_dir", str(folder))
+        jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.1)
 
 
 # Output -------------------------------------------------------------------------------------------

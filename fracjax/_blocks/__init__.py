@@ -18,6 +18,7 @@ from ._effect import Effect as Effect
 from ._effect import Setting as Setting
 from .bouc_wen import BoucWen as BoucWen
 from .creep import Creep as Creep
+from .creep import LogarithmicCreep as LogarithmicCreep
 from .delay import Delay as Delay
 from .drive_lag import DriveLag as DriveLag
 from .electrostriction import Electrostriction as Electrostriction

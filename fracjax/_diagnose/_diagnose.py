@@ -258,12 +258,15 @@ class _Procedure:
             s for s in ranked[_SHORTLIST:] if any(confusability(s, t) > _LIKE for t in ranked[:_SHORTLIST])
         ]
         before = self._predict(stage.solved)
-        found = []
+        found: list[Judged] = []
+        hopeless = np.inf
         for score in shortlist[:_LONGEST_SHORTLIST]:
             self.progress(f"refitting with {score.effect.name}")
             attempt = refit(
-                score, stage.solved.block, stage.nominal, stage.preparation, self.seed
+                score, stage.solved.block, stage.nominal, stage.preparation, self.seed, hopeless
             )
+            # A rival that is not halfway to the best after its first steps will not overtake it.
+            hopeless = min(hopeless, 0.5 * (stage.solved.cost + attempt.solved.cost))
             found.append(self._questions(stage, attempt, before))
         return found
 

@@ -25,12 +25,17 @@ class Refit:
 
 
 def refit(
-    score: EffectScore, fitted: AbstractBlock, nominal: AbstractBlock, preparation: Preparation, seed: int
+    score: EffectScore,
+    fitted: AbstractBlock,
+    nominal: AbstractBlock,
+    preparation: Preparation,
+    seed: int,
+    hopeless: float,
 ) -> Refit:
     """Fit base and effect together from the fitted base, the nominal point and prior draws.
 
     Starting also from nominal values keeps a fit from staying in the basin where the base model
-    has absorbed the effect.
+    has absorbed the effect.  No more than a few steps are spent above `hopeless` in χ².
     """
     effect = score.effect
     generator = np.random.default_rng(seed)
@@ -47,11 +52,6 @@ def refit(
         effect.insert(fitted, best),
         effect.insert(fitted, second),
         effect.insert(nominal, best),
-        effect.insert(drawn(nominal), best),
-        effect.insert(nominal, _drawn_among(score.trials, generator)),
+        effect.insert(drawn(nominal), score.trials[int(generator.integers(len(score.trials)))]),
     ]
-    return Refit(score, solve_from(starts, preparation))
-
-
-def _drawn_among(trials: list[AbstractBlock], generator: np.random.Generator) -> AbstractBlock:
-    return trials[int(generator.integers(len(trials)))]
+    return Refit(score, solve_from(starts, preparation, hopeless))

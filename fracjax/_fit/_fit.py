@@ -21,9 +21,7 @@ from ._preparation import Preparation, Take, coarse_oversampling, other_historie
 from ._uncertainty import Estimate, estimates
 
 SCHEMA = "fracjax.fit/1"
-_ROUNDS = 5
-_CLOSE = 1.5
-_NO_DESCENT = 1e-7
+_ROUNDS = 6
 
 Progress = Callable[[str], None]
 
@@ -164,28 +162,33 @@ def starts_of(block: AbstractBlock, count: int, seed: int) -> list[AbstractBlock
     return [block, *draws]
 
 
-def solve_from(starts: list[AbstractBlock], preparation: Preparation) -> Solved:
-    """A few steps from every start, then the best ones to convergence, and the best of them finished."""
+def solve_from(
+    starts: list[AbstractBlock], preparation: Preparation, hopeless: float = np.inf
+) -> Solved:
+    """A few steps from every start, then the two best to convergence, and the best of them finished.
+
+    A fit counts as converged too when twelve steps gain less than a tenth in χ², or less than 1e-4
+    of what is left beyond the noise.  Above `hopeless` in χ² the first steps are all that is spent.
+    """
     problems = preparation.problems()
-    active = np.ones(len(starts), bool)
-    solution = solve(stack(starts), active, problems)
+    samples = int(sum(p.weights.sum() for p in problems))
+    solution = solve(stack(starts), np.ones(len(starts), bool), problems)
     costs, converged = np.array(solution.cost), np.array(solution.success)
     angles = np.array(solution.angles)
     for _ in range(_ROUNDS):
-        best = int(np.argmin(costs))
-        close = costs <= max(_CLOSE * costs[best], np.sort(costs)[min(1, len(costs) - 1)])
-        active = close & ~converged
-        if converged[best] and not active[:best].any():
+        order = np.argsort(costs)
+        active = np.zeros(len(starts), bool)
+        active[order[:2]] = ~converged[order[:2]]
+        if converged[order[0]] or costs[order[0]] > hopeless:
             break
-        before = costs[best]
+        before = costs[order[0]]
         moved = [with_shapes(start, a) for start, a in zip(starts, angles, strict=True)]
         solution = solve(stack(moved), active, problems)
         costs = np.where(active, np.minimum(costs, solution.cost), costs)
         angles = np.where(active[:, None], solution.angles, angles)
         converged = np.where(active, solution.success, converged)
-        if costs.min() > before * (1 - _NO_DESCENT):
+        if before - costs.min() < max(0.1, 1e-4 * (before - samples)):
             converged[np.argmin(costs)] = True
-            break
     best = int(np.argmin(costs))
     block, offsets, simulations = finish(starts[best], angles[best], problems)
     block = jax.tree_util.tree_map(np.asarray, block)
@@ -200,7 +203,7 @@ def solve_from(starts: list[AbstractBlock], preparation: Preparation) -> Solved:
         cost=float(costs[best]),
         converged=bool(converged[best]) and bool(np.isfinite(costs[best])),
         start_costs=tuple(float(c) for c in costs),
-        samples=int(sum(p.weights.sum() for p in problems)),
+        samples=samples,
     )
 
 

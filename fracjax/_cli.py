@@ -5,10 +5,12 @@ Whatever takes long to import is imported by the command that needs it, so that 
 
 from __future__ import annotations
 
+import _thread
 import json
 import os
 import re
 import sys
+import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
@@ -42,7 +44,19 @@ def main() -> None:
     """The program `fracjax`."""
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
+    sys.unraisablehook = heed_interrupt
     sys.exit(run())
+
+
+def heed_interrupt(unraisable: sys.UnraisableHookArgs) -> None:
+    """Ctrl-C once more, where it met a callback of the garbage collector, which swallows it.
+
+    JAX has one, and it is the first Python to run after a long computation.
+    """
+    if isinstance(unraisable.exc_value, KeyboardInterrupt):
+        threading.Timer(0.05, _thread.interrupt_main).start()
+    else:
+        sys.__unraisablehook__(unraisable)
 
 
 def run(arguments: Sequence[str] | None = None) -> int:

@@ -261,6 +261,29 @@ def test_an_interrupt_keeps_what_is_finished(loop, quick, monkeypatch, capsys):
     assert not Path("other").exists()
 
 
+def test_an_interrupt_is_not_lost_in_the_garbage_collector():
+    script = (
+        "import gc, sys, time\n"
+        "from fracjax import _cli\n"
+        "def collected(phase, info):\n"
+        "    gc.callbacks.clear()\n"
+        "    raise KeyboardInterrupt\n"
+        "def work(*_, **__):\n"
+        "    gc.callbacks[:] = [collected]\n"
+        "    gc.collect()\n"
+        "    time.sleep(20)\n"
+        "_cli.cli.main = work\n"
+        "try:\n"
+        "    _cli.main()\n"
+        "except KeyboardInterrupt:\n"
+        "    print('heard')\n"
+    )
+    told = subprocess.run(
+        [sys.executable, "-c", script], capture_output=True, text=True, check=True
+    )
+    assert (told.stdout, told.stderr) == ("heard\n", "")
+
+
 # diagnose, demo -----------------------------------------------------------------------------------
 
 

@@ -49,7 +49,12 @@ def _typical_effect(name: str, setting: Setting | None) -> AbstractBlock:
 
 # A stack of common size, for compositions named before any recording is there.
 _ORDINARY = Setting(
-    drive_low=0.0, drive_high=100.0, response_span=10.0, step=1e-3, duration=10.0, top_frequency=10.0
+    drive_low=0.0,
+    drive_high=100.0,
+    response_span=10.0,
+    step=1e-3,
+    duration=10.0,
+    top_frequency=10.0,
 )
 
 
@@ -57,7 +62,7 @@ def parse_model(text: str, setting: Setting | None = None) -> Model:
     """A model from its name, or from names joined by `>>` (series) and `+` (parallel).
 
     `+` binds tighter; parentheses group.  A name alone is a model; in a composition an effect of
-    that name comes first, at its typical size for `setting`.  Raises InputError for an unknown name.
+    that name comes first, at its typical size for `setting`.  Raises InputError for unknown names.
     """
 
     def refuse(found: str) -> InputError:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import equinox as eqx
@@ -12,7 +13,7 @@ from jax import Array
 from jax.typing import ArrayLike
 
 
-def _array(value: ArrayLike) -> np.ndarray:
+def _array(value: ArrayLike) -> Any:
     return np.asarray(value, dtype=np.float64)
 
 
@@ -23,17 +24,18 @@ class Parameter(eqx.Module):
     - `lower`, `upper`: physical bounds, never left by a fit.
     - `plausible`: the range expected from the literature; starts are drawn from it, and a fit that
       ends outside it says so.
-    - `unit`: text in which `drive` and `response` stand for the recording's units ("response/drive").
+    - `unit`: text in which `drive` and `response` stand for the recording's units.
     - `logarithmic`: fitted on a logarithmic scale (needs lower > 0).
     - `gain`: the model's output is proportional to it, when all that follows it is linear; then it
       is eliminated by variable projection instead of iterated.
     - `fixed`: not fitted.
     """
 
-    value: Array | np.ndarray
-    lower: Array | np.ndarray
-    upper: Array | np.ndarray
-    plausible: tuple[Array | np.ndarray, Array | np.ndarray]
+    # NumPy arrays until a transformation traces them, so that float64 survives without x64.
+    value: Array
+    lower: Array
+    upper: Array
+    plausible: tuple[Array, Array]
     unit: str = eqx.field(static=True)
     logarithmic: bool = eqx.field(static=True)
     gain: bool = eqx.field(static=True)
@@ -90,7 +92,7 @@ class Parameter(eqx.Module):
         traced = isinstance(value, jax.Array)
         return eqx.tree_at(lambda p: p.value, self, value if traced else _array(value))
 
-    def draw(self, generator: np.random.Generator) -> np.ndarray:
+    def draw(self, generator: np.random.Generator) -> Any:
         """A start, uniform in the plausible range on the parameter's scale."""
         low, high = self.plausible
         share = generator.uniform(size=np.shape(self.value))
@@ -113,7 +115,7 @@ def named_parameters(tree: Any) -> dict[str, Parameter]:
     }
 
 
-def replace_parameters(tree: Any, parameters: dict[str, Parameter]) -> Any:
+def replace_parameters(tree: Any, parameters: Mapping[str, Parameter]) -> Any:
     """The same tree with parameters exchanged by dotted path."""
     replacements = iter(parameters.get(n, p) for n, p in named_parameters(tree).items())
     return jax.tree_util.tree_map(
@@ -121,7 +123,7 @@ def replace_parameters(tree: Any, parameters: dict[str, Parameter]) -> Any:
     )
 
 
-def set_values(tree: Any, values: dict[str, ArrayLike]) -> Any:
+def set_values(tree: Any, values: Mapping[str, ArrayLike]) -> Any:
     """The same tree with the named parameters' values exchanged."""
     known = named_parameters(tree)
     return replace_parameters(tree, {n: known[n].with_value(v) for n, v in values.items()})

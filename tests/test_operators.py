@@ -85,9 +85,7 @@ def test_first_order_weights_are_gruenwald_letnikov(order):
     weights = np.ones(SAMPLES)
     for j in range(1, SAMPLES):
         weights[j] = weights[j - 1] * (j - 1 - order) / j
-    close(
-        kernel(lambda s: s**order, SAMPLES, Grid(STEP), 1), weights * STEP**-order, 1e-10
-    )
+    close(kernel(lambda s: s**order, SAMPLES, Grid(STEP), 1), weights * STEP**-order, 1e-10)
 
 
 @pytest.mark.parametrize("accuracy", ACCURACIES)

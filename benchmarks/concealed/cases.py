@@ -120,7 +120,8 @@ def make_case(
     """Simulate one case, scaling the effect so that refitting the base leaves level x noise sd.
 
     `noise_fraction` is the noise sd over the base response's range. `intersample` is what
-    the actuator receives between samples (see Drive.between). The amplitude is capped at the effect's physical range; the label says what was reached.
+    the actuator receives between samples (see Drive.between). The amplitude is capped at the
+    effect's physical range; the label says what was reached.
     Concealment is 1 - (residual RMS after the refit)^2 / (RMS of the effect's change)^2.
     """
     rng = np.random.default_rng([seed, 7])

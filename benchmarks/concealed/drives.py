@@ -223,6 +223,7 @@ def zero_drive(seed: int = 0, rate: float = RATE) -> Drive:
 DRIVES: dict[str, Callable[..., Drive]] = {
     f.__name__: f
     for f in (
-        sine, triangle, ladder, bursts, steps, multisine, reversal_curves, decaying, rich, zero_drive,
+        sine, triangle, ladder, bursts, steps, multisine, reversal_curves, decaying, rich,
+        zero_drive,
     )
 }  # fmt: skip

@@ -324,7 +324,7 @@ def mains_interference(
 
 @dataclass(frozen=True)
 class Effect:
-    """An effect: on the drive (`side` "I": f(drive, t, ...)) or the response ("O", "A": f(t, y, ...)).
+    """An effect: on the drive (`side` "I": f(drive, t, ...)) or response ("O", "A": f(t, y, ...)).
 
     `parameters(a, shape, u_low, u_high, stroke)` gives its physical parameters at amplitude a in
     [0, cap]; zero is the identity. `shape(rng)` draws everything that is not amplitude.

@@ -25,12 +25,14 @@ class AbstractBlock(eqx.Module):
     def __call__(self, drive: Array, grid: Grid) -> Array: ...
 
     def __rshift__(self, other: AbstractBlock) -> AbstractBlock:
-        both_linear = isinstance(self, AbstractLinearBlock) and isinstance(other, AbstractLinearBlock)
-        return LinearSeries(self, other) if both_linear else Series(self, other)
+        if isinstance(self, AbstractLinearBlock) and isinstance(other, AbstractLinearBlock):
+            return LinearSeries(self, other)
+        return Series(self, other)
 
     def __add__(self, other: AbstractBlock) -> AbstractBlock:
-        both_linear = isinstance(self, AbstractLinearBlock) and isinstance(other, AbstractLinearBlock)
-        return LinearParallel(self, other) if both_linear else Parallel(self, other)
+        if isinstance(self, AbstractLinearBlock) and isinstance(other, AbstractLinearBlock):
+            return LinearParallel(self, other)
+        return Parallel(self, other)
 
 
 class AbstractLinearBlock(AbstractBlock):

@@ -66,6 +66,8 @@ class Effect:
         return base >> block
 
 
-def at_values(block: AbstractBlock, shapes: Sequence[Mapping[str, ArrayLike]]) -> list[AbstractBlock]:
+def at_values(
+    block: AbstractBlock, shapes: Sequence[Mapping[str, ArrayLike]]
+) -> list[AbstractBlock]:
     """The same block at several parameter values, one per trial."""
     return [set_values(block, shape) for shape in shapes]

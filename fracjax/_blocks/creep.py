@@ -29,12 +29,10 @@ class Creep(AbstractLinearBlock):
 
     def __init__(self, k_c: float = 1.0, mu: float = 0.0072, *, fixed_gain: bool = False):
         self.k_c = Parameter(k_c, "s^-mu", gain=True, fixed=fixed_gain)
-        self.mu = Parameter(
-            mu, lower=1e-5, upper=0.3, plausible=(1e-3, 0.04), logarithmic=True
-        )
+        self.mu = Parameter(mu, lower=1e-5, upper=0.3, plausible=(1e-3, 0.04), logarithmic=True)
 
     def symbol(self, s: Array) -> Array:
-        return self.k_c.value * s ** -self.mu.value
+        return self.k_c.value * s**-self.mu.value
 
     def static_gain(self) -> ArrayLike:
         return self.k_c.value

@@ -68,7 +68,7 @@ EFFECT = Effect(
     source="Ljung, System Identification (1999), section 4.2",
     trials=_trials,
     separated_by={
-        "drive_lag": "a drive reaching frequencies where omega*tau exceeds 0.3, where a lag loses gain",
+        "drive_lag": "a drive reaching omega*tau > 0.3, where a lag loses gain",
         "resonance": "a sweep up to a third of the suspected natural frequency",
     },
     concealed_by="the orders alpha and beta of the hysteresis",

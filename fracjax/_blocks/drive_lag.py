@@ -48,7 +48,7 @@ EFFECT = Effect(
     source="Zhu & Zhou (2012), eq. (5)",
     trials=_trials,
     separated_by={
-        "delay": "a drive reaching frequencies where omega*tau exceeds 0.3, where a lag loses gain",
+        "delay": "a drive reaching omega*tau > 0.3, where a lag loses gain",
         "resonance": "a sweep: a lag loses gain where a resonance gains it",
         "minor_loop_memory": "the same amplitude at two frequencies: a lag's loop widens",
     },

@@ -49,6 +49,4 @@ class FOH(AbstractBlock):
     def __call__(self, drive: Array, grid: Grid) -> Array:
         fractional = derivative(self.alpha.value, drive, grid)
         rate_weighted = jnp.abs(rate(drive, grid)) * derivative(self.beta.value, drive, grid)
-        return (
-            self.k_l.value * drive + self.k_h.value * fractional + self.k_p.value * rate_weighted
-        )
+        return self.k_l.value * drive + self.k_h.value * fractional + self.k_p.value * rate_weighted

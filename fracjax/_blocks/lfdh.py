@@ -14,8 +14,8 @@ class LFDH(AbstractLinearBlock):
 
         G(s) = (k_0 + k_δ s^δ) / (1 + χ s^μ),      0 < μ, δ < 1
 
-    with k_0 = ρ K_amp (n d33)² / RC [response/drive] and k_δ = k_0 κ [response/drive · s^δ], so that
-    both gains enter linearly; χ [s^μ].  The default values are those identified in [L 11].
+    with k_0 = ρ K_amp (n d33)² / RC [response/drive] and k_δ = k_0 κ [response/drive · s^δ], so
+    that both gains enter linearly; χ [s^μ].  The default values are those identified in [L 11].
     Source: Zhu & Zhou, Modeling and Compensation for Hysteresis Nonlinearity of a Piezoelectrically
     Actuated Fast Tool Servo Based on a Novel Linear Model (2012), equations (8), (9), (11).
     """

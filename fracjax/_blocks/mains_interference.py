@@ -19,8 +19,8 @@ class MainsInterference(AbstractBlock):
 
         d(t) = Σ_{k=1}^{5} a_k cos(2πk f t) + b_k sin(2πk f t)
 
-    a, b [response], f within 1 % of 50 or 60 Hz.  Lines above half the sampling rate appear aliased,
-    as in the recording.
+    a, b [response], f within 1 % of 50 or 60 Hz.  Lines above half the sampling rate appear
+    aliased, as in the recording.
     """
 
     cosines: Parameter

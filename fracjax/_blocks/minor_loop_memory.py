@@ -36,8 +36,8 @@ class MinorLoopMemory(AbstractBlock):
 
         y = Σ_i w_i p_i,    p_i the play of the drive with radius r_i
 
-    Weights w_i ≥ 0 [response/drive], radii r_i = 2–48 % of the drive's span.  A loop then depends on
-    the turning points the drive has left (return-point memory, wiping out).
+    Weights w_i ≥ 0 [response/drive], radii r_i = 2–48 % of the drive's span.  A loop then depends
+    on the turning points the drive has left (return-point memory, wiping out).
     Source: Brokate & Sprekels, Hysteresis and Phase Transitions (1996), chapter 2.
     """
 
@@ -46,7 +46,10 @@ class MinorLoopMemory(AbstractBlock):
 
     def __init__(self, weights: np.ndarray, *, span: float, largest: float):
         self.weights = Parameter(
-            weights, "response/drive", lower=np.zeros(_SHARES.size), upper=np.full(_SHARES.size, largest)
+            weights,
+            "response/drive",
+            lower=np.zeros(_SHARES.size),
+            upper=np.full(_SHARES.size, largest),
         )
         self.radii = _SHARES * span
 

@@ -48,9 +48,7 @@ class ThermalDrift(AbstractBlock):
 def _trials(setting: Setting) -> list:
     duration, size = setting.duration, 0.01 * setting.response_span
     block = ThermalDrift(0.3 * duration, longest=duration)
-    shapes = [
-        {"amplitude": size, "time_constant": share * duration} for share in (0.03, 0.1, 0.3)
-    ]
+    shapes = [{"amplitude": size, "time_constant": share * duration} for share in (0.03, 0.1, 0.3)]
     return at_values(block, [*shapes, {"slope": size / duration}])
 
 

@@ -38,7 +38,7 @@ from .._recording import InputError, Recording
 from ._held_out import Gain, Prediction, gain, predict_recording, predict_stretches
 from ._locate import locate
 from ._refit import Refit, refit
-from ._result import Axis, Candidate, Diagnosis, HeldOut, NamedEffect, NextExperiment, Verdict
+from ._result import Axis, Candidate, Diagnosis, HeldOut, NamedEffect, Verdict
 from ._score import EffectScore, Residual, confusability, family_wise_p, score_effect
 from ._sentence import next_experiment, sentence_of, where_of
 
@@ -255,7 +255,9 @@ class _Procedure:
         """Refit the shortlist and put every candidate to the naming rule's questions."""
         ranked = sorted(scores, key=lambda s: -s.log_evidence)
         shortlist = ranked[:_SHORTLIST] + [
-            s for s in ranked[_SHORTLIST:] if any(confusability(s, t) > _LIKE for t in ranked[:_SHORTLIST])
+            s
+            for s in ranked[_SHORTLIST:]
+            if any(confusability(s, t) > _LIKE for t in ranked[:_SHORTLIST])
         ]
         before = self._predict(stage.solved)
         found: list[Judged] = []
@@ -281,7 +283,9 @@ class _Procedure:
         return Judged(
             refit=attempt,
             delta_bic=(stage.solved.bic - solved.bic) / self._inflation(solved),
-            explained=float(total_fall / max(total_fall, self.base.excess - doubt)) if fall > 0 else 0.0,
+            explained=float(total_fall / max(total_fall, self.base.excess - doubt))
+            if fall > 0
+            else 0.0,
             numerics=numerical_error(solved.block, stage.preparation, basis),
             gain=gain(before, prediction),
             prediction=prediction,
@@ -315,7 +319,9 @@ class _Procedure:
         effects: tuple[NamedEffect, ...] = ()
         verdict: Verdict = "none" if p_value >= _SIGNIFICANCE else "unexplained"
         if winners:
-            extended = fit_of(Model(stage.solved.block, stage.name), stage.solved, stage.preparation)
+            extended = fit_of(
+                Model(stage.solved.block, stage.name), stage.solved, stage.preparation
+            )
             last = winners[-1][0]
             if last.explained >= _EXPLAINED:
                 effects = tuple(
@@ -330,7 +336,11 @@ class _Procedure:
         natural = [axis for w, _ in winners[:1] for axis in w.refit.score.effect.axes]
         axes = sorted(
             axes,
-            key=lambda a: (natural.index(a.axis) if a.axis in natural and a.p_value < _SIGNIFICANCE else 99, a.p_value, -a.strength.max()),
+            key=lambda a: (
+                natural.index(a.axis) if a.axis in natural and a.p_value < _SIGNIFICANCE else 99,
+                a.p_value,
+                -a.strength.max(),
+            ),
         )
         held_out = self._held_out(winners[-1][0].prediction if winners else None)
         warnings = self._warnings(noise)

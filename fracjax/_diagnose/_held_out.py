@@ -80,9 +80,7 @@ def predict_stretches(solved: Solved, preparation: Preparation) -> Prediction:
 
 
 def _prediction(error: np.ndarray, whitened: np.ndarray, fold: np.ndarray) -> Prediction:
-    folds = tuple(
-        float(np.sqrt(np.mean(error[fold == k] ** 2))) for k in np.unique(fold)
-    )
+    folds = tuple(float(np.sqrt(np.mean(error[fold == k] ** 2))) for k in np.unique(fold))
     return Prediction(float(np.sqrt(np.mean(error**2))), folds, whitened, fold)
 
 

@@ -21,7 +21,9 @@ _HARMONICS = 10
 _SIGNIFICANCE = 0.01
 
 
-def locate(preparation: Preparation, problems: tuple[Problem, ...], residual: Residual) -> list[Axis]:
+def locate(
+    preparation: Preparation, problems: tuple[Problem, ...], residual: Residual
+) -> list[Axis]:
     """All axes that the recordings have, each with its map of strength."""
     places = _Places(preparation, problems, residual)
     axes = [places.time(), places.frequency(), places.level(), places.rate(), places.reversal()]
@@ -42,7 +44,10 @@ class _Places:
         self.units = (first.drive_unit, first.response_unit)
         lengths = [p.response.shape[0] for p in problems]
         self.drive = np.concatenate(
-            [np.asarray(p.drive)[:: p.oversampling][:n] for p, n in zip(problems, lengths, strict=True)]
+            [
+                np.asarray(p.drive)[:: p.oversampling][:n]
+                for p, n in zip(problems, lengths, strict=True)
+            ]
         )
         steps = [t.recording.dt for t in preparation.takes]
         self.times = np.concatenate([np.arange(n) * h for n, h in zip(lengths, steps, strict=True)])
@@ -70,9 +75,7 @@ class _Places:
         kept = left[:, singular > 1e-6 * max(float(singular[0]), 1e-300)]
         return float(chi2.sf(np.sum((kept.T @ self.residual.whitened) ** 2), kept.shape[1]))
 
-    def _axis(
-        self, name: str, unit: str, edges: np.ndarray, groups: Iterator[np.ndarray]
-    ) -> Axis:
+    def _axis(self, name: str, unit: str, edges: np.ndarray, groups: Iterator[np.ndarray]) -> Axis:
         return _map(name, unit, edges, np.array([self._p_value(g) for g in groups]))
 
     def _binned(self, name: str, unit: str, values: np.ndarray, edges: np.ndarray, *shapes) -> Axis:
@@ -109,19 +112,28 @@ class _Places:
 
     def rate(self) -> Axis:
         edges = self._quantiles(self.rates, _RATE_BINS)
-        return self._binned("rate", f"{self.units[0]}/s", self.rates, edges, self._scaled(self.drive))
+        return self._binned(
+            "rate", f"{self.units[0]}/s", self.rates, edges, self._scaled(self.drive)
+        )
 
     def reversal(self) -> Axis:
         """Time since the drive last turned, in logarithmic bins."""
-        moving = np.where(np.abs(self.rates) > 1e-3 * np.abs(self.rates).max(), np.sign(self.rates), 0)
+        moving = np.where(
+            np.abs(self.rates) > 1e-3 * np.abs(self.rates).max(), np.sign(self.rates), 0
+        )
         last = np.maximum.accumulate(np.where(moving != 0, np.arange(moving.size), 0))
         direction = moving[last]
         turns = np.flatnonzero(np.diff(direction) != 0) + 1
-        since = np.arange(direction.size) - np.concatenate([[0], turns])[
-            np.searchsorted(turns, np.arange(direction.size), side="right")
-        ]
+        since = (
+            np.arange(direction.size)
+            - np.concatenate([[0], turns])[
+                np.searchsorted(turns, np.arange(direction.size), side="right")
+            ]
+        )
         elapsed = (since + 0.5) * self.step
-        edges = np.geomspace(0.5 * self.step, elapsed[self.counted].max() * 1.001, _REVERSAL_BINS + 1)
+        edges = np.geomspace(
+            0.5 * self.step, elapsed[self.counted].max() * 1.001, _REVERSAL_BINS + 1
+        )
         return self._binned("reversal", "s", elapsed, edges, direction)
 
     def phase(self) -> Axis:

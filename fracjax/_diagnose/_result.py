@@ -135,7 +135,11 @@ class Diagnosis:
             "verdict": self.verdict,
             "sentence": self.sentence,
             "p_value": self.p_value,
-            "noise": {"sigma": self.noise.sigma, "unit": self.noise.unit, "method": self.noise.method},
+            "noise": {
+                "sigma": self.noise.sigma,
+                "unit": self.noise.unit,
+                "method": self.noise.method,
+            },
             "numerics": {"error_over_noise": self.numerics},
             "effects": [
                 {
@@ -156,7 +160,9 @@ class Diagnosis:
                 }
                 for e in self.effects
             ],
-            "candidates": [{k: v for k, v in vars(c).items() if v is not None} for c in self.candidates],
+            "candidates": [
+                {k: v for k, v in vars(c).items() if v is not None} for c in self.candidates
+            ],
             "where": {
                 "summary": self.where,
                 "axes": [

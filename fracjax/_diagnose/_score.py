@@ -1,8 +1,8 @@
-r"""The projected score test: is there anything of effect k in the residual, after the fit has absorbed
-what it can?
+r"""The projected score test: is anything of effect k in the residual, after the fit has
+absorbed what it can?
 
-With W the whitening, r = W (y - f(θ̂)), J = W ∂f/∂θ and P = 1 - J(JᵀJ)⁻¹Jᵀ, the column of effect k at
-shape j is d = W [f(θ̂, φ_kj) - f(θ̂)], and
+With W the whitening, r = W (y - f(θ̂)), J = W ∂f/∂θ and P = 1 - J(JᵀJ)⁻¹Jᵀ, the column of effect k
+at shape j is d = W [f(θ̂, φ_kj) - f(θ̂)], and
 
     z = (P d)ᵀ r / ‖P d‖
 
@@ -30,7 +30,7 @@ _LEAST_NORM = 1e-6
 
 @dataclass(frozen=True)
 class Residual:
-    """What a fit left: whitened residual (ΣL,) and the orthonormal basis (ΣL, r) it could move in."""
+    """Whitened residual (ΣL,) and an orthonormal basis (ΣL, r) of what the fit can absorb."""
 
     whitened: np.ndarray
     basis: np.ndarray

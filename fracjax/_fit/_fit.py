@@ -142,7 +142,9 @@ def load_model(path: str | Path) -> Model:
         model = parse_model(content["model"], Setting(**content["setting"]))
         return model.with_values(content["values"])
     except FileNotFoundError:
-        raise InputError(f"{path}: expected a fit.json, found no such file; check the path") from None
+        raise InputError(
+            f"{path}: expected a fit.json, found no such file; check the path"
+        ) from None
     except (OSError, UnicodeDecodeError, json.JSONDecodeError, KeyError, TypeError, ValueError):
         raise InputError(
             f'{path}: expected a fit saved by fracjax (schema "{SCHEMA}"), found something else; '
@@ -165,7 +167,7 @@ def starts_of(block: AbstractBlock, count: int, seed: int) -> list[AbstractBlock
 def solve_from(
     starts: list[AbstractBlock], preparation: Preparation, hopeless: float = np.inf
 ) -> Solved:
-    """A few steps from every start, then the two best to convergence, and the best of them finished.
+    """A few steps from every start, then the two best to convergence; the best of them finished.
 
     A fit counts as converged too when twelve steps gain less than a tenth in χ², or less than 1e-4
     of what is left beyond the noise.  Above `hopeless` in χ² the first steps are all that is spent.
@@ -267,7 +269,7 @@ def settle(
     starts: int,
     seed: int,
 ) -> tuple[Solved, Preparation]:
-    """Fit, and settle what only a fit can tell: the history, and the noise where none was measured."""
+    """Fit, and settle what only a fit can tell: the history, and a noise that was not measured."""
     solved = fit_block(block, preparation, starts, seed)
     if history is None:
         others = [other_histories(take) for take in preparation.takes]
@@ -283,7 +285,9 @@ def settle(
         preparation = preparation.with_noises(
             [
                 take.noise
-                or residual_noise((take.recording.response - s)[take.used], take.recording.response_unit)
+                or residual_noise(
+                    (take.recording.response - s)[take.used], take.recording.response_unit
+                )
                 for take, s in zip(preparation.takes, solved.simulations, strict=True)
             ]
         )

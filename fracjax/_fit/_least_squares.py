@@ -1,7 +1,8 @@
 r"""Least squares by variable projection, every start in one compiled program.
 
-A model is y = Φ(θ) c + y_0(θ) with gains c (and one offset per recording) entering linearly.  For each θ the
-gains follow from a linear least-squares problem, so that Levenberg–Marquardt runs over θ alone:
+A model is y = Φ(θ) c + y_0(θ) with gains c, and one offset per recording, entering linearly.  For
+each θ the gains follow from a linear least-squares problem, so that Levenberg–Marquardt runs over θ
+alone:
 
     min_θ ‖ W (y - y_0(θ) - Φ(θ) c(θ)) ‖²,     c(θ) = argmin_c ‖ W (y - y_0(θ) - Φ(θ) c) ‖
 
@@ -131,7 +132,7 @@ class Solution(NamedTuple):
 
 
 @eqx.filter_jit
-def solve(starts: AbstractBlock, active: Array, problems: tuple[Problem, ...]) -> Solution:
+def solve(starts: AbstractBlock, active: np.ndarray, problems: tuple[Problem, ...]) -> Solution:
     """A few steps from every active start; `starts` is a block with a leading axis (S, …).
 
     The steps are limited so that hopeless starts cost little; take the promising ones up again.
@@ -146,7 +147,7 @@ def solve(starts: AbstractBlock, active: Array, problems: tuple[Problem, ...]) -
             cost = jnp.sum(residual(start, None) ** 2)
             return Solution(start, cost, jnp.zeros((), int), jnp.ones((), bool))
         found = optx.least_squares(residual, _SOLVER, start, max_steps=_STEPS, throw=False)
-        cost = 2 * found.state.f_info.as_min()
+        cost = jnp.asarray(2 * found.state.f_info.as_min())
         return Solution(
             found.value,
             jnp.where(jnp.isfinite(cost), cost, jnp.inf),

@@ -54,8 +54,9 @@ def autoregression(series: list[np.ndarray]) -> tuple[np.ndarray, float, float]:
     autocovariance = np.sum(
         [w * _autocovariance(s, largest) for w, s in zip(weights, series, strict=True)], axis=0
     )
-    best, best_score = (np.ones(1), float(np.sqrt(autocovariance[0]))), count * np.log(
-        autocovariance[0]
+    best, best_score = (
+        (np.ones(1), float(np.sqrt(autocovariance[0]))),
+        count * np.log(autocovariance[0]),
     )
     for order in range(1, largest + 1):
         coefficients = solve_toeplitz(autocovariance[:order], autocovariance[1 : order + 1])
@@ -64,7 +65,8 @@ def autoregression(series: list[np.ndarray]) -> tuple[np.ndarray, float, float]:
         if score < best_score:
             best = np.concatenate([[1.0], -coefficients]), float(np.sqrt(variance))
             best_score = score
-    return *best, float(np.sqrt(autocovariance[0]))
+    coefficients, innovation = best
+    return coefficients, innovation, float(np.sqrt(autocovariance[0]))
 
 
 def _noise(series: list[np.ndarray], unit: str, method: Method) -> Noise:

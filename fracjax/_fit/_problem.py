@@ -64,7 +64,8 @@ def make_problem(
     taps[: whitening.size] = whitening
     # A whitened sample mixes its predecessors: it counts only if all of them do.
     support = np.ones(whitening.size)
-    weights = (lfilter(support, 1.0, np.where(used, 0.0, 1.0)) < 0.5).astype(float)
+    left_out = np.asarray(lfilter(support, 1.0, np.where(used, 0.0, 1.0)))
+    weights = (left_out < 0.5).astype(float)
     weights[: whitening.size - 1] = 0.0
     length = samples if history == "periodic" else bucket(samples)
     if history == "periodic":

@@ -66,7 +66,9 @@ def estimates(
     correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
 
     layout, parameters = layout_of(block), named_parameters(block)
-    whitened = np.concatenate([np.asarray(p.whiten(p.response - p.response.mean())) for p in problems])
+    whitened = np.concatenate(
+        [np.asarray(p.whiten(p.response - p.response.mean())) for p in problems]
+    )
     response_size = np.linalg.norm(whitened)
     found, labels, at = [], [], 0
     for name, size in layout.shapes + layout.gains:

@@ -37,7 +37,7 @@ def generating_function(zeta: Array, order: int) -> Array:
 
 
 def _circle(samples: int) -> tuple[int, float]:
-    length = next_fast_len(2 * samples, real=True)
+    length = int(next_fast_len(2 * samples, True))  # type: ignore[arg-type]
     return length, _WRAP_AROUND ** (1 / length)
 
 

@@ -75,7 +75,9 @@ def _thinned(x: np.ndarray, y: np.ndarray, bins: int = 1500) -> tuple[np.ndarray
 
 
 def _band(axes: Axes, sigma: float) -> None:
-    axes.axhspan(-2 * sigma, 2 * sigma, color=_BAND, lw=0, label="±2σ of the noise")
+    axes.axhspan(-2 * sigma, 2 * sigma, color=_BAND, lw=0)
+    for edge in (-2 * sigma, 2 * sigma):
+        axes.axhline(edge, color=MEASURED, lw=0.8, ls="--", zorder=3)
 
 
 @mpl.rc_context(_STYLE)
@@ -106,7 +108,8 @@ def loops(fits: Sequence[Fit], index: int, noise: Noise) -> Markup:
             panel.plot(
                 recording.drive[chosen], signal[chosen], rasterized=rasterized, **{**look, **style}
             )
-        top.legend(["measured", fit.model.name], loc="upper left", markerscale=6)
+        top.set_title(fit.model.name)
+        top.legend(["measured", "simulated"], loc="upper left", markerscale=6)
         _band(bottom, noise.sigma)
         bottom.set_xlabel(f"drive [{pretty_unit(recording.drive_unit)}]")
     first_top, first_bottom = panels[:, 0]

@@ -69,8 +69,9 @@ def noise_text(noise: Noise) -> str:
 
 
 def sources(fit: Fit) -> str:
-    """The names of the files that were fitted."""
-    return ", ".join(Path(take.recording.source).name for take in fit.preparation.takes)
+    """The names of the files that were fitted, as far as they are few."""
+    names = [Path(take.recording.source).name for take in fit.preparation.takes]
+    return ", ".join(names) if len(names) <= 3 else f"{names[0]} and {len(names) - 1} others"
 
 
 def fit_sentence(fits: Sequence[Fit]) -> str:

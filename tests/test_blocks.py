@@ -1,0 +1,521 @@
+"""Every block by the same properties, and each against an oracle of its own."""
+
+from functools import reduce
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+from scipy.integrate import solve_ivp
+
+from fracjax._blocks import (
+    EFFECTS,
+    FOH,
+    LFDH,
+    AbstractBlock,
+    AbstractLinearBlock,
+    BoucWen,
+    Creep,
+    Delay,
+    DriveLag,
+    Electrostriction,
+    MainsInterference,
+    MinorLoopMemory,
+    Resonance,
+    Saturation,
+    Setting,
+    ThermalDrift,
+    linear_gains,
+)
+from fracjax._blocks.minor_loop_memory import play
+from fracjax._operators import Grid, direct_convolution, kernel
+from fracjax._parameters import named_parameters, set_values
+
+HISTORIES = ("rest", "constant", "periodic")
+STEP = 5e-3
+SAMPLES = 160
+
+
+def smooth(times):
+    """A drive [V] that leaves 40 V slowly and turns several times between 40 and 85 V."""
+    return 40 + 20 * (1 - np.cos(5 * np.pi * times)) + 5 * np.sin(11 * times) ** 4
+
+
+TIMES = np.arange(SAMPLES) * STEP
+DRIVE = jnp.asarray(smooth(TIMES))
+
+foh = FOH(k_l=0.05, k_h=0.04, k_p=1e-4, alpha=0.14, beta=-0.13)
+lfdh, creep, lag = LFDH(), Creep(2.0, 0.05), DriveLag(0.02)
+bouc_wen = BoucWen(0.1, -1.5, 0.05, 1.3, 1.6)
+delay = Delay(2.4 * STEP, longest=20 * STEP)
+resonance = Resonance(9.0, 0.2)
+electrostriction = Electrostriction(0.1, centre=60.0, span=45.0)
+saturation = Saturation(70.3, low=40.0, high=85.0)
+memory = MinorLoopMemory(np.linspace(0.1, 0.3, 8), span=45.0, largest=1.0)
+drift = set_values(ThermalDrift(0.2, longest=0.8), {"amplitude": 0.3, "slope": -0.2})
+mains = set_values(
+    MainsInterference(50.0),
+    {"cosines": np.linspace(0.3, 0.1, 5), "sines": np.linspace(-0.1, 0.2, 5)},
+)
+BLOCKS: dict[str, AbstractBlock] = {
+    "foh": foh,
+    "lfdh": lfdh,
+    "creep": creep,
+    "bouc_wen": bouc_wen,
+    "drive_lag": lag,
+    "delay": delay,
+    "resonance": resonance,
+    "electrostriction": electrostriction,
+    "saturation": saturation,
+    "minor_loop_memory": memory,
+    "thermal_drift": drift,
+    "mains_interference": mains,
+    "linear chain": lag >> lfdh >> resonance,
+    "linear sum": creep + lag,
+    "coupled, drifting": (foh >> Creep(fixed_gain=True)) + drift,
+    "whole actuator": delay >> electrostriction >> bouc_wen >> resonance,
+}
+INDEPENDENT_OF_THE_DRIVE = {"thermal_drift", "mains_interference"}
+# Samples ahead that central differences look.
+LOOK_AHEAD = {"foh": 2, "coupled, drifting": 2}
+
+each_block = pytest.mark.parametrize("name", BLOCKS)
+respond = eqx.filter_jit(lambda block, drive, grid: block(drive, grid))
+
+
+def close(found, wanted, share: float, scale=None) -> None:
+    """Equal to a share of the peak of `scale`, or of what is wanted."""
+    found, wanted = np.asarray(found), np.asarray(wanted)
+    peak = np.abs(wanted if scale is None else np.asarray(scale)).max()
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=share * peak)
+
+
+def free_values(block: AbstractBlock) -> dict[str, np.ndarray]:
+    return {n: np.asarray(p.value) for n, p in named_parameters(block).items() if not p.fixed}
+
+
+# Properties of all --------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("history", HISTORIES)
+@each_block
+def test_jit_is_eager_and_the_response_is_real_and_finite(name, history):
+    grid = Grid(STEP, history)
+    eager = BLOCKS[name](DRIVE, grid)
+    assert eager.shape == DRIVE.shape
+    assert eager.dtype == jnp.float64
+    assert np.isfinite(eager).all()
+    assert np.ptp(eager) > 0
+    close(respond(BLOCKS[name], DRIVE, grid), eager, 1e-10)
+
+
+@each_block
+def test_vmap_over_each_scalar_parameter_is_a_loop(name):
+    block, grid = BLOCKS[name], Grid(STEP, "constant")
+    scalars = [n for n, value in free_values(block).items() if value.ndim == 0][:3]
+    for parameter in scalars or list(free_values(block))[:1]:
+        values = free_values(block)[parameter] * np.array([0.9, 1.0, 1.07]).reshape(
+            -1, *[1] * free_values(block)[parameter].ndim
+        )
+
+        def respond_at(value, parameter=parameter):
+            return respond(set_values(block, {parameter: value}), DRIVE, grid)
+
+        batch = jax.vmap(respond_at)(jnp.asarray(values))
+        assert np.abs(batch[0] - batch[2]).max() > 0
+        close(batch, [respond_at(jnp.asarray(v)) for v in values], 1e-10)
+
+
+@pytest.mark.parametrize("history", ["rest", "constant"])
+@each_block
+def test_the_future_does_not_change_the_past(name, history):
+    grid, now = Grid(STEP, history), 90
+    changed = DRIVE.at[now:].add(10 * np.sin(np.arange(SAMPLES - now) + 1))
+    one, other = (np.asarray(respond(BLOCKS[name], u, grid)) for u in (DRIVE, changed))
+    assert (np.abs(other - one).max() == 0) == (name in INDEPENDENT_OF_THE_DRIVE)
+    until = now - LOOK_AHEAD.get(name, 0)
+    close(other[:until], one[:until], 1e-9, one)
+
+
+@each_block
+def test_gradient_in_every_free_parameter_is_the_central_difference(name):
+    block, grid = BLOCKS[name], Grid(STEP, "constant")
+    aim = jnp.asarray(np.random.default_rng(3).standard_normal(SAMPLES))
+    values = {n: jnp.asarray(v) for n, v in free_values(block).items()}
+
+    @jax.jit
+    def project(values):
+        return aim @ set_values(block, values)(DRIVE, grid)
+
+    gradient = jax.jit(jax.grad(project))(values)
+    assert gradient.keys() == free_values(block).keys()
+    for parameter, value in values.items():
+        move = 1e-5 * max(1e-3, float(jnp.abs(value).max()))
+        for place in np.ndindex(value.shape):
+            ends = [project({**values, parameter: value.at[place].add(d)}) for d in (move, -move)]
+            wanted = float(ends[0] - ends[1]) / (2 * move)
+            assert wanted != 0, parameter
+            rounding = 1e-14 * float(jnp.abs(aim).sum()) * 100 / move
+            assert float(gradient[parameter][place]) == pytest.approx(
+                wanted, rel=1e-5, abs=rounding
+            ), parameter
+
+
+@each_block
+def test_the_response_converges_as_the_step_is_halved(name):
+    coarse, middle, fine = (
+        np.asarray(
+            respond(
+                BLOCKS[name],
+                jnp.asarray(smooth(np.arange((SAMPLES - 1) * k + 1) * STEP / k)),
+                Grid(STEP / k, "constant"),
+            )
+        )[::k]
+        for k in (1, 2, 4)
+    )
+    span = np.ptp(fine)
+    first, second = np.abs(middle - coarse).max(), np.abs(fine - middle).max()
+    print(name, first / span, second / span, first / max(second, 1e-99))
+    assert second < 1e-3 * span
+    assert second < first / 2.5 or second < 1e-9 * span
+
+
+@each_block
+def test_linear_means_superposition(name):
+    block, grid = BLOCKS[name], Grid(STEP, "rest")
+    other = jnp.asarray(30 * np.cos(17 * TIMES))
+    parts = respond(block, DRIVE, grid) + 2 * respond(block, other, grid)
+    error = np.abs(respond(block, DRIVE + 2 * other, grid) - parts).max()
+    assert (error < 1e-9 * np.abs(parts).max()) == block.linear
+
+
+@pytest.mark.parametrize("name", ["bouc_wen", "minor_loop_memory"])
+def test_periodic_history_is_the_last_of_many_cycles(name):
+    cycle = (
+        50 + 30 * np.sin(2 * np.pi * np.arange(80) / 80) + 5 * np.cos(np.arange(80) * np.pi / 10)
+    )
+    steady = respond(BLOCKS[name], jnp.asarray(cycle), Grid(STEP, "periodic"))
+    many = respond(BLOCKS[name], jnp.asarray(np.tile(cycle, 12)), Grid(STEP, "constant"))
+    close(steady, many[-80:], 1e-3)
+
+
+# Laws against oracles of their own ----------------------------------------------------------------
+
+DENSE_STEP = 1e-3
+DENSE = np.arange(1201) * DENSE_STEP
+
+
+def test_foh_is_the_sum_of_its_three_terms():
+    """By first-order weights and a direct sum, to the first order in the step."""
+    found = respond(foh, jnp.asarray(smooth(DENSE)), Grid(DENSE_STEP, "constant"))
+    drive = smooth(DENSE)
+    parts = {}
+    for order in (0.14, -0.13):
+        weights = np.ones(drive.size)
+        for j in range(1, drive.size):
+            weights[j] = weights[j - 1] * (j - 1 - order) / j
+        parts[order] = direct_convolution(weights * DENSE_STEP**-order, drive - drive[0])
+    speed = np.abs(np.gradient(drive, DENSE_STEP))
+    wanted = 0.05 * drive + 0.04 * parts[0.14] + 1e-4 * speed * parts[-0.13]
+    close(found, wanted, 2e-3)
+
+
+def test_lag_is_its_differential_equation():
+    solution = solve_ivp(
+        lambda t, w: (smooth(t) - w) / 0.02, (0, 1.2), [smooth(0.0)], t_eval=DENSE,
+        rtol=1e-10, atol=1e-10,
+    )  # fmt: skip
+    found = respond(lag, jnp.asarray(smooth(DENSE)), Grid(DENSE_STEP, "constant"))
+    close(found, solution.y[0], 1e-6)
+
+
+@pytest.mark.parametrize(("frequency", "damping"), [(9.0, 0.2), (20.0, 0.02), (3.0, 1.0)])
+def test_resonance_is_its_differential_equation(frequency, damping):
+    omega = 2 * np.pi * frequency
+
+    def slope(t, state):
+        return [state[1], omega**2 * (smooth(t) - state[0]) - 2 * damping * omega * state[1]]
+
+    solution = solve_ivp(
+        slope, (0, 1.2), [smooth(0.0), 0.0], "DOP853", t_eval=DENSE, rtol=1e-10, atol=1e-10
+    )
+    block = Resonance(frequency, damping)
+    found = respond(block, jnp.asarray(smooth(DENSE)), Grid(DENSE_STEP, "constant"))
+    close(found, solution.y[0], 2e-4)
+
+
+@pytest.mark.parametrize("late", [3e-4, 1e-3, 2.5e-3, 4.71e-2])
+def test_delay_is_the_earlier_drive(late):
+    block = Delay(late, longest=0.1)
+    found = respond(block, jnp.asarray(smooth(DENSE)), Grid(DENSE_STEP, "constant"))
+    close(found[:-2], smooth(np.maximum(DENSE - late, 0.0))[:-2], 1e-6)
+
+
+@pytest.mark.parametrize("history", HISTORIES)
+def test_delay_by_whole_samples_is_a_shift(history):
+    found = respond(Delay(3 * STEP, longest=0.1), DRIVE, Grid(STEP, history))
+    before = {"rest": np.zeros(3), "constant": np.full(3, DRIVE[0]), "periodic": DRIVE[-3:]}
+    close(found, np.concatenate([before[history], DRIVE[:-3]]), 1e-9)
+
+
+def test_lfdh_has_the_gain_and_phase_of_the_paper_at_1_hz():
+    """(11.3885 s^0.046153 + 1)/(16.523 s^0.44346 + 79.6379) at s = 2πj [L 11]."""
+    s = 2j * np.pi
+    gain = (11.3885 * s**0.046153 + 1) / (16.523 * s**0.44346 + 79.6379)
+    times = np.arange(500) / 250
+    found = respond(lfdh, jnp.sin(2 * np.pi * times), Grid(1 / 250, "periodic"))
+    close(found, np.imag(gain * np.exp(2j * np.pi * times)), 1e-12)
+    assert -20 < np.degrees(np.angle(gain)) < -1  # a loop that lags
+
+
+def test_creep_turns_every_frequency_by_the_same_phase():
+    """-90° μ, and 2.303 μ per decade after a step [F 11, F Fig. 12]."""
+    for hertz in (1, 8):
+        times = np.arange(200) / 200
+        found = respond(creep, jnp.sin(2 * np.pi * hertz * times), Grid(1 / 200, "periodic"))
+        phase = np.angle(
+            np.fft.fft(found)[hertz] / np.fft.fft(np.sin(2 * np.pi * hertz * times))[hertz]
+        )
+        assert np.degrees(phase) == pytest.approx(-90 * 0.05, abs=1e-9)
+    step = respond(Creep(1.0, 0.01), jnp.ones(2001), Grid(1e-2, "rest"))
+    assert float(step[2000] / step[200] - 1) == pytest.approx(np.log(10) * 0.01, rel=0.03)
+
+
+def test_bouc_wen_is_its_differential_equation():
+    rho, sigma, n, omega = 0.05, 1.3, 1.6, 2 * np.pi
+
+    def slope(t, h):
+        speed, size = 40 * omega * np.cos(omega * t), np.abs(h)
+        return rho * (
+            speed - sigma * abs(speed) * size ** (n - 1) * h + (sigma - 1) * speed * size**n
+        )
+
+    times = np.arange(801) / 400
+    solution = solve_ivp(slope, (0, 2), [0.0], "LSODA", times, rtol=1e-9, atol=1e-11, max_step=0.01)
+    drive = 40 * np.sin(omega * times)
+    found = respond(bouc_wen, jnp.asarray(drive), Grid(1 / 400, "constant"))
+    close(found, 0.1 * drive - 1.5 * solution.y[0], 1e-5)
+
+
+def test_play_is_the_plain_recursion():
+    drive, radii = np.random.default_rng(5).uniform(-10, 10, 200), np.array([0.0, 0.5, 3.0, 8.0])
+    state, wanted = np.full(radii.size, 4.0), []
+    for value in drive:
+        state = np.minimum(np.maximum(state, value - radii), value + radii)
+        wanted.append(state)
+    np.testing.assert_array_equal(play(jnp.asarray(drive), jnp.asarray(radii), 4.0), wanted)
+
+
+def test_memory_is_wiped_out_by_a_larger_excursion():
+    outer = np.array([0.0, 45.0])
+    inner = np.array([0.0, 20.0, 10.0, 17.0, 12.0, 45.0])
+    ends = [float(memory(jnp.asarray(u), Grid(STEP, "rest"))[-1]) for u in (outer, inner)]
+    assert ends[0] == pytest.approx(ends[1], abs=1e-12)
+
+
+def test_electrostriction_saturation_drift_and_mains_are_their_formulas():
+    grid = Grid(STEP, "constant")
+    close(electrostriction(DRIVE, grid), DRIVE + 0.1 * (DRIVE - 60) ** 2 / 45, 1e-14)
+    assert float(jnp.max(DRIVE)) > 70.3
+    np.testing.assert_array_equal(saturation(DRIVE, grid), np.minimum(DRIVE, 70.3))
+    close(drift(DRIVE, grid), 0.3 * (1 - np.exp(-TIMES / 0.2)) - 0.2 * TIMES, 1e-13)
+    lines = [
+        a * np.cos(2 * np.pi * 50 * k * TIMES) + b * np.sin(2 * np.pi * 50 * k * TIMES)
+        for k, a, b in zip(
+            range(1, 6), np.linspace(0.3, 0.1, 5), np.linspace(-0.1, 0.2, 5), strict=True
+        )
+    ]
+    close(mains(DRIVE, grid), np.sum(lines, axis=0), 1e-11)
+
+
+def test_rate_independent_laws_do_not_see_the_clock():
+    for block in (bouc_wen, memory, electrostriction, saturation):
+        slow, fast = (respond(block, DRIVE, Grid(step, "constant")) for step in (1.0, 1e-4))
+        np.testing.assert_array_equal(slow, fast)
+
+
+# Compositions -------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("history", HISTORIES)
+@pytest.mark.parametrize("pair", [(lag, lfdh), (creep, lag), (lfdh, creep)])
+def test_linear_blocks_in_series_are_one_after_the_other(pair, history):
+    first, second = pair
+    grid = Grid(STEP, history)
+    joined = first >> second
+    assert isinstance(joined, AbstractLinearBlock)
+    close(respond(joined, DRIVE, grid), second(first(DRIVE, grid), grid), 1e-10)
+
+
+@pytest.mark.parametrize("history", HISTORIES)
+@pytest.mark.parametrize("pair", [(lag, lfdh), (foh, drift), (bouc_wen, creep), (lag, resonance)])
+def test_parallel_blocks_add(pair, history):
+    grid = Grid(STEP, history)
+    first, second = pair
+    # A sum takes the lower of two orders of quadrature: only then does it differ, by little.
+    same = not {resonance} & set(pair) or history == "periodic"
+    close(
+        respond(first + second, DRIVE, grid),
+        first(DRIVE, grid) + second(DRIVE, grid),
+        1e-11 if same else 1e-3,
+    )
+
+
+def test_a_series_with_a_nonlinear_block_is_one_after_the_other():
+    grid = Grid(STEP, "constant")
+    joined = foh >> saturation >> creep
+    assert not isinstance(joined, AbstractLinearBlock)
+    assert not joined.linear
+    close(respond(joined, DRIVE, grid), creep(saturation(foh(DRIVE, grid), grid), grid), 1e-12)
+
+
+def test_a_linear_kernel_is_the_response_to_one_sample():
+    impulse = jnp.zeros(SAMPLES).at[0].set(1.0)
+    for block in (lag, lfdh, creep, lag >> resonance):
+        weights = kernel(block.symbol, SAMPLES, Grid(STEP), block.accuracy)
+        close(respond(block, impulse, Grid(STEP, "rest")), weights, 1e-10)
+
+
+@pytest.mark.parametrize(
+    ("block", "gains"),
+    [
+        (foh, {"k_l", "k_h", "k_p"}),
+        (lfdh, {"k_0", "k_delta"}),
+        (resonance, set()),
+        (foh >> Creep(fixed_gain=True), {"first.k_l", "first.k_h", "first.k_p"}),
+        (foh >> creep, {"first.k_l", "first.k_h", "first.k_p"}),
+        (lag >> foh, {"second.k_l", "second.k_h", "second.k_p"}),
+        (foh >> saturation, set()),
+        (foh >> saturation >> creep, {"second.k_c"}),
+        (foh >> bouc_wen, {"second.k_u", "second.k_h"}),
+        (lfdh + drift, {"first.k_0", "first.k_delta", "second.amplitude", "second.slope"}),
+        ((lfdh + mains) >> resonance, {
+            "first.first.k_0", "first.first.k_delta", "first.second.cosines", "first.second.sines",
+        }),
+        (lag >> creep >> resonance, {"first.second.k_c"}),
+    ],
+)  # fmt: skip
+def test_gains_of_compositions(block, gains):
+    assert set(linear_gains(block)) == gains
+
+
+@each_block
+def test_the_response_is_proportional_to_its_gains(name):
+    block, grid = BLOCKS[name], Grid(STEP, "constant")
+    gains = linear_gains(block)
+    values = free_values(block)
+    zero = respond(set_values(block, {n: 0 * values[n] for n in gains}), DRIVE, grid)
+    once, thrice = (
+        respond(set_values(block, {n: k * values[n] for n in gains}), DRIVE, grid) - zero
+        for k in (1.0, 3.0)
+    )
+    close(thrice, 3 * once, 1e-11, respond(block, DRIVE, grid))
+    assert bool(gains) == bool(np.abs(once).max() > 0)
+
+
+# The catalogue ------------------------------------------------------------------------------------
+
+SETTINGS = {
+    "common": Setting(0.0, 100.0, 10.0, 1e-3, 10.0, 10.0),
+    "bipolar, fast": Setting(-150.0, 30.0, 0.2, 2e-6, 0.01, 5e3),
+    "slow": Setting(40.0, 85.0, 1500.0, 0.5, 3600.0, 0.01),
+}
+# The values at which an effect does nothing; extreme where no amplitude can be zero.
+NOTHING = {
+    "creep": {"mu": 0.0},
+    "drive_lag": {"time_constant": 1e-14},
+    "delay": {"delay": 0.0},
+    "resonance": {"frequency": 1e9},
+    "electrostriction": {"q": 0.0},
+    "minor_loop_memory": {"weights": np.zeros(8)},
+    "saturation": {"threshold": 85.0},
+    "thermal_drift": {"amplitude": 0.0, "slope": 0.0},
+    "mains_interference": {"cosines": np.zeros(5), "sines": np.zeros(5)},
+}
+each_effect = pytest.mark.parametrize("name", EFFECTS)
+
+
+@pytest.mark.parametrize("setting", SETTINGS.values(), ids=SETTINGS)
+@each_effect
+def test_trials_have_one_structure_and_lie_within_bounds(name, setting):
+    trials = EFFECTS[name].trials(setting)
+    assert len(trials) >= 1
+    assert len({jax.tree_util.tree_structure(trial) for trial in trials}) == 1
+    shapes = {tuple(np.shape(x) for x in jax.tree_util.tree_leaves(trial)) for trial in trials}
+    assert len(shapes) == 1
+    for trial in trials:
+        for parameter in named_parameters(trial).values():
+            assert np.all(parameter.lower <= parameter.value)
+            assert np.all(parameter.value <= parameter.upper)
+            low, high = parameter.plausible
+            assert np.all(low <= high)
+
+
+@each_effect
+def test_trials_differ_and_change_the_base(name):
+    setting = Setting(40.0, 85.0, 5.0, STEP, 0.8, 5.0)
+    effect, grid = EFFECTS[name], Grid(STEP, "constant")
+    plain = np.asarray(respond(foh, DRIVE, grid))
+    changed = [
+        np.asarray(respond(effect.insert(foh, trial), DRIVE, grid))
+        for trial in effect.trials(setting)
+    ]
+    assert all(np.abs(response - plain).max() > 1e-9 for response in changed)
+    assert all(
+        np.abs(one - other).max() > 0 for one, other in zip(changed, changed[1:], strict=False)
+    )
+
+
+@pytest.mark.parametrize("history", HISTORIES)
+@each_effect
+def test_an_effect_of_no_size_leaves_the_base_alone(name, history):
+    effect, grid = EFFECTS[name], Grid(STEP, history)
+    trial = effect.trials(Setting(40.0, 85.0, 5.0, STEP, 0.8, 5.0))[0]
+    inserted = effect.insert(foh, set_values(trial, NOTHING[name]))
+    drive = DRIVE.at[-1].set(85.0)
+    close(respond(inserted, drive, grid), respond(foh, drive, grid), 1e-9)
+
+
+def test_nothing_is_known_of_every_effect():
+    assert NOTHING.keys() == EFFECTS.keys()
+
+
+@each_effect
+def test_an_entry_says_what_it_is(name):
+    effect = EFFECTS[name]
+    assert effect.name == name
+    assert effect.site in {"drive", "response", "additive"}  # the places `insert` knows
+    for text in (effect.sentence, effect.equation, effect.source, effect.concealed_by):
+        assert text.strip() == text
+        assert len(text) > 5
+    assert effect.separated_by.keys() <= EFFECTS.keys() - {name}
+    assert effect.separated_by
+    assert all(len(experiment) > 10 for experiment in effect.separated_by.values())
+    assert effect.axes
+    places = {"time", "frequency", "level", "rate", "reversal", "phase", "harmonics"}
+    assert set(effect.axes) <= places
+    assert len(set(effect.axes)) == len(effect.axes)
+
+
+def test_site_of_insertion():
+    grid = Grid(STEP, "constant")
+    setting = Setting(40.0, 85.0, 5.0, STEP, 0.8, 5.0)
+    for effect in EFFECTS.values():
+        block = effect.trials(setting)[-1]
+        wanted = {
+            "drive": lambda u, b=block: foh(b(u, grid), grid),
+            "response": lambda u, b=block: b(foh(u, grid), grid),
+            "additive": lambda u, b=block: foh(u, grid) + b(u, grid),
+        }[effect.site](DRIVE)
+        close(respond(effect.insert(foh, block), DRIVE, grid), wanted, 1e-10)
+
+
+def test_long_chains_join():
+    grid = Grid(STEP, "periodic")
+    chain = reduce(lambda a, b: a >> b, [Creep(1.0, 0.01)] * 10)
+    close(
+        respond(chain, DRIVE, grid),
+        Creep(1.0, 0.1)(DRIVE - DRIVE.mean(), grid) + DRIVE.mean(),
+        1e-11,
+    )

@@ -1,29 +1,47 @@
 """fracjax: what a simulation of a piezoelectric actuator left out, and by how much."""
 
-from . import _blocks as blocks
-from ._blocks import EFFECTS as EFFECTS
-from ._blocks import AbstractBlock as AbstractBlock
-from ._blocks import AbstractLinearBlock as AbstractLinearBlock
-from ._blocks import Effect as Effect
-from ._diagnose import Diagnosis as Diagnosis
-from ._diagnose import diagnose as diagnose
-from ._fit import Estimate as Estimate
-from ._fit import Fit as Fit
-from ._fit import Noise as Noise
-from ._fit import fit as fit
-from ._fit import load_model as load_model
-from ._io import read as read
-from ._models import MODELS as MODELS
-from ._models import Model as Model
-from ._models import parse_model as parse_model
-from ._operators import Grid as Grid
-from ._operators import derivative as derivative
-from ._parameters import Parameter as Parameter
-from ._recording import InputError as InputError
-from ._recording import Recording as Recording
-from ._report import write_report as write_report
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from . import _blocks as blocks
+    from ._blocks import EFFECTS as EFFECTS
+    from ._blocks import AbstractBlock as AbstractBlock
+    from ._blocks import AbstractLinearBlock as AbstractLinearBlock
+    from ._blocks import Effect as Effect
+    from ._diagnose import Diagnosis as Diagnosis
+    from ._diagnose import diagnose as diagnose
+    from ._fit import Estimate as Estimate
+    from ._fit import Fit as Fit
+    from ._fit import Noise as Noise
+    from ._fit import fit as fit
+    from ._fit import load_model as load_model
+    from ._io import read as read
+    from ._models import MODELS as MODELS
+    from ._models import Model as Model
+    from ._models import parse_model as parse_model
+    from ._operators import Grid as Grid
+    from ._operators import derivative as derivative
+    from ._parameters import Parameter as Parameter
+    from ._recording import InputError as InputError
+    from ._recording import Recording as Recording
+    from ._report import write_report as write_report
 
 __version__ = "0.1.0"
+
+# Loaded on first use, so that `fracjax --help` need not wait for JAX (PEP 562).
+_HOMES = {
+    "_blocks": ("EFFECTS", "AbstractBlock", "AbstractLinearBlock", "Effect"),
+    "_diagnose": ("Diagnosis", "diagnose"),
+    "_fit": ("Estimate", "Fit", "Noise", "fit", "load_model"),
+    "_io": ("read",),
+    "_models": ("MODELS", "Model", "parse_model"),
+    "_operators": ("Grid", "derivative"),
+    "_parameters": ("Parameter",),
+    "_recording": ("InputError", "Recording"),
+    "_report": ("write_report",),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
 __all__ = [
     "EFFECTS",
@@ -49,3 +67,15 @@ __all__ = [
     "read",
     "write_report",
 ]
+
+
+def __getattr__(name: str) -> object:
+    if name == "blocks":
+        return import_module("._blocks", __name__)
+    if name not in _HOME_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_HOME_OF[name]}", __name__), name)
+
+
+def __dir__() -> list[str]:
+    return __all__

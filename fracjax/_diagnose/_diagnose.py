@@ -367,12 +367,12 @@ class _Procedure:
     def _named(
         self, winner: Judged, found: list[Judged], extended: Fit, stage: Stage
     ) -> NamedEffect:
-        rivals = [j for j in found if j.delta_bic > 0 and j.numerics <= _NUMERICS_LIMIT]
+        rivals = [j for j in found if j.admissible]
         weights = softmax([0.5 * j.delta_bic for j in rivals])
         confusable = tuple(
             j.name
             for j in rivals
-            if j.name != winner.name and winner.delta_bic - j.delta_bic < _DELTA_BIC and j.plausible
+            if j.name != winner.name and winner.delta_bic - j.delta_bic < _DELTA_BIC
         )
         effect = winner.refit.score.effect
         own = _own_parameters(stage, winner, extended)

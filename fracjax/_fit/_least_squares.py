@@ -139,15 +139,18 @@ def solve(starts: AbstractBlock, active: np.ndarray, problems: tuple[Problem, ..
     """
 
     def one(block: AbstractBlock) -> Solution:
-        def residual(angles, _):
-            return _projected_residual(with_shapes(block, angles), problems)
-
         start = unconstrained(block)
+        # In units of the start's own residual the damping of Levenberg–Marquardt begins at a
+        # sensible size, whatever the signals' units and length.
+        size = jnp.linalg.norm(_projected_residual(with_shapes(block, start), problems))
+
+        def residual(angles, _):
+            return _projected_residual(with_shapes(block, angles), problems) / size
+
         if start.size == 0:
-            cost = jnp.sum(residual(start, None) ** 2)
-            return Solution(start, cost, jnp.zeros((), int), jnp.ones((), bool))
+            return Solution(start, size**2, jnp.zeros((), int), jnp.ones((), bool))
         found = optx.least_squares(residual, _SOLVER, start, max_steps=_STEPS, throw=False)
-        cost = jnp.asarray(2 * found.state.f_info.as_min())
+        cost = jnp.asarray(2 * found.state.f_info.as_min()) * size**2
         return Solution(
             found.value,
             jnp.where(jnp.isfinite(cost), cost, jnp.inf),

@@ -8,7 +8,7 @@ from itertools import combinations
 import numpy as np
 
 from .._blocks import AbstractBlock
-from .._parameters import named_parameters
+from .._parameters import Parameter, named_parameters
 from ._least_squares import jacobian, layout_of
 from ._problem import Problem
 
@@ -91,7 +91,7 @@ def estimates(
                     error,
                     physical_unit(parameter.unit, units),
                     bool(identified),
-                    _at_bound(value, np.ravel(parameter.lower), np.ravel(parameter.upper), k),
+                    _at_bound(parameter, k),
                 )
             )
             labels.append(label)
@@ -104,11 +104,18 @@ def estimates(
     return tuple(found), pairs
 
 
-def _at_bound(value: float, lower: np.ndarray, upper: np.ndarray, k: int) -> bool:
-    low, high = lower[k % lower.size], upper[k % upper.size]
+def _at_bound(parameter: Parameter, k: int) -> bool:
+    """Whether component k lies within a thousandth of its range of a bound that is not zero."""
+    size = np.size(parameter.value)
+    bounds = (parameter.lower, parameter.value, parameter.upper)
+    low, value, high = (float(np.broadcast_to(np.ravel(b), (size,))[k]) for b in bounds)
     if not np.isfinite(high - low):
         return False
-    return bool(min(value - low, high - value) < 1e-3 * (high - low) and low != 0)
+    if parameter.logarithmic:
+        low, value, high = np.log(low), np.log(value), np.log(high)
+    elif low == 0 and value < high / 2:
+        return False
+    return bool(min(value - low, high - value) < 1e-3 * (high - low))
 
 
 def physical_unit(unit: str, units: tuple[str, str]) -> str:

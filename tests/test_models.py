@@ -36,14 +36,14 @@ def shape_of(block) -> str:
 @pytest.mark.parametrize(
     ("text", "shape"),
     [
-        ("foh >> creep", "(FOH >> Creep)"),
-        ("foh >> creep + resonance", "(FOH >> (Creep + Resonance))"),
-        ("(foh >> creep) + resonance", "((FOH >> Creep) + Resonance)"),
+        ("foh >> creep", "(FOH >> LogarithmicCreep)"),
+        ("foh >> creep + resonance", "(FOH >> (LogarithmicCreep + Resonance))"),
+        ("(foh >> creep) + resonance", "((FOH >> LogarithmicCreep) + Resonance)"),
         ("foh + thermal_drift >> resonance", "((FOH + ThermalDrift) >> Resonance)"),
-        ("drive_lag >> foh >> creep", "((DriveLag >> FOH) >> Creep)"),
-        ("drive_lag >> (foh >> creep)", "(DriveLag >> (FOH >> Creep))"),
-        ("foh + creep + lfdh", "((FOH + Creep) + LFDH)"),
-        ("  foh>>creep ", "(FOH >> Creep)"),
+        ("drive_lag >> foh >> creep", "((DriveLag >> FOH) >> LogarithmicCreep)"),
+        ("drive_lag >> (foh >> creep)", "(DriveLag >> (FOH >> LogarithmicCreep))"),
+        ("foh + creep + lfdh", "((FOH + LogarithmicCreep) + LFDH)"),
+        ("  foh>>creep ", "(FOH >> LogarithmicCreep)"),
         ("((foh))", "FOH"),
         ("coupled >> resonance", "((FOH >> Creep) >> Resonance)"),
     ],
@@ -60,10 +60,12 @@ def test_linear_blocks_join_to_one_law():
     assert not isinstance(fj.parse_model("foh >> resonance").block, fj.AbstractLinearBlock)
 
 
-def test_creep_alone_has_a_gain_and_in_a_chain_leaves_it_to_the_law_before():
-    alone, chained = fj.parse_model("creep"), fj.parse_model("foh >> creep")
+def test_creep_alone_is_the_power_law_with_its_gain_and_in_a_chain_the_effect():
+    alone, coupled = fj.parse_model("creep"), fj.parse_model("coupled")
     assert not alone.parameters["k_c"].fixed
-    assert chained.parameters["second.k_c"].fixed
+    assert coupled.parameters["second.k_c"].fixed
+    chained = fj.parse_model("foh >> creep").parameters
+    assert {"second.gamma", "second.onset"} <= chained.keys()
 
 
 def test_an_effect_is_sized_by_the_setting():
@@ -106,9 +108,9 @@ def test_other_text_is_refused_in_one_sentence(text, found):
 
 def test_values_are_exchanged_by_dotted_name():
     model = fj.parse_model("foh >> creep")
-    changed = model.with_values({"first.alpha": 0.3, "second.mu": 0.02})
+    changed = model.with_values({"first.alpha": 0.3, "second.gamma": 0.02})
     assert float(changed.parameters["first.alpha"].value) == 0.3
-    assert float(changed.parameters["second.mu"].value) == 0.02
+    assert float(changed.parameters["second.gamma"].value) == 0.02
     assert changed.name == model.name
     assert float(model.parameters["first.alpha"].value) == 0.1  # the original is as it was
     with pytest.raises(KeyError):

@@ -20,7 +20,8 @@ _REST_SECONDS = 0.2
 class Noise:
     """Autoregressive noise: Σ_k filter[k] e_{t-k} = innovation · white, filter[0] = 1.
 
-    `sigma` is its standard deviation in `unit`, `method` where it was read.
+    `sigma` is the rms of all that does not repeat, in `unit`; `method` says where it was read.  The
+    filter leaves lines of the mains out, so that they count as mismatch and can be named.
     """
 
     sigma: float
@@ -46,8 +47,8 @@ def _autocovariance(series: np.ndarray, lags: int) -> np.ndarray:
     return np.fft.irfft(smooth, series.size)[: lags + 1]
 
 
-def autoregression(series: list[np.ndarray]) -> tuple[np.ndarray, float, float]:
-    """AR(p) filter, innovation and noise sd of one or more stretches, p by BIC (Yule–Walker)."""
+def autoregression(series: list[np.ndarray]) -> tuple[np.ndarray, float]:
+    """AR(p) filter and innovation sd of one or more stretches, p by BIC (Yule–Walker)."""
     count = sum(s.size for s in series)
     largest = min(_LARGEST_ORDER, min(s.size for s in series) // 20)
     weights = [s.size / count for s in series]
@@ -65,12 +66,12 @@ def autoregression(series: list[np.ndarray]) -> tuple[np.ndarray, float, float]:
         if score < best_score:
             best = np.concatenate([[1.0], -coefficients]), float(np.sqrt(variance))
             best_score = score
-    coefficients, innovation = best
-    return coefficients, innovation, float(np.sqrt(autocovariance[0]))
+    return best
 
 
 def _noise(series: list[np.ndarray], unit: str, method: Method) -> Noise:
-    coefficients, innovation, sigma = autoregression(series)
+    coefficients, innovation = autoregression(series)
+    sigma = float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
     return Noise(sigma, unit, method, coefficients, innovation)
 
 

@@ -1,0 +1,189 @@
+"""The diagnosis: noise, score test, held-out prediction, and the verdicts on independent truths."""
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+from scipy.stats import kstest
+
+import fracjax as fj
+from benchmarks.concealed.cases import make_case
+from fracjax._diagnose._diagnose import numerical_error, residual_of
+from fracjax._diagnose._held_out import Prediction, gain, predict_stretches
+from fracjax._diagnose._score import EffectScore, Residual, family_wise_p
+from fracjax._fit import autoregression, measured_noise, prepare, settle
+from fracjax._recording import Recording
+
+VERDICTS = {"none", "missing", "confusable", "unexplained"}
+
+
+def recording_of(case) -> Recording:
+    step = float(case.time[1] - case.time[0])
+    return Recording(case.voltage, case.displacement, step)
+
+
+@pytest.fixture(scope="module")
+def null():
+    return fj.diagnose(fj.parse_model("foh"), recording_of(make_case("foh", "none", "bursts")))
+
+
+@pytest.fixture(scope="module")
+def concealed():
+    case = make_case("foh", "electrostriction", "bursts", level=3.0)
+    return case, fj.diagnose(fj.parse_model("foh"), recording_of(case))
+
+
+def test_a_clean_recording_gets_no_name(null):
+    assert null.verdict == "none"
+    assert null.effects == ()
+    assert null.extended is None
+    assert null.p_value > 0.01
+    assert all(c.detectable_amplitude > 0 for c in null.candidates)
+
+
+def test_a_concealed_effect_is_named_located_and_predicts_better(concealed):
+    case, diagnosis = concealed
+    assert case.label["R2"] > 0.999
+    assert diagnosis.verdict == "missing"
+    assert [e.name for e in diagnosis.effects] == ["electrostriction"]
+    assert diagnosis.axes[0].axis in {"level", "harmonics"}
+    assert diagnosis.held_out.extended_rmse == pytest.approx(case.label["noise_sd_um"], rel=0.05)
+    assert diagnosis.held_out.base_rmse > 2 * diagnosis.held_out.extended_rmse
+    assert diagnosis.extended_model.name == "electrostriction >> foh"
+
+
+def test_the_named_parameter_is_in_its_interval(concealed):
+    case, diagnosis = concealed
+    q = next(p for p in diagnosis.effects[0].parameters if p.name == "q")
+    span = np.ptp(case.voltage)
+    # Of u + q (u - u0)², another centre c changes the gain: q' = q U / (1 + 2 q (c - u0)).
+    truth = case.label["parameters"]
+    centre = 0.5 * (case.voltage.max() + case.voltage.min())
+    expected = truth["q"] * span / (1 + 2 * truth["q"] * (centre - truth["u0"]))
+    assert abs(q.value - expected) < 4 * q.standard_error + 0.02 * abs(expected)
+
+
+def test_the_noise_floor_is_the_simulated_one(concealed, null):
+    case, diagnosis = concealed
+    for found in (diagnosis, null):
+        assert found.noise.method == "static"
+    assert diagnosis.noise.sigma == pytest.approx(case.label["noise_sd_um"], rel=0.1)
+
+
+def test_what_is_written_follows_the_schema(concealed, null, tmp_path: Path):
+    required = {"schema", "model", "recordings", "noise", "numerics", "verdict", "effects"}
+    for number, diagnosis in enumerate((concealed[1], null)):
+        diagnosis.save(tmp_path / f"{number}.json")
+        content = json.loads((tmp_path / f"{number}.json").read_text())
+        assert required | {"candidates", "where", "fit", "sentence"} <= set(content)
+        assert content["verdict"] in VERDICTS
+        assert {c["name"] for c in content["candidates"]} == set(fj.EFFECTS)
+        for axis in content["where"]["axes"]:
+            assert len(axis["edges"]) == len(axis["strength"]) + 1
+
+
+# Noise ------------------------------------------------------------------------------------------
+
+
+def test_autoregression_finds_the_colour():
+    white = np.random.default_rng(0).standard_normal(20_000)
+    coefficients, innovation = autoregression([lfilter([1], [1, -0.6], white)])
+    assert coefficients[1] == pytest.approx(-0.6, abs=0.03)
+    assert innovation == pytest.approx(1.0, rel=0.03)
+
+
+def test_a_mains_line_does_not_enter_the_whitening():
+    generator = np.random.default_rng(1)
+    noise = generator.standard_normal(8000)
+    line = 3 * np.sin(2 * np.pi * 0.1 * np.arange(8000))
+    with_line = autoregression([noise + line])[1]
+    assert with_line == pytest.approx(autoregression([noise])[1], rel=0.05)
+
+
+def test_repeats_show_the_noise_under_a_slow_decay():
+    generator = np.random.default_rng(2)
+    time = np.arange(8000) / 200
+    drive = np.sin(2 * np.pi * time)
+    response = 5 * drive + 0.5 * np.log(time + 0.1) + 0.01 * generator.standard_normal(8000)
+    noise = measured_noise(Recording(drive, response, 0.005))
+    assert noise is not None
+    assert noise.method == "repeats"
+    assert noise.sigma == pytest.approx(0.01, rel=0.05)
+
+
+# Score test and held-out prediction ---------------------------------------------------------------
+
+
+def scores_of(directions: np.ndarray, residual: np.ndarray) -> EffectScore:
+    ones = np.ones(len(directions))
+    effect = fj.EFFECTS["creep"]
+    return EffectScore(effect, [], directions @ residual, ones, 0 * ones, ones, directions)
+
+
+def test_the_family_wise_p_is_uniform_where_nothing_is_missing():
+    generator = np.random.default_rng(3)
+    directions = generator.standard_normal((30, 200)) + 2 * generator.standard_normal(200)
+    directions /= np.linalg.norm(directions, axis=1, keepdims=True)
+    p_values = [
+        family_wise_p([scores_of(directions, generator.standard_normal(200))], seed)
+        for seed in range(150)
+    ]
+    assert kstest(p_values, "uniform").pvalue > 0.01
+
+
+def test_projection_removes_what_the_fit_can_absorb():
+    generator = np.random.default_rng(4)
+    basis = np.linalg.qr(generator.standard_normal((50, 4)))[0]
+    residual = Residual(generator.standard_normal(50), basis)
+    columns = generator.standard_normal((3, 50))
+    assert np.abs(residual.project(columns) @ basis).max() < 1e-12
+    assert np.abs(residual.project((basis @ np.ones(4))[None])).max() < 1e-12
+
+
+def test_held_out_stretches_agree_with_refits_of_a_linear_model():
+    generator = np.random.default_rng(5)
+    time = np.arange(2000) * 0.01
+    drive = np.sin(2 * np.pi * 0.7 * time) * (1 + 0.3 * np.sin(2 * np.pi * 0.05 * time))
+    recording = Recording(drive, 3 * drive + 1 + 0.1 * generator.standard_normal(2000), 0.01)
+    fixed = {"alpha": 0.3, "beta": 0.2, "k_h": 0.0, "k_p": 0.0}
+    fit = fj.fit(fj.parse_model("foh"), recording, fixed=fixed)
+    preparation = prepare([recording])
+    solved, preparation = settle(fit.model.block, preparation, history="constant", starts=1, seed=0)
+    prediction = predict_stretches(solved, preparation)
+    design = np.stack([drive, np.ones(2000)], axis=1)
+    fold = (np.arange(2000) / 100).astype(int) % 5
+    counted = np.asarray(preparation.problems()[0].weights)[:2000] > 0
+    errors = np.zeros(2000)
+    for k in range(5):
+        kept = counted & (fold != k)
+        gains = np.linalg.lstsq(design[kept], recording.response[kept], rcond=None)[0]
+        errors[fold == k] = (recording.response - design @ gains)[fold == k]
+    # Only the noise's colour, found from the residual, makes the two differ.
+    assert prediction.rmse == pytest.approx(np.sqrt(np.mean(errors[counted] ** 2)), rel=1e-3)
+
+
+def test_a_gain_within_the_noise_is_not_convincing():
+    generator = np.random.default_rng(6)
+    fold = np.arange(1000) % 5
+    noise = generator.standard_normal(1000)
+    base = Prediction(1.0, (1.0,) * 5, noise, fold)
+    other = Prediction(1.0, (1.0,) * 5, noise + 0.1 * generator.standard_normal(1000), fold)
+    better = Prediction(0.5, (0.5,) * 5, 0.5 * noise, fold)
+    assert not gain(base, other).convincing
+    assert gain(base, better).convincing
+
+
+def test_the_numerical_error_falls_when_the_grid_is_refined():
+    case = make_case("foh", "none", "bursts")
+    preparation = prepare([recording_of(case)])
+    solved, preparation = settle(
+        fj.parse_model("foh").block, preparation, history="constant", starts=1, seed=0
+    )
+    errors = []
+    for oversampling in (1, 2, 4):
+        finer = preparation.with_oversampling(oversampling)
+        basis = residual_of(solved, finer).basis
+        errors.append(numerical_error(solved.block, finer, basis))
+    assert errors[0] > 4 * errors[1] > 16 * errors[2]

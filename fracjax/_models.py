@@ -6,6 +6,7 @@ import ast
 from collections.abc import Callable
 
 import equinox as eqx
+import jax
 
 from ._blocks import EFFECTS, FOH, LFDH, AbstractBlock, BoucWen, Creep, Setting
 from ._parameters import Parameter, named_parameters, set_values
@@ -20,7 +21,7 @@ class Model(eqx.Module):
 
     def __init__(self, block: AbstractBlock, name: str | None = None):
         self.block = block
-        self.name = type(block).__name__ if name is None else name
+        self.name = _catalogue_name(block) if name is None else name
 
     @property
     def parameters(self) -> dict[str, Parameter]:
@@ -39,6 +40,13 @@ MODELS: dict[str, Callable[[], AbstractBlock]] = {
     "coupled": lambda: FOH() >> Creep(fixed_gain=True),
     "bouc_wen": BoucWen,
 }
+
+
+def _catalogue_name(block: AbstractBlock) -> str:
+    """The name under which the block can be built again, or its class's where there is none."""
+    structure = jax.tree_util.tree_structure(block)
+    names = (n for n, make in MODELS.items() if jax.tree_util.tree_structure(make()) == structure)
+    return next(names, type(block).__name__)
 
 
 def _typical_effect(name: str, setting: Setting | None) -> AbstractBlock:
@@ -85,6 +93,8 @@ def parse_model(text: str, setting: Setting | None = None) -> Model:
 
     try:
         whole = ast.parse(text.strip(), mode="eval").body
-    except (SyntaxError, ValueError):
+        return Model(build(whole), ast.unparse(whole))
+    except InputError:
+        raise
+    except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise refuse("something else") from None
-    return Model(build(whole), ast.unparse(whole))

@@ -221,10 +221,7 @@ def test_linear_means_superposition(name):
     [
         bouc_wen,
         memory,
-        pytest.param(
-            BoucWen(0.0, 1.0, rho=0.01),
-            marks=pytest.mark.xfail(reason="one cycle ahead does not settle a slow Bouc–Wen state"),
-        ),
+        BoucWen(0.0, 1.0, rho=0.01),
     ],
     ids=["bouc_wen", "minor_loop_memory", "slow bouc_wen"],
 )
@@ -502,7 +499,6 @@ def test_trials_have_one_structure_and_lie_within_bounds(name, setting):
             assert np.all(low <= high)
 
 
-@pytest.mark.xfail(reason="half the sampling rate lies above the largest natural frequency")
 def test_trials_of_a_resonance_at_500_khz():
     EFFECTS["resonance"].trials(Setting(0.0, 100.0, 10.0, 2e-6, 0.01, 5e3))
 

@@ -106,7 +106,7 @@ def test_repeats_show_the_noise_under_a_slow_decay():
     generator = np.random.default_rng(2)
     time = np.arange(8000) / 200
     drive = np.sin(2 * np.pi * time)
-    response = 5 * drive + 0.5 * np.log(time + 0.1) + 0.01 * generator.standard_normal(8000)
+    response = 5 * drive + 0.1 * np.log(time + 0.1) + 0.01 * generator.standard_normal(8000)
     noise = measured_noise(Recording(drive, response, 0.005))
     assert noise is not None
     assert noise.method == "repeats"

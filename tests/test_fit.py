@@ -205,7 +205,6 @@ def test_no_saved_fit_is_refused(content, tmp_path):
         fj.load_model(path)
 
 
-@pytest.mark.xfail(reason='the default name "FOH" is no name that parse_model knows')
 def test_a_model_made_from_a_block_can_be_saved_and_loaded(tmp_path):
     fit = fj.fit(fj.Model(fj.blocks.FOH()), record(0), noise=KNOWN, starts=STARTS)
     fit.save(tmp_path / "fit.json")

@@ -363,10 +363,7 @@ def test_a_staircase_is_held(oversampling):
     "first_corner",
     [
         0,
-        pytest.param(
-            1,
-            marks=pytest.mark.xfail(reason="odd samples alone judge: corners there favour curves"),
-        ),
+        1,
     ],
 )
 def test_a_triangle_is_straight(first_corner):

@@ -11,6 +11,7 @@ from .._parameters import Parameter
 from ._block import AbstractBlock
 
 _SUBSTEPS = 4
+_RUN_IN = 12
 
 
 class BoucWen(AbstractBlock):
@@ -73,6 +74,8 @@ class BoucWen(AbstractBlock):
         increments = jnp.diff(drive, prepend=before)
         start = jnp.zeros(())
         if grid.history == "periodic":
-            start, _ = jax.lax.scan(step, start, increments)
+            # The state before the record, once further cycles no longer change it.
+            cycles = jnp.tile(increments, _RUN_IN)
+            start, _ = jax.lax.scan(step, start, cycles)
         _, state = jax.lax.scan(step, start, increments)
         return self.k_u.value * drive + self.k_h.value * state

@@ -241,6 +241,8 @@ def prepare(
     settling: int | None = None,
 ) -> Preparation:
     """Decide noise, history, settling and grid for recordings that are to be fitted together."""
+    if not recordings:
+        raise InputError("expected at least one recording, found none; give one")
     first = recordings[0]
     for other in recordings[1:]:
         if (other.drive_unit, other.response_unit) != (first.drive_unit, first.response_unit):
@@ -375,15 +377,23 @@ def _constrained(
     for name in {*fixed, *bounds}:
         p = parameters[name]
         low, high = bounds.get(name, (p.lower, p.upper))
-        value = np.clip(fixed.get(name, p.value), low, high)
-        changed[name] = Parameter(
-            value,
-            p.unit,
-            lower=low,
-            upper=high,
-            plausible=(np.clip(p.plausible[0], low, high), np.clip(p.plausible[1], low, high)),
-            logarithmic=p.logarithmic,
-            gain=p.gain and name not in bounds,
-            fixed=name in fixed,
-        )
+        if name in bounds and not np.isfinite(np.subtract(high, low)):
+            raise InputError(
+                f'parameter "{name}": expected two finite bounds, found {low} and {high}; '
+                "give the widest range that makes sense"
+            )
+        value = fixed[name] if name in fixed else np.clip(p.value, low, high)
+        try:
+            changed[name] = Parameter(
+                value,
+                p.unit,
+                lower=low,
+                upper=high,
+                plausible=(np.clip(p.plausible[0], low, high), np.clip(p.plausible[1], low, high)),
+                logarithmic=p.logarithmic,
+                gain=p.gain and name not in bounds,
+                fixed=name in fixed,
+            )
+        except ValueError as error:
+            raise InputError(f'parameter "{name}": {error}.') from None
     return changed

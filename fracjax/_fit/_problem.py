@@ -73,7 +73,9 @@ def make_problem(
         fine = interpolate(wrapped, oversampling)[0][:-1]
     else:
         fine = interpolate(drive, oversampling)[0]
-        fine = np.pad(fine, (0, (length - samples) * oversampling), mode="edge")
+        # The padding goes on straight, so that the rate at the last sample is the drive's own.
+        padding = (0, (length - samples) * oversampling)
+        fine = np.pad(fine, padding, mode="reflect", reflect_type="odd")
     padding = (0, length - samples)
     return Problem(
         drive=fine,

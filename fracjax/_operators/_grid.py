@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Literal, get_args
 
 import equinox as eqx
@@ -43,17 +44,20 @@ def interpolate(drive: np.ndarray, oversampling: int) -> tuple[np.ndarray, str]:
     """Carry a drive (N,) onto a grid `oversampling` times finer: ((N-1)·oversampling + 1,).
 
     A staircase is held.  Otherwise linear, Akima and cubic interpolation are each asked to predict
-    the odd samples from the even ones, and the one that errs least is used: straight for triangles,
-    smooth for sines.  Returns the finer drive and the name of the method.
+    the odd samples from the even ones and back, and the one that errs least is used: straight for
+    triangles, smooth for sines.  Returns the finer drive and the name of the method.
     """
     samples = np.arange(drive.size)
     fine = np.linspace(0, drive.size - 1, (drive.size - 1) * oversampling + 1)
     if _is_staircase(drive):
         return drive[np.floor(fine + 1e-9).astype(int)], "hold"
-    last = drive.size - 1 - (drive.size - 1) % 2
-    even, odd = samples[: last + 1 : 2], samples[1:last:2]
+
+    def error(make: Callable, known: np.ndarray) -> float:
+        asked = known[:-1] + 1
+        return float(np.sum((make(known, drive[known])(asked) - drive[asked]) ** 2))
+
     errors = {
-        name: float(np.sum((make(even, drive[even])(odd) - drive[odd]) ** 2))
+        name: error(make, samples[::2]) + error(make, samples[1::2])
         for name, make in _INTERPOLATORS.items()
     }
     best = min(errors, key=errors.__getitem__)

@@ -117,5 +117,6 @@ def test_values_are_exchanged_by_dotted_name():
 
 
 def test_a_model_is_named_after_its_block_unless_told():
-    assert fj.Model(FOH()).name == "FOH"
+    assert fj.Model(FOH()).name == "foh"
+    assert fj.Model(Resonance(100.0)).name == "Resonance"
     assert fj.Model(FOH() >> Creep() >> Resonance(100.0), "mine").name == "mine"

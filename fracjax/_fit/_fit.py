@@ -21,7 +21,7 @@ from ._preparation import Preparation, Take, coarse_oversampling, other_historie
 from ._uncertainty import Estimate, estimates
 
 SCHEMA = "fracjax.fit/1"
-_ROUNDS = 6
+_ROUNDS = 20
 
 Progress = Callable[[str], None]
 

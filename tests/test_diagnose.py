@@ -89,7 +89,7 @@ def test_what_is_written_follows_the_schema(concealed, null, tmp_path: Path):
 
 def test_autoregression_finds_the_colour():
     white = np.random.default_rng(0).standard_normal(20_000)
-    coefficients, innovation = autoregression([lfilter([1], [1, -0.6], white)])
+    coefficients, innovation = autoregression([np.asarray(lfilter([1], [1, -0.6], white))])
     assert coefficients[1] == pytest.approx(-0.6, abs=0.03)
     assert innovation == pytest.approx(1.0, rel=0.03)
 

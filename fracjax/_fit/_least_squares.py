@@ -142,7 +142,7 @@ def solve(starts: AbstractBlock, active: np.ndarray, problems: tuple[Problem, ..
         start = unconstrained(block)
         # In units of the start's own residual the damping of Levenberg–Marquardt begins at a
         # sensible size, whatever the signals' units and length.
-        size = jnp.linalg.norm(_projected_residual(with_shapes(block, start), problems))
+        size = jnp.linalg.norm(_projected_residual(with_shapes(block, start), problems)) + 1e-300
 
         def residual(angles, _):
             return _projected_residual(with_shapes(block, angles), problems) / size
@@ -153,7 +153,7 @@ def solve(starts: AbstractBlock, active: np.ndarray, problems: tuple[Problem, ..
         cost = jnp.asarray(2 * found.state.f_info.as_min()) * size**2
         return Solution(
             found.value,
-            jnp.where(jnp.isfinite(cost), cost, jnp.inf),
+            jnp.nan_to_num(cost, nan=jnp.inf, posinf=jnp.inf),
             found.stats["num_steps"],
             found.result == optx.RESULTS.successful,
         )

@@ -87,11 +87,11 @@ def _from_repeats(recording: Recording) -> list[np.ndarray]:
     period = repeats.period
     y = recording.response[repeats.start : repeats.stop]
     difference = (y[2 * period :] - 2 * y[period:-period] + y[: -2 * period]) / np.sqrt(6)
-    whole = max(difference.size // period, 1)
-    spread = difference[: whole * period].reshape(whole, -1).std(axis=1)
+    # Period by period: across periods a difference has a comb for its spectrum, noise has none.
+    blocks = difference[: difference.size // period * period].reshape(-1, period)
+    spread = blocks.std(axis=1)
     settled = int(np.argmax(spread <= 1.2 * np.median(spread)))
-    kept = difference[settled * period :]
-    return [kept - kept.mean()]
+    return list(blocks[settled:] - blocks[settled:].mean())
 
 
 def _from_static(recording: Recording) -> list[np.ndarray]:

@@ -5,6 +5,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from . import _blocks as blocks
+    from . import _operators as operators
     from ._blocks import EFFECTS as EFFECTS
     from ._blocks import AbstractBlock as AbstractBlock
     from ._blocks import AbstractLinearBlock as AbstractLinearBlock
@@ -26,6 +27,8 @@ if TYPE_CHECKING:
     from ._recording import InputError as InputError
     from ._recording import Recording as Recording
     from ._report import write_report as write_report
+    from ._simulate import Simulation as Simulation
+    from ._simulate import simulate as simulate
 
 __version__ = "0.1.0"
 
@@ -40,6 +43,7 @@ _HOMES = {
     "_parameters": ("Parameter",),
     "_recording": ("InputError", "Recording"),
     "_report": ("write_report",),
+    "_simulate": ("Simulation", "simulate"),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -58,20 +62,23 @@ __all__ = [
     "Noise",
     "Parameter",
     "Recording",
+    "Simulation",
     "blocks",
     "derivative",
     "diagnose",
     "fit",
     "load_model",
+    "operators",
     "parse_model",
     "read",
+    "simulate",
     "write_report",
 ]
 
 
 def __getattr__(name: str) -> object:
-    if name == "blocks":
-        return import_module("._blocks", __name__)
+    if name in ("blocks", "operators"):
+        return import_module(f"._{name}", __name__)
     if name not in _HOME_OF:
         raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
     return getattr(import_module(f".{_HOME_OF[name]}", __name__), name)

@@ -27,14 +27,12 @@ if TYPE_CHECKING:
 
     from ._blocks import AbstractBlock
     from ._diagnose import Diagnosis
-    from ._fit import Fit
+    from ._fit import Fit, Past
     from ._models import Model
     from ._operators._grid import History
     from ._recording import Recording
 
 UNUSABLE, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
-_SIMULATION_ERROR = 1e-4
-_FINEST = 32
 _OPENINGS = {"V": "voltage", "A": "current", "m": "displacement", "N": "force"}
 
 Progress = Callable[[str], None]
@@ -117,7 +115,7 @@ _output_unit = click.option("--output-unit", metavar="um", help="Unit of the res
 _reading = _options(_time, _input, _output, _rate, _input_unit, _output_unit)
 _history = click.option(
     "--history",
-    type=click.Choice(["auto", "rest", "constant", "periodic"]),
+    type=click.Choice(["auto", "rest", "constant", "periodic", "estimated"]),
     default="auto",
     show_default=True,
     help="What the drive did before the first sample.",
@@ -336,7 +334,14 @@ def _concluded(
 @click.option(
     "--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="A CSV file."
 )
-@_options(_time, _input, _rate, _input_unit, _output_unit, _history, _quiet, _json)
+@click.option(
+    "--history",
+    type=click.Choice(["rest", "constant", "periodic"]),
+    default="constant",
+    show_default=True,
+    help="What the drive did before the first sample.",
+)
+@_options(_time, _input, _rate, _input_unit, _output_unit, _quiet, _json)
 @click.pass_obj
 def simulate_command(
     saved: list[Path],
@@ -345,7 +350,7 @@ def simulate_command(
     fitted: str | None,
     out: Path,
     output_unit: str | None,
-    history: str,
+    history: History,
     quiet: bool,
     as_json: bool,
     **columns: str | None,
@@ -358,6 +363,7 @@ def simulate_command(
 
     from ._io import read_drive, write_text
     from ._models import parse_model
+    from ._simulate import simulate
 
     if (name is None) == (fitted is None):
         raise click.UsageError("Give either --model or --fit")
@@ -369,7 +375,7 @@ def simulate_command(
     _prepare_jax()
     with _stages(quiet) as progress:
         progress(f"simulating {model.name}")
-        response, error = _simulated(model, samples, step, _known(history) or "constant")
+        response, error = simulate(model, samples, step, history)
     signals = {"time_s": step * np.arange(len(samples))}
     signals |= {_head("drive", drive_unit): samples, _head("response", response_unit): response}
     write_text(out, signals)
@@ -403,34 +409,6 @@ def _fitted(path: str, drive: np.ndarray, drive_unit: str) -> tuple[Model, np.nd
     units = json.loads(Path(path).read_text(encoding="utf-8"))["units"]
     scale = parse_quantity(f"1 {drive_unit}", units["drive"], "drive")
     return model, drive * scale, units["drive"], units["response"]
-
-
-def _simulated(
-    model: Model, drive: np.ndarray, step: float, history: History
-) -> tuple[np.ndarray, float]:
-    """The response on the samples, and what the last halving of the step changed of its span."""
-    import equinox as eqx
-    import jax
-    import numpy as np
-
-    from ._operators import Grid, interpolate
-
-    def respond(block: AbstractBlock, oversampling: int) -> np.ndarray:
-        if history == "periodic":
-            fine = interpolate(np.append(drive, drive[0]), oversampling)[0][:-1]
-        else:
-            fine = interpolate(drive, oversampling)[0]
-        grid = Grid(np.asarray(step / oversampling), history)
-        return np.asarray(eqx.filter_jit(block)(jax.numpy.asarray(fine), grid))[::oversampling]
-
-    with jax.enable_x64(True):
-        oversampling, error = 2, np.inf
-        response = respond(model.block, oversampling)
-        while not error <= _SIMULATION_ERROR and oversampling < _FINEST:
-            oversampling *= 2
-            coarse, response = response, respond(model.block, oversampling)
-            error = float(np.abs(response - coarse).max() / max(np.ptp(response), 1e-300))
-    return response, error
 
 
 def _head(role: str, unit: str) -> str:
@@ -646,7 +624,7 @@ def _models_for(names: Sequence[str], recordings: list[Recording]) -> list[Model
     return [parse_model(name, setting) for name in names]
 
 
-def _known(history: str) -> History | None:
+def _known(history: str) -> Past | None:
     """The history that the call states, None where the data shall decide."""
     return None if history == "auto" else history  # type: ignore[return-value]
 

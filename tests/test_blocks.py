@@ -55,7 +55,7 @@ delay = Delay(2.4 * STEP, longest=20 * STEP)
 resonance = Resonance(9.0, 0.2)
 electrostriction = Electrostriction(0.1, centre=60.0, span=45.0)
 saturation = Saturation(70.3, low=40.0, high=85.0)
-memory = MinorLoopMemory(np.linspace(0.1, 0.3, 8), span=45.0, largest=1.0)
+memory = MinorLoopMemory(np.linspace(0.1, 0.3, 8), span=45.0)
 drift = set_values(ThermalDrift(0.2, longest=0.8), {"amplitude": 0.3, "slope": -0.2})
 mains = set_values(
     MainsInterference(50.0),

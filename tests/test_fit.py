@@ -2,12 +2,15 @@
 
 import json
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
 
 import fracjax as fj
 from benchmarks.concealed.truth import BASES, OVER
+from fracjax._fit import _programs
+from fracjax._fit._programs import make_room
 
 STEP = 2e-3
 SAMPLES = 1200
@@ -236,3 +239,36 @@ def test_one_sine_leaves_the_gains_known_only_together(one_sine):
     assert not by_name(one_sine)["k_l"].identified
     assert not by_name(one_sine)["k_h"].identified
     assert by_name(one_sine).keys() == {"alpha", "k_l", "k_h"}
+
+
+def test_an_estimated_past_explains_what_a_recording_cut_out_of_motion_remembers():
+    """The second half of a drive of two bursts: its memory of the first is not that of a hold."""
+
+    def drive_of(t):
+        burst = 30 * np.sin(2 * np.pi * 0.9 * t) * (t < 1.1)
+        return several_tones(np.maximum(t - 1.0, 0.0)) + burst
+
+    drive, clean = truth(drive_of, LAW)
+    cut = fj.Recording(drive[500:], clean[500:] + SIGMA * white(3)[500:], STEP)
+    held, estimated = (
+        fj.fit(fj.parse_model("foh"), cut, noise=KNOWN, history=past, settling=0, starts=STARTS)
+        for past in ("constant", "estimated")
+    )
+    assert held.scores.rmse > 1.5 * SIGMA
+    assert estimated.scores.rmse == pytest.approx(SIGMA, rel=0.1)
+    alpha = next(e for e in estimated.estimates if e.name == "alpha")
+    assert abs(alpha.value - LAW["alpha"]) < 4 * alpha.standard_error
+    assert estimated.to_dict()["assumptions"][0]["history"] == "estimated"
+
+
+def test_programs_are_forgotten_before_the_process_runs_out_of_maps(tmp_path, monkeypatch):
+    compiled = jax.jit(lambda x: x + 1)
+    compiled(1.0)
+    make_room()
+    assert compiled._cache_size() == 1  # type: ignore[attr-defined]
+    (tmp_path / "limit").write_text("100\n")
+    monkeypatch.setattr(_programs, "_LIMIT", tmp_path / "limit")
+    make_room()
+    assert compiled._cache_size() == 0  # type: ignore[attr-defined]
+    monkeypatch.setattr(_programs, "_MAPS", tmp_path / "no such system")
+    make_room()

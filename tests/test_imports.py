@@ -20,6 +20,7 @@ LAYERS = [
     {"_operators"},
     {"_blocks"},
     {"_models"},
+    {"_simulate"},
     {"_io"},
     {"_fit"},
     {"_posterior"},

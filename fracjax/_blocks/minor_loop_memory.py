@@ -36,21 +36,17 @@ class MinorLoopMemory(AbstractBlock):
 
         y = Σ_i w_i p_i,    p_i the play of the drive with radius r_i
 
-    Weights w_i ≥ 0 [response/drive], radii r_i = 2–48 % of the drive's span.  A loop then depends
-    on the turning points the drive has left (return-point memory, wiping out).
+    Radii r_i = 2–48 % of the drive's span; the weights w_i [response/drive] enter linearly and are
+    of either sign, since the hysteresis beside them may have taken up too much.  A loop then
+    depends on the turning points the drive has left (return-point memory, wiping out).
     Source: Brokate & Sprekels, Hysteresis and Phase Transitions (1996), chapter 2.
     """
 
     weights: Parameter
     radii: Array | np.ndarray
 
-    def __init__(self, weights: np.ndarray, *, span: float, largest: float):
-        self.weights = Parameter(
-            weights,
-            "response/drive",
-            lower=np.zeros(_SHARES.size),
-            upper=np.full(_SHARES.size, largest),
-        )
+    def __init__(self, weights: np.ndarray, *, span: float):
+        self.weights = Parameter(weights, "response/drive", gain=True)
         self.radii = _SHARES * span
 
     @property
@@ -67,7 +63,7 @@ class MinorLoopMemory(AbstractBlock):
 
 def _trials(setting: Setting) -> list:
     slope = setting.response_span / setting.drive_span
-    block = MinorLoopMemory(np.zeros(_SHARES.size), span=setting.drive_span, largest=slope)
+    block = MinorLoopMemory(np.zeros(_SHARES.size), span=setting.drive_span)
     single = 0.03 * slope * (np.eye(_SHARES.size) + 0.02)
     spread = 0.01 * slope * np.exp(-_SHARES / np.array([[0.1], [1.0]]))
     return at_values(block, [{"weights": w} for w in (*spread, *single)])

@@ -14,6 +14,7 @@ from .._fit import (
     Estimate,
     Fit,
     Noise,
+    Past,
     Preparation,
     Progress,
     Solved,
@@ -32,7 +33,6 @@ from .._fit import (
     take_of,
 )
 from .._models import Model
-from .._operators._grid import History
 from .._parameters import named_parameters
 from .._recording import InputError, Recording
 from ._held_out import Gain, Prediction, gain, predict_recording, predict_stretches
@@ -130,7 +130,7 @@ def diagnose(
     holdout: Recording | None = None,
     repeat: Recording | None = None,
     noise: float | None = None,
-    history: History | None = None,
+    history: Past | None = None,
     settling: int | None = None,
     seed: int = 0,
     progress: Progress = silent,

@@ -21,6 +21,7 @@ from ._noise import Noise as Noise
 from ._noise import autoregression as autoregression
 from ._noise import measured_noise as measured_noise
 from ._noise import residual_noise as residual_noise
+from ._preparation import Past as Past
 from ._preparation import Preparation as Preparation
 from ._preparation import Take as Take
 from ._preparation import take_of as take_of

@@ -12,12 +12,12 @@ import numpy as np
 
 from .._blocks import AbstractBlock, Setting
 from .._models import Model, parse_model
-from .._operators._grid import History
 from .._parameters import Parameter, named_parameters, replace_parameters, set_values
 from .._recording import InputError, Recording
 from ._least_squares import finish, layout_of, solve, stack, with_shapes
 from ._noise import Noise, measured_noise, residual_noise
-from ._preparation import Preparation, Take, coarse_oversampling, other_histories, take_of
+from ._preparation import Past, Preparation, Take, coarse_oversampling, other_histories, take_of
+from ._programs import make_room
 from ._uncertainty import Estimate, estimates
 
 SCHEMA = "fracjax.fit/1"
@@ -47,10 +47,13 @@ class Scores:
 
 @dataclass(frozen=True)
 class Solved:
-    """A block at its optimum: offsets (R,), simulations (N,) with offset, χ² and convergence."""
+    """A block at its optimum, χ² and convergence.
+
+    `own`: each recording's own coefficients (q,), its offset first; `simulations` (N,) hold them.
+    """
 
     block: AbstractBlock
-    offsets: np.ndarray
+    own: tuple[np.ndarray, ...]
     simulations: tuple[np.ndarray, ...]
     cost: float
     converged: bool
@@ -61,7 +64,7 @@ class Solved:
     def bic(self) -> float:
         """χ² + k ln n, the noise known."""
         layout = layout_of(self.block)
-        free = sum(size for _, size in layout.shapes + layout.gains) + len(self.offsets)
+        free = sum(size for _, size in layout.shapes + layout.gains) + sum(map(len, self.own))
         return self.cost + free * float(np.log(self.samples))
 
 
@@ -172,6 +175,7 @@ def solve_from(
     A fit counts as converged too when twelve steps gain less than a tenth in χ², or less than 1e-4
     of what is left beyond the noise.  Above `hopeless` in χ² the first steps are all that is spent.
     """
+    make_room()
     problems = preparation.problems()
     samples = int(sum(p.weights.sum() for p in problems))
     solution = solve(stack(starts), np.ones(len(starts), bool), problems)
@@ -192,16 +196,14 @@ def solve_from(
         if before - costs.min() < max(0.1, 1e-4 * (before - samples)):
             converged[np.argmin(costs)] = True
     best = int(np.argmin(costs))
-    block, offsets, simulations = finish(starts[best], angles[best], problems)
+    block, own, simulations = finish(starts[best], angles[best], problems)
     block = jax.tree_util.tree_map(np.asarray, block)
-    offsets = np.asarray(offsets)
+    ends = np.cumsum([p.own.shape[1] for p in problems])
     lengths = [len(take.recording) for take in preparation.takes]
     return Solved(
         block=block,
-        offsets=offsets,
-        simulations=tuple(
-            np.asarray(s)[:n] + o for s, n, o in zip(simulations, lengths, offsets, strict=True)
-        ),
+        own=tuple(np.split(np.asarray(own), ends[:-1])),
+        simulations=tuple(np.asarray(s)[:n] for s, n in zip(simulations, lengths, strict=True)),
         cost=float(costs[best]),
         converged=bool(converged[best]) and bool(np.isfinite(costs[best])),
         start_costs=tuple(float(c) for c in costs),
@@ -237,7 +239,7 @@ def prepare(
     noise: Noise | None = None,
     repeat: Recording | None = None,
     specification: float | None = None,
-    history: History | None = None,
+    history: Past | None = None,
     settling: int | None = None,
 ) -> Preparation:
     """Decide noise, history, settling and grid for recordings that are to be fitted together."""
@@ -267,7 +269,7 @@ def settle(
     block: AbstractBlock,
     preparation: Preparation,
     *,
-    history: History | None,
+    history: Past | None,
     starts: int,
     seed: int,
 ) -> tuple[Solved, Preparation]:
@@ -323,7 +325,7 @@ def fit_of(model: Model, solved: Solved, preparation: Preparation) -> Fit:
         preparation=preparation,
         estimates=found,
         correlated=correlated,
-        offsets=tuple(float(o) for o in solved.offsets),
+        offsets=tuple(float(terms[0]) for terms in solved.own),
         simulations=solved.simulations,
         scores=scores_of(solved, preparation),
         converged=solved.converged,
@@ -336,7 +338,7 @@ def fit(
     recordings: Recording | Sequence[Recording],
     *,
     noise: Noise | None = None,
-    history: History | None = None,
+    history: Past | None = None,
     settling: int | None = None,
     fixed: dict[str, float] | None = None,
     bounds: dict[str, tuple[float, float]] | None = None,
@@ -347,7 +349,8 @@ def fit(
     """Fit a model to one recording, or to several with shared parameters and own offsets.
 
     Least squares, whitened by the noise's own colour, gains eliminated, from `starts` points.
-    `history` and `settling` [samples] are decided from the data where not given; `fixed` holds
+    `history` and `settling` [samples] are decided from the data where not given; the history
+    "estimated" fits what the drive before the first sample still adds.  `fixed` holds
     parameters at values, `bounds` narrows their range, by name.
     Raises InputError where names are unknown.  A fit that did not converge says so in `converged`.
     """

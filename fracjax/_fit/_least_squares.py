@@ -1,6 +1,6 @@
 r"""Least squares by variable projection, every start in one compiled program.
 
-A model is y = Φ(θ) c + y_0(θ) with gains c, and one offset per recording, entering linearly.  For
+A model is y = Φ(θ) c + y_0(θ) with gains c, and each recording's own terms, entering linearly.  For
 each θ the gains follow from a linear least-squares problem, so that Levenberg–Marquardt runs over θ
 alone:
 
@@ -76,23 +76,32 @@ def with_gains(block: AbstractBlock, gains: Array) -> AbstractBlock:
     return set_values(block, _split(block, layout_of(block).gains, gains))
 
 
-def _linear_system(block: AbstractBlock, problem: Problem, offset: Array) -> tuple[Array, Array]:
-    """Whitened columns (L, gains + offsets) and whitened remainder (L,) of one recording."""
+def _own_columns(problems: tuple[Problem, ...]) -> list[Array]:
+    """Per recording the columns (L, Σq) of all recordings' own terms, the others' being zero."""
+    counts = [p.own.shape[1] for p in problems]
+    ends = np.cumsum(counts)
+    return [
+        jnp.zeros((p.own.shape[0], sum(counts))).at[:, end - count : end].set(p.own)
+        for p, count, end in zip(problems, counts, ends, strict=True)
+    ]
+
+
+def _linear_system(block: AbstractBlock, problem: Problem, own: Array) -> tuple[Array, Array]:
+    """Whitened columns (L, gains + own) and whitened remainder (L,) of one recording."""
     count = sum(size for _, size in layout_of(block).gains)
     at_zero, along = jax.linearize(
         lambda gains: problem.simulate(with_gains(block, gains)), jnp.zeros(count)
     )
     columns = [jax.vmap(along)(jnp.eye(count)).T] if count else []
-    constant = jnp.ones_like(jnp.asarray(problem.response))[:, None] * offset
-    columns = jnp.concatenate([*columns, constant], axis=1)
+    columns = jnp.concatenate([*columns, own], axis=1)
     return problem.whiten(columns), problem.whiten(problem.response - at_zero)
 
 
 def project(block: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[Array, Array, Array]:
-    """Best gains and offsets at the block's shapes, the whitened residual (ΣL,), and an orthonormal
-    basis (ΣL, gains + offsets) of what they span."""
-    offsets = jnp.eye(len(problems))
-    systems = [_linear_system(block, p, o) for p, o in zip(problems, offsets, strict=True)]
+    """Best gains and own terms at the block's shapes, the whitened residual (ΣL,), and an
+    orthonormal basis (ΣL, gains + own) of what they span."""
+    own = _own_columns(problems)
+    systems = [_linear_system(block, p, o) for p, o in zip(problems, own, strict=True)]
     columns = jnp.concatenate([s[0] for s in systems])
     target = jnp.concatenate([s[1] for s in systems])
     # Columns of unit length, and a ridge far below the noise, where two of them coincide.
@@ -111,15 +120,24 @@ def _projected_residual(block: AbstractBlock, problems: tuple[Problem, ...]) -> 
     residual itself (Kaufman, BIT 15 (1975) 49), and no derivative runs through the QR.
     """
     solution, _, basis = jax.lax.stop_gradient(project(block, problems))
-    count = solution.shape[0] - len(problems)
-    fitted = with_gains(block, solution[:count])
+    fitted, terms = _at(block, solution, problems)
     residual = jnp.concatenate(
         [
-            p.whiten(p.response - p.simulate(fitted) - offset)
-            for p, offset in zip(problems, solution[count:], strict=True)
+            p.whiten(p.response - p.simulate(fitted) - term)
+            for p, term in zip(problems, terms, strict=True)
         ]
     )
     return residual - basis @ (basis.T @ residual)
+
+
+def _at(
+    block: AbstractBlock, solution: Array, problems: tuple[Problem, ...]
+) -> tuple[AbstractBlock, list[Array]]:
+    """The block with its gains, and per recording its own terms (L,), at a solution."""
+    count = solution.shape[0] - sum(p.own.shape[1] for p in problems)
+    return with_gains(block, solution[:count]), [
+        o @ solution[count:] for o in _own_columns(problems)
+    ]
 
 
 class Solution(NamedTuple):
@@ -167,12 +185,12 @@ def solve(starts: AbstractBlock, active: np.ndarray, problems: tuple[Problem, ..
 
 @eqx.filter_jit
 def finish(block: AbstractBlock, angles: Array, problems: tuple[Problem, ...]) -> tuple:
-    """The fitted block, its offsets (R,), and per recording its simulation (L,)."""
+    """The fitted block, the recordings' own coefficients (Σq,), and their simulations (L,)."""
     shaped = with_shapes(block, angles)
     solution, _, _ = project(shaped, problems)
-    count = solution.shape[0] - len(problems)
-    fitted = with_gains(shaped, solution[:count])
-    return fitted, solution[count:], tuple(p.simulate(fitted) for p in problems)
+    fitted, terms = _at(shaped, solution, problems)
+    simulations = tuple(p.simulate(fitted) + t for p, t in zip(problems, terms, strict=True))
+    return fitted, solution[-sum(p.own.shape[1] for p in problems) :], simulations
 
 
 def stack(blocks: list[AbstractBlock]) -> AbstractBlock:
@@ -182,7 +200,7 @@ def stack(blocks: list[AbstractBlock]) -> AbstractBlock:
 
 @eqx.filter_jit
 def jacobian(block: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[Array, Array]:
-    """Derivative (ΣL, shapes + gains + offsets) of the simulation in physical values: as it is, and
+    """Derivative (ΣL, shapes + gains + own) of the simulation in physical values: as it is, and
     whitened with left-out samples zero."""
     layout = layout_of(block)
     names = layout.shapes + layout.gains
@@ -193,10 +211,9 @@ def jacobian(block: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[Array
         moved = set_values(block, _split(block, names, vector))
         return tuple(p.simulate(moved) for p in problems)
 
-    offsets = jnp.eye(len(problems))
     raw = [
-        jnp.concatenate([columns, jnp.ones((columns.shape[0], 1)) * offset], axis=1)
-        for columns, offset in zip(jax.jacfwd(simulate)(values), offsets, strict=True)
+        jnp.concatenate([columns, own], axis=1)
+        for columns, own in zip(jax.jacfwd(simulate)(values), _own_columns(problems), strict=True)
     ]
     whitened = [p.whiten(columns) for p, columns in zip(problems, raw, strict=True)]
     return jnp.concatenate(raw), jnp.concatenate(whitened)

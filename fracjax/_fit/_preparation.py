@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from typing import Literal
 
 import numpy as np
 
@@ -12,6 +13,7 @@ from .._recording import InputError, Recording, Repeats
 from ._noise import Noise
 from ._problem import Problem, make_problem, setting_of
 
+Past = History | Literal["estimated"]
 _STEADY_FROM = 8
 _LEAST_BASELINE = 20
 
@@ -20,11 +22,12 @@ _LEAST_BASELINE = 20
 class Take:
     """One recording with its history, the samples that count and its noise, as yet perhaps unknown.
 
-    `settling`: the first samples, whose memory is unknown; they do not count.
+    `settling`: the first samples, whose memory is unknown; they do not count.  The history
+    "estimated" is the constant one plus what another drive before t = 0 would still add.
     """
 
     recording: Recording
-    history: History
+    history: Past
     settling: int
     used: np.ndarray
     noise: Noise | None
@@ -51,7 +54,8 @@ class Preparation:
         return tuple(
             make_problem(
                 take.recording,
-                history=take.history,
+                history="constant" if take.history == "estimated" else take.history,
+                past=take.history == "estimated",
                 oversampling=oversampling or self.oversampling,
                 used=take.used,
                 whitening=np.ones(1) if take.noise is None else take.noise.whitening,
@@ -68,7 +72,7 @@ class Preparation:
 
 
 def take_of(
-    recording: Recording, noise: Noise | None, history: History | None, settling: int | None
+    recording: Recording, noise: Noise | None, history: Past | None, settling: int | None
 ) -> Take:
     """A recording under the given history (`constant` where none is given).
 

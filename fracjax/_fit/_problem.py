@@ -9,11 +9,12 @@ from jax import Array
 from scipy.signal import lfilter
 
 from .._blocks import AbstractBlock, Setting
-from .._operators import Grid, interpolate
+from .._operators import Grid, refine
 from .._operators._grid import History
 from .._recording import Recording
 
 _FILTER_TAPS = 13
+_DECAYS_PER_DECADE = 2
 
 
 class Problem(eqx.Module):
@@ -21,13 +22,15 @@ class Problem(eqx.Module):
 
     drive (M,) on the fine grid, response (L,) and weights (L,) on the recording's own, padded to
     a common length L so that recordings of similar length share one compiled program; whitening
-    (taps,) the noise's whitening filter, zero-padded.  Weight 0 leaves a sample out.
+    (taps,) the noise's whitening filter, zero-padded.  Weight 0 leaves a sample out.  `own` (L, q)
+    are the terms that only this recording has: a constant, and what an unknown past still adds.
     """
 
     drive: np.ndarray | Array
     response: np.ndarray | Array
     weights: np.ndarray | Array
     whitening: np.ndarray | Array
+    own: np.ndarray | Array
     grid: Grid
     oversampling: int = eqx.field(static=True)
 
@@ -56,8 +59,9 @@ def make_problem(
     oversampling: int,
     used: np.ndarray,
     whitening: np.ndarray,
+    past: bool,
 ) -> Problem:
-    """Assemble a problem; `used` (N,) is true where a sample counts."""
+    """Assemble a problem; `used` (N,) is true where a sample counts, `past` fits a prehistory."""
     samples = len(recording)
     drive, response = recording.drive, recording.response
     taps = np.zeros(_FILTER_TAPS)
@@ -68,11 +72,8 @@ def make_problem(
     weights = (left_out < 0.5).astype(float)
     weights[: whitening.size - 1] = 0.0
     length = samples if history == "periodic" else bucket(samples)
-    if history == "periodic":
-        wrapped = np.append(drive, drive[0])
-        fine = interpolate(wrapped, oversampling)[0][:-1]
-    else:
-        fine = interpolate(drive, oversampling)[0]
+    fine = refine(drive, oversampling, history)
+    if history != "periodic":
         # The padding goes on straight, so that the rate at the last sample is the drive's own.
         padding = (0, (length - samples) * oversampling)
         fine = np.pad(fine, padding, mode="reflect", reflect_type="odd")
@@ -82,9 +83,24 @@ def make_problem(
         response=np.pad(response, padding, mode="edge"),
         weights=np.pad(weights, padding),
         whitening=taps,
+        own=own_terms(length, samples if past else 0),
         grid=Grid(np.asarray(recording.dt / oversampling), history),
         oversampling=oversampling,
     )
+
+
+def own_terms(length: int, remembered: int) -> np.ndarray:
+    """Columns (length, q): a constant, and exponentials that decay over 1 … `remembered` samples.
+
+    What a drive before t = 0 still adds to the response of a law with its singularities on the
+    negative real axis (powers, lags, creep) is ∫ e^(-λt) dμ(λ), whatever that drive was (the
+    diffusive representation, Montseny, ESAIM Proc. 5 (1998) 159): a few λ per decade span it.
+    A mode that still rings is not among them.
+    """
+    decades = np.log10(max(remembered, 1))
+    rates = np.logspace(0, -decades, round(_DECAYS_PER_DECADE * decades))
+    times = np.arange(length)[:, None]
+    return np.concatenate([np.ones((length, 1)), np.exp(-rates * times)], axis=1)
 
 
 def setting_of(recordings: list[Recording]) -> Setting:

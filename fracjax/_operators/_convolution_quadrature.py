@@ -17,6 +17,7 @@ result agrees with the direct O(N²) sum to about 1e-11 of its largest value.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import jax.numpy as jnp
 import numpy as np
@@ -25,13 +26,15 @@ from jax.typing import ArrayLike
 from scipy.fft import next_fast_len
 
 from ._grid import Grid
+from ._laplace import Laplace
 
-Symbol = Callable[[Array], Array]
+# Called with s as a `Laplace` variable or as a complex array.
+Symbol = Callable[[Any], Array]
 
 _WRAP_AROUND = 1e-10
 
 
-def generating_function(zeta: Array, order: int) -> Array:
+def generating_function(zeta: np.ndarray, order: int) -> np.ndarray:
     """δ_p(ζ) of the backward differentiation formula of order p."""
     return sum(((1 - zeta) ** k / k for k in range(2, order + 1)), 1 - zeta)
 
@@ -44,12 +47,12 @@ def _circle(samples: int) -> tuple[int, float]:
 def _symbol_on_circle(symbol: Symbol, samples: int, grid: Grid, order: int) -> Array:
     length, radius = _circle(samples)
     angles = 2 * np.pi * np.arange(length // 2 + 1) / length
-    zeta = jnp.asarray(radius * np.exp(-1j * angles))
+    zeta = radius * np.exp(-1j * angles)
     if order == 3:
-        fine = symbol(generating_function(zeta, 2) / grid.step)
-        coarse = symbol(generating_function(zeta**2, 2) / (2 * grid.step))
+        fine = symbol(Laplace(generating_function(zeta, 2), grid.step))
+        coarse = symbol(Laplace(generating_function(zeta**2, 2), 2 * grid.step))
         return (4 * fine - coarse) / 3
-    return symbol(generating_function(zeta, order) / grid.step)
+    return symbol(Laplace(generating_function(zeta, order), grid.step))
 
 
 def kernel(symbol: Symbol, samples: int, grid: Grid, order: int = 2) -> Array:
@@ -71,8 +74,8 @@ def convolve(
     """
     samples = drive.shape[0]
     if grid.history == "periodic":
-        frequencies = jnp.asarray(2j * np.pi * np.arange(1, samples // 2 + 1) / samples)
-        response = symbol(frequencies / grid.step)
+        harmonics = 2j * np.pi * np.arange(1, samples // 2 + 1) / samples
+        response = symbol(Laplace(harmonics, grid.step))
         response = jnp.concatenate([jnp.asarray(static_gain).reshape(1) + 0j, response])
         return jnp.fft.irfft(response * jnp.fft.rfft(drive), samples)
     before = drive[0] if grid.history == "constant" else 0.0

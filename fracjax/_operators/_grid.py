@@ -7,6 +7,7 @@ from typing import Literal, get_args
 
 import equinox as eqx
 import numpy as np
+from jax import Array
 from scipy.interpolate import Akima1DInterpolator, CubicSpline, interp1d
 
 History = Literal["rest", "constant", "periodic"]
@@ -21,7 +22,7 @@ class Grid(eqx.Module):
     periods).
     """
 
-    step: float | np.ndarray
+    step: float | np.ndarray | Array
     history: History = eqx.field(static=True, default="constant")
 
 
@@ -62,3 +63,10 @@ def interpolate(drive: np.ndarray, oversampling: int) -> tuple[np.ndarray, str]:
     }
     best = min(errors, key=errors.__getitem__)
     return np.asarray(_INTERPOLATORS[best](samples, drive)(fine)), best
+
+
+def refine(drive: np.ndarray, oversampling: int, history: History) -> np.ndarray:
+    """A drive (N,) on the grid that a law with this history runs on: whole periods stay whole."""
+    if history == "periodic":
+        return interpolate(np.append(drive, drive[0]), oversampling)[0][:-1]
+    return interpolate(drive, oversampling)[0]

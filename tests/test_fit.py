@@ -242,22 +242,31 @@ def test_one_sine_leaves_the_gains_known_only_together(one_sine):
 
 
 def test_an_estimated_past_explains_what_a_recording_cut_out_of_motion_remembers():
-    """The second half of a drive of two bursts: its memory of the first is not that of a hold."""
+    """The second half of a burst and three tones, for a law without the rate term."""
 
     def drive_of(t):
-        burst = 30 * np.sin(2 * np.pi * 0.9 * t) * (t < 1.1)
-        return several_tones(np.maximum(t - 1.0, 0.0)) + burst
+        return several_tones(np.maximum(t - 1.0, 0.0)) + 30 * np.sin(2 * np.pi * t) ** 2 * (t < 1.0)
 
-    drive, clean = truth(drive_of, LAW)
+    law = LAW | {"k_p": 0.0}
+    drive, clean = truth(drive_of, law)
     cut = fj.Recording(drive[500:], clean[500:] + SIGMA * white(3)[500:], STEP)
+    model = fj.parse_model("foh")
     held, estimated = (
-        fj.fit(fj.parse_model("foh"), cut, noise=KNOWN, history=past, settling=0, starts=STARTS)
+        fj.fit(
+            model,
+            cut,
+            noise=KNOWN,
+            history=past,
+            settling=0,
+            starts=STARTS,
+            fixed={"k_p": 0.0, "beta": -0.1},
+        )
         for past in ("constant", "estimated")
     )
     assert held.scores.rmse > 1.5 * SIGMA
     assert estimated.scores.rmse == pytest.approx(SIGMA, rel=0.1)
     alpha = next(e for e in estimated.estimates if e.name == "alpha")
-    assert abs(alpha.value - LAW["alpha"]) < 4 * alpha.standard_error
+    assert abs(alpha.value - law["alpha"]) < 4 * alpha.standard_error
     assert estimated.to_dict()["assumptions"][0]["history"] == "estimated"
 
 

@@ -95,7 +95,7 @@ def own_terms(length: int, remembered: int) -> np.ndarray:
     What a drive before t = 0 still adds to the response of a law with its singularities on the
     negative real axis (powers, lags, creep) is ∫ e^(-λt) dμ(λ), whatever that drive was (the
     diffusive representation, Montseny, ESAIM Proc. 5 (1998) 159): a few λ per decade span it.
-    A mode that still rings is not among them.
+    A mode that still rings is not among them, nor a memory multiplied by the rate (FOH's k_p).
     """
     decades = np.log10(max(remembered, 1))
     rates = np.logspace(0, -decades, round(_DECAYS_PER_DECADE * decades))

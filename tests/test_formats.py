@@ -497,6 +497,24 @@ def test_files_of_junk_behind_a_sound_beginning(tmp_path, sound, capfd, name, se
     refused(path, capfd)
 
 
+@pytest.mark.parametrize(
+    ("at", "byte"),
+    [
+        (145, 0x08),  # complex, without an imaginary part
+        (144, 5),  # sparse, without indices
+        (184, 14),  # a matrix for numbers
+        (185, 180),  # a type that does not exist
+        (128, 9),  # numbers for a variable
+        (132, 0),  # an empty variable
+    ],
+)
+def test_mat_files_that_scipy_may_not_survive(tmp_path, sound, capfd, at, byte):
+    content = bytearray(sound["loop.mat"])
+    content[at] = byte
+    (tmp_path / "loop.mat").write_bytes(content)
+    assert "damaged or cut short" in refused(tmp_path / "loop.mat", capfd)
+
+
 @pytest.mark.parametrize("name", SOUND)
 @pytest.mark.parametrize("suffix", [".csv", *BINARY])
 def test_files_of_a_wrong_suffix(tmp_path, sound, capfd, name, suffix):
@@ -626,6 +644,17 @@ def test_columns_of_no_numbers(tmp_path, capfd, suffix, case):
     sentence = refused(path, capfd, input="voltage_V")
     assert f'voltage_V": expected real numbers, found {fault}' in sentence
     assert sentence.endswith("; give another column as --input.")
+
+
+@pytest.mark.parametrize("width", [1, 2, 3])
+@pytest.mark.parametrize("case", FAULTY)
+def test_a_matrix_of_no_numbers(tmp_path, capfd, case, width):
+    values, fault = FAULTY[case]
+    np.save(tmp_path / "loop.npy", np.column_stack([values] * width))
+    sentence = refused(tmp_path / "loop.npy", capfd, rate=200)
+    assert fault in sentence or width != 2
+    sentence = refused(tmp_path / "loop.npy", capfd, input=0, output=0)
+    assert f"column 0: expected real numbers, found {fault}; give another" in sentence
 
 
 class Trap:
@@ -853,6 +882,7 @@ def test_resampling_invents_no_swing(values, steps, factor):
         (TIME**2, "5um", "--resample: expected a value in Hz"),
         (TIME**2, 0, "--resample: expected a positive rate"),
         (TIME**2, 100, r"--resample: expected a rate from 322 to 6.45e\+04 Hz, found 100 Hz;"),
+        (TIME + 3600 * (TIME > 0.1), 200, r"; split the file at its gap of 3600 s\."),
         (TIME**2, 1e9, r"--resample: expected a rate from .*; give one such as 6..\..Hz"),
     ],
 )
@@ -901,11 +931,19 @@ def test_stamps_since_1970(tmp_path):
     assert read(tmp_path / "loop.npz").dt == pytest.approx(1e-5, rel=1e-3)
 
 
+@pytest.mark.parametrize("times", [np.arange(64) % 2, np.arange(64) > 62, np.arange(64) > 31])
+def test_stamps_that_no_clock_shows(tmp_path, times):
+    write(tmp_path / "loop.csv", {**LOOP, "time_s": times.astype(float)})
+    for rate in (None, 0.1):
+        with pytest.raises(InputError, match=r"expected (time to increase|a step of)"):
+            read(tmp_path / "loop.csv", rate=rate)
+
+
 def test_stamps_rounded_until_they_repeat(tmp_path):
     path = timed(tmp_path / "loop.csv", np.round(np.arange(1000) / 300, 2))
     with pytest.raises(InputError, match=r"line 3,.* 0 after 0; if .*, give --rate 300Hz"):
         read(path)
-    assert read(path, rate="300Hz").dt == pytest.approx(1 / 300, rel=1e-4)
+    assert read(path, rate="300Hz").dt == 1 / 300
     with pytest.raises(InputError, match=r"a step of 0\.01 s by --rate, found 0\.0033"):
         read(path, rate="100Hz")
 
@@ -943,6 +981,15 @@ def test_info_of_a_resampled_recording(tmp_path, capsys):
     out = capsys.readouterr().out
     assert "1000 at 200 Hz" in out
     assert "Warning: " in out
+
+
+def test_simulate_knows_the_suffixes(tmp_path, monkeypatch, capsys):
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "")
+    write(tmp_path / "loop.npz", LOOP)
+    call = ["simulate", str(tmp_path / "loop.npz"), "--model", "creep"]
+    assert run([*call, "--out", str(tmp_path / "loop.ods")]) == 2
+    assert ": expected one of the suffixes .csv" in capsys.readouterr().err
+    assert os.listdir(tmp_path) == ["loop.npz"]
 
 
 @pytest.mark.parametrize("suffix", [".mat", ".parquet"])

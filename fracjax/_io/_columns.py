@@ -101,9 +101,10 @@ def _signals(
     samples = {role: table.numbers(column) for role, column in chosen.items() if role != "time"}
     count = len(samples["input"])
     require_samples(count, table.source)
+    units_told = {role: unit for role, (unit, _) in told.items()}
     if "time" in chosen:
-        time, written = chosen["time"], told["time"][0]
-        clock = clock_of_time(table, time, written, hertz, uniform=wanted is None)
+        time, second = chosen["time"], units_told["time"]
+        clock = clock_of_time(table, time, second, hertz, uniform=wanted is None)
     else:
         clock = clock_of_rate(table, chosen.values(), count, hertz, _listing(table))
     notes = [note for _, note in told.values()]
@@ -112,8 +113,7 @@ def _signals(
     if wanted is not None:
         samples, bridged = resampled(clock, samples, wanted, table.source)
         notes, step = [*notes, bridged], 1 / wanted
-    written = {role: unit for role, (unit, _) in told.items()}
-    return _Signals(samples, written, step, tuple(note for note in notes if note))
+    return _Signals(samples, units_told, step, tuple(note for note in notes if note))
 
 
 # Columns ------------------------------------------------------------------------------------------
@@ -124,7 +124,7 @@ def _choose(table: Table, columns: Mapping[str, str | int | None]) -> dict[str, 
     chosen = {role: _given(table, role, key) for role, key in columns.items() if key is not None}
     if not table.names and not chosen:
         chosen = _by_position(table, [role for role in columns if role != "time"])
-    _require_alike(table, chosen)
+    _require_usable(table, chosen)
     if table.names:
         for role in (role for role in _ROLES if role in columns and role not in chosen):
             if (column := _recognised(table, role, _free(table, chosen))) is not None:
@@ -132,9 +132,8 @@ def _choose(table: Table, columns: Mapping[str, str | int | None]) -> dict[str, 
     signals = [role for role in columns if role != "time"]
     missing = [role for role in signals if role not in chosen]
     if missing:
-        remedy = (
-            f"give {' and '.join(f'--{role}' for role in missing)} as a name or an index from 0"
-        )
+        options = " and ".join(f"--{role}" for role in missing)
+        remedy = f"give {options} as a name or an index from 0"
         if table.width < len(signals):
             remedy = f"put {' and '.join(signals)} into one file, such as an .npz"
         raise InputError.at(
@@ -143,8 +142,16 @@ def _choose(table: Table, columns: Mapping[str, str | int | None]) -> dict[str, 
     return {role: chosen[role] for role in columns if role in chosen}
 
 
-def _require_alike(table: Table, chosen: Mapping[str, int]) -> None:
-    """Raise `InputError` unless each role has a column of its own, all of one length."""
+def _require_usable(table: Table, chosen: Mapping[str, int]) -> None:
+    """Raise `InputError` unless each role has real numbers of its own, all of one length."""
+    for role, column in chosen.items():
+        if fault := table.about(column).fault:
+            raise InputError.at(
+                f"{table.source}, {column_label(table.names, column)}",
+                "real numbers",
+                fault,
+                f"give another column as --{role}",
+            )
     if len(set(chosen.values())) < len(chosen):
         told = ", ".join(f"--{role} {column}" for role, column in chosen.items())
         raise InputError.at(
@@ -184,13 +191,6 @@ def _given(table: Table, role: str, key: str | int) -> int:
             _listing(table),
             f"give --{role} as a name or an index from 0 to {table.width - 1}",
         )
-    if fault := table.about(named[0]).fault:
-        raise InputError.at(
-            f"{table.source}, {column_label(table.names, named[0])}",
-            "real numbers",
-            fault,
-            f"give another column as --{role}",
-        )
     return named[0]
 
 
@@ -220,7 +220,7 @@ def _by_position(table: Table, signals: Sequence[str]) -> dict[str, int]:
     """
     if table.width == len(signals):
         return {role: column for column, role in enumerate(signals)}
-    if table.width == len(signals) + 1 and table.about(0).length and is_time(table.numbers(0)):
+    if table.width == len(signals) + 1 and 0 in _free(table, {}) and is_time(table.numbers(0)):
         return {role: column for column, role in enumerate(("time", *signals))}
     return {}
 

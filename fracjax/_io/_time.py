@@ -63,8 +63,9 @@ def clock_of_time(
 ) -> Clock:
     """The clock of a time column, which must increase.
 
-    **Arguments:** `written`, the column's unit; `rate` [Hz], with which it must agree; `uniform`,
-    whether it must run in uniform steps, but for its rounding.
+    **Arguments:** `written`, the column's unit; `rate` [Hz], with which it must agree, and which
+    counts where the stamps are rounded; `uniform`, whether it must run in uniform steps, but for
+    its rounding.
     """
     label = f"{table.source}, {column_label(table.names, column)}"
     second = parse_quantity(f"1 {written}", "s", label)
@@ -81,14 +82,18 @@ def clock_of_time(
         expected = f"a step of {step / second:.6g} {written}"
         remedy = f"give --resample {1 / step:.4g}Hz"
         raise _refusal(table, column, times, ~even, expected, remedy)
-    if rate is not None and abs(step * rate - 1) > _UNIFORM:
-        raise InputError.at(
-            label, f"a step of {1 / rate:g} s by --rate", f"{step:g} s", "leave out --rate"
-        )
+    rounded = slope is not None and not even.all()
+    if rate is not None:
+        if rounded and _beyond(times, 1 / (rate * second), _rounding(times))[0] <= 0:
+            return Clock(np.arange(len(times)) / rate, 1 / rate, "")
+        if abs(step * rate - 1) > _UNIFORM:
+            raise InputError.at(
+                label, f"a step of {1 / rate:g} s by --rate", f"{step:g} s", "leave out --rate"
+            )
     if slope is None:
         return Clock(second * (times - times[0]), step, "")
-    rounded = f"{label}: its stamps are rounded; a step of {step:.9g} s fits them all."
-    return Clock(step * np.arange(len(times)), step, "" if even.all() else rounded)
+    note = f"{label}: its stamps are rounded; a step of {step:.9g} s fits them all."
+    return Clock(step * np.arange(len(times)), step, note if rounded else "")
 
 
 def is_time(times: np.ndarray) -> bool:
@@ -106,8 +111,8 @@ def resampled(
 
     The cubics (F. N. Fritsch and J. Butland, SIAM J. Sci. Stat. Comput. 5, 1984) never leave the
     range of the two samples they join: no swing appears in a gap or beside a step that was not
-    recorded, as a spline would invent. Of a smooth signal they are no further off than straight
-    lines, |y''| h²/8 for a gap h [s], where it turns, and closer elsewhere.
+    recorded, as a spline would invent. Of a smooth signal they are off by up to |y''| h²/8 for
+    a gap h [s] where it turns, as straight lines are, and by less elsewhere.
 
     **Arguments:** each signal of shape (N,), as the times of the clock.
 
@@ -120,15 +125,19 @@ def resampled(
     widest = int(steps.argmax())
     lowest, highest = MINIMUM_SAMPLES / times[-1], _FINEST * len(times) / times[-1]
     if not lowest <= rate <= highest:
+        remedy = f"give one such as {usual:.4g}Hz"
+        if not lowest <= usual <= highest:
+            remedy = f"split the file at its gap of {steps[widest]:.4g} s"
         raise InputError.at(
             f"{source}, --resample",
             f"a rate from {lowest:.3g} to {highest:.3g} Hz",
             f"{rate:g} Hz",
-            f"give one such as {usual:.4g}Hz",
+            remedy,
         )
     count = 1 + int(times[-1] * rate * (1 + 1e-9))
     wanted = np.minimum(np.arange(count) / rate, times[-1])
-    curves = {role: PchipInterpolator(times, signal)(wanted) for role, signal in signals.items()}
+    with np.errstate(all="ignore"):
+        curves = {role: PchipInterpolator(times, y)(wanted) for role, y in signals.items()}
     note = (
         f"{source}: resampled to {rate:.6g} Hz by monotone cubics; the largest gap bridged is "
         f"{steps[widest]:.4g} s, {times[widest]:.6g} s after the first sample."
@@ -177,31 +186,39 @@ def _even(steps: np.ndarray) -> np.ndarray:
 def _slope(times: np.ndarray) -> float | None:
     """The slope of a straight line that passes all stamps, shape (N,), within their rounding.
 
-    None where there is none. The rounding that a line leaves over is convex in its slope, so that
-    the sign of its derivative halves the interval: the line must rise where the stamp above it
-    comes later than the stamp below it. It begins with least squares.
+    None where there is none, or the stamps go back. What a line leaves over beyond the rounding
+    is convex in its slope, so that the sign of its derivative halves the interval: the line must
+    rise more where the stamp furthest above it comes later than the one furthest below. The search
+    begins with least squares.
     """
-    count = np.arange(len(times))
-    span = float(times[-1] - times[0])
-    if not span > 0:
+    if (np.diff(times) < 0).any() or times[0] == times[-1]:
         return None
-    half = 1.01 * _rounding(times)
-    centred = count - count.mean()
+    half = _rounding(times)
+    centred = np.arange(len(times)) - (len(times) - 1) / 2
     slope = float(centred @ times / (centred @ centred))
     reach = 4 * float(half.max()) / len(times)
     low, high = slope - reach, slope + reach
     for _ in range(40):
-        rest = times - slope * count
-        above, below = int((rest - half).argmax()), int((rest + half).argmin())
-        if rest[above] - half[above] <= rest[below] + half[below]:
-            return slope
+        excess, above, below = _beyond(times, slope, half)
+        if excess <= 0:
+            return slope if slope > 0 else None
         low, high = (slope, high) if above > below else (low, slope)
         slope = (low + high) / 2
     return None
 
 
+def _beyond(times: np.ndarray, slope: float, half: np.ndarray) -> tuple[float, int, int]:
+    """How far the best line of a slope misses the stamps beyond their rounding, each shape (N,).
+
+    Not above 0 where it passes them all; with the stamps furthest above and below it.
+    """
+    rest = times - slope * np.arange(len(times))
+    above, below = int((rest - half).argmax()), int((rest + half).argmin())
+    return float(rest[above] - half[above] - rest[below] - half[below]), above, below
+
+
 def _rounding(times: np.ndarray) -> np.ndarray:
-    """Half a unit of the last digit each stamp was written to, shape (N,).
+    """Half a unit of the last digit each stamp was written to, and a hundredth of it, shape (N,).
 
     Of decimals it is that of a fixed number of places or of significant digits, whichever the
     stamps show; of numbers that float32 holds exactly, half its spacing; at least a unit of
@@ -214,7 +231,7 @@ def _rounding(times: np.ndarray) -> np.ndarray:
         leading = np.floor(np.log10(np.abs(times)))
         digits = np.maximum(10.0 ** -places.max(), 10.0 ** (leading - (leading + places).max()))
         single = times.astype(np.float32)
-    coarsest = np.maximum(digits / 2, np.spacing(np.abs(times)))
+    half = np.maximum(digits / 2, np.spacing(np.abs(times)))
     if (single == times).all():
-        coarsest = np.maximum(coarsest, np.spacing(np.abs(single)).astype(np.float64) / 2)
-    return coarsest
+        half = np.maximum(half, np.spacing(np.abs(single)).astype(np.float64) / 2)
+    return 1.01 * half

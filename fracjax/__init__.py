@@ -18,6 +18,7 @@ if TYPE_CHECKING:
     from ._fit import fit as fit
     from ._fit import load_model as load_model
     from ._io import read as read
+    from ._io import write as write
     from ._models import MODELS as MODELS
     from ._models import Model as Model
     from ._models import parse_model as parse_model
@@ -37,7 +38,7 @@ _HOMES = {
     "_blocks": ("EFFECTS", "AbstractBlock", "AbstractLinearBlock", "Effect"),
     "_diagnose": ("Diagnosis", "diagnose"),
     "_fit": ("Estimate", "Fit", "Noise", "fit", "load_model"),
-    "_io": ("read",),
+    "_io": ("read", "write"),
     "_models": ("MODELS", "Model", "parse_model"),
     "_operators": ("Grid", "derivative"),
     "_parameters": ("Parameter",),
@@ -72,6 +73,7 @@ __all__ = [
     "parse_model",
     "read",
     "simulate",
+    "write",
     "write_report",
 ]
 

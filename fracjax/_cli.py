@@ -112,7 +112,10 @@ _output = click.option("--output", metavar="COLUMN", help="The response, likewis
 _rate = click.option("--rate", metavar="200Hz", help="Needed where there is no time column.")
 _input_unit = click.option("--input-unit", metavar="V", help="Unit of the drive.")
 _output_unit = click.option("--output-unit", metavar="um", help="Unit of the response.")
-_reading = _options(_time, _input, _output, _rate, _input_unit, _output_unit)
+_resample = click.option(
+    "--resample", metavar="200Hz", help="Interpolate to this rate where the times are not uniform."
+)
+_reading = _options(_time, _input, _output, _rate, _input_unit, _output_unit, _resample)
 _history = click.option(
     "--history",
     type=click.Choice(["auto", "rest", "constant", "periodic", "estimated"]),
@@ -332,7 +335,11 @@ def _concluded(
 @click.option("--model", "name", help="A model at its nominal parameters; see `models`.")
 @click.option("--fit", "fitted", metavar="FILE", help="A fit.json.")
 @click.option(
-    "--out", required=True, type=click.Path(path_type=Path), metavar="FILE", help="A CSV file."
+    "--out",
+    required=True,
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="The suffix tells the format: .csv .mat .h5 .npz .parquet .tdms .xlsx.",
 )
 @click.option(
     "--history",
@@ -341,7 +348,7 @@ def _concluded(
     show_default=True,
     help="What the drive did before the first sample.",
 )
-@_options(_time, _input, _rate, _input_unit, _output_unit, _quiet, _json)
+@_options(_time, _input, _rate, _input_unit, _resample, _output_unit, _quiet, _json)
 @click.pass_obj
 def simulate_command(
     saved: list[Path],
@@ -361,7 +368,7 @@ def simulate_command(
     """
     import numpy as np
 
-    from ._io import read_drive, write_text
+    from ._io import read_drive, write
     from ._models import parse_model
     from ._simulate import simulate
 
@@ -378,7 +385,7 @@ def simulate_command(
         response, error = simulate(model, samples, step, history)
     signals = {"time_s": step * np.arange(len(samples))}
     signals |= {_head("drive", drive_unit): samples, _head("response", response_unit): response}
-    write_text(out, signals)
+    write(out, signals)
     saved.append(out)
     sentence = (
         f"{model.name} was simulated over {len(samples)} samples; discretisation changes the "

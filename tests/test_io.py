@@ -66,7 +66,7 @@ def test_real_recording():
     )
 
 
-@pytest.mark.parametrize("suffix", [".csv", ".tsv", ".txt", ".dat", ".asc", ".mat", ".CSV", ""])
+@pytest.mark.parametrize("suffix", [".csv", ".tsv", ".txt", ".dat", ".asc", ".log", ".CSV", ""])
 @pytest.mark.parametrize("separator", [",", ";", "\t", " ", "   ", ", ", " \t "])
 def test_separators_and_suffixes(put, separator, suffix):
     is_the_loop(read(put(lines_of(separator=separator), "loop" + suffix)))
@@ -264,7 +264,8 @@ def test_refused(put, case):
         ("0.065,1.5,1.5", 'column "time_s": expected time to increase, found 0.065 after 0.07'),
         (
             "0.0751,1.5,1.5",
-            'column "time_s": expected a step of 0.005 s, found 0.0751 after 0.07; resample it',
+            'column "time_s": expected a step of 0.005 s, found 0.0751 after 0.07; give --resample '
+            "200Hz",
         ),
     ],
 )

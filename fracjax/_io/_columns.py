@@ -2,11 +2,13 @@
 
 import re
 from collections.abc import Mapping, Sequence
-from typing import Protocol
+from typing import NamedTuple
 
 import numpy as np
 
-from fracjax._recording import InputError, Recording, parse_quantity, require_samples, unit
+from fracjax._io._table import Table, column_label, quoted
+from fracjax._io._time import clock_of_rate, clock_of_time, is_time, rate_of, resampled
+from fracjax._recording import InputError, Recording, require_samples, unit
 
 _WORDS = {
     "time": {"time", "t", "zeit"},
@@ -17,8 +19,8 @@ _WORDS = {
 _KINDS = {"time": ("s",), "input": ("V", "A"), "output": ("m", "N")}
 """What units point to a role where no name does."""
 _ASSUMED = {"time": "s", "input": "V", "output": "um"}
-_UNIFORM = 1e-3
-"""Largest departure of a step from the median step, and of a rate from the time column's."""
+_ROLES = ("input", "output", "time")
+_LISTED = 12
 
 _WITH_UNIT = (
     re.compile(r"(.*?)[\s_]*[\[(]\s*([^\])]*?)\s*[\])]"),
@@ -27,36 +29,15 @@ _WITH_UNIT = (
 )
 
 
-class Table(Protocol):
-    """What the reader of a format hands over: columns, named or not, and where they stand."""
+class _Signals(NamedTuple):
+    """The chosen columns of a table."""
 
-    @property
-    def source(self) -> str:
-        """The file, as messages name it."""
-        ...
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The column names, empty where the file has none."""
-        ...
-
-    @property
-    def width(self) -> int:
-        """How many columns there are."""
-        ...
-
-    def numbers(self, column: int) -> np.ndarray:
-        """Column `column`, shape (N,), float64; `InputError` where a cell is no finite number."""
-        ...
-
-    def place(self, row: int, column: int) -> str:
-        """Where a cell stands, such as `loop.csv, line 17, column "voltage_V"`."""
-        ...
-
-
-def column_label(names: tuple[str, ...], column: int) -> str:
-    """What messages call a column: its name, or its index from 0 where it has none."""
-    return f'column "{names[column]}"' if names else f"column {column}"
+    samples: dict[str, np.ndarray]
+    units: dict[str, str]
+    """By role, that of the time included."""
+    step: float
+    """[s]"""
+    notes: tuple[str, ...]
 
 
 def recording(
@@ -65,25 +46,27 @@ def recording(
     *,
     rate: str | float | None,
     units: Mapping[str, str | None],
+    resample: str | float | None,
 ) -> Recording:
     """The recording in a table.
 
     **Arguments:** `columns`, name or index of the time, input and output column where the call
-    gives it; `rate` [Hz]; `units` of input and output, likewise.
+    gives it; `rate` [Hz]; `units` of input and output, likewise; `resample`, the rate [Hz] to
+    interpolate to.
 
     **Raises:** `InputError` for a column or rate that is missing, ambiguous or contradictory, an
-    unknown unit, a time that does not run in uniform steps, or a signal no `Recording` takes.
+    unknown unit, columns of unequal length, a time that does not run in uniform steps (with
+    `resample`, that does not increase), or a signal no `Recording` takes.
     """
-    signals, step, told = _signals(table, columns, rate, units)
-    drive, response = signals["input"], signals["output"]
+    samples, told, step, notes = _signals(table, columns, rate, units, resample)
     return Recording(
-        drive,
-        response,
+        samples["input"],
+        samples["output"],
         step,
-        told["input"][0],
-        told["output"][0],
+        told["input"],
+        told["output"],
         table.source,
-        tuple(note for _, note in told.values() if note),
+        notes,
     )
 
 
@@ -93,13 +76,14 @@ def drive(
     *,
     rate: str | float | None,
     unit: str | None,
+    resample: str | float | None,
 ) -> tuple[np.ndarray, float, str]:
     """The drive of a table, its step [s] and its unit; the table need not hold a response.
 
     **Arguments** and **raises:** as `recording`, `columns` for time and input only.
     """
-    signals, step, told = _signals(table, columns, rate, {"input": unit})
-    return signals["input"], step, told["input"][0]
+    samples, told, step, _ = _signals(table, columns, rate, {"input": unit}, resample)
+    return samples["input"], step, told["input"]
 
 
 def _signals(
@@ -107,18 +91,29 @@ def _signals(
     columns: Mapping[str, str | int | None],
     rate: str | float | None,
     units: Mapping[str, str | None],
-) -> tuple[dict[str, np.ndarray], float, dict[str, tuple[str, str]]]:
-    """The signals by role, their step [s], and each role's unit with a note on it."""
-    hertz = None if rate is None else _rate(table, rate)
+    resample: str | float | None,
+) -> _Signals:
+    """The signals by role, in uniform steps."""
+    hertz = None if rate is None else rate_of(rate, f"{table.source}, --rate")
+    wanted = None if resample is None else rate_of(resample, f"{table.source}, --resample")
     chosen = _choose(table, columns)
     told = {role: _unit(table, role, column, units.get(role)) for role, column in chosen.items()}
-    signals = {role: table.numbers(column) for role, column in chosen.items() if role != "time"}
-    require_samples(len(signals["input"]), table.source)
+    samples = {role: table.numbers(column) for role, column in chosen.items() if role != "time"}
+    count = len(samples["input"])
+    require_samples(count, table.source)
+    units_told = {role: unit for role, (unit, _) in told.items()}
     if "time" in chosen:
-        step = _step_of_time(table, chosen["time"], told["time"][0], hertz)
+        time, second = chosen["time"], units_told["time"]
+        clock = clock_of_time(table, time, second, hertz, uniform=wanted is None)
     else:
-        step = _step_of_rate(table, hertz)
-    return signals, step, told
+        clock = clock_of_rate(table, chosen.values(), count, hertz, _listing(table))
+    notes = [note for _, note in told.values()]
+    notes += [table.about(column).note for column in chosen.values()] + [clock.note]
+    step = clock.step
+    if wanted is not None:
+        samples, bridged = resampled(clock, samples, wanted, table.source)
+        notes, step = [*notes, bridged], 1 / wanted
+    return _Signals(samples, units_told, step, tuple(note for note in notes if note))
 
 
 # Columns ------------------------------------------------------------------------------------------
@@ -127,55 +122,93 @@ def _signals(
 def _choose(table: Table, columns: Mapping[str, str | int | None]) -> dict[str, int]:
     """The index of each role's column: as given, else by name and unit, else by position."""
     chosen = {role: _given(table, role, key) for role, key in columns.items() if key is not None}
-    if table.names:
-        for role in columns:
-            free = [c for c in range(table.width) if c not in chosen.values()]
-            if role not in chosen and (column := _recognised(table, role, free)) is not None:
-                chosen[role] = column
-    elif not chosen:
+    if not table.names and not chosen:
         chosen = _by_position(table, [role for role in columns if role != "time"])
-    missing = [role for role in columns if role != "time" and role not in chosen]
+    _require_usable(table, chosen)
+    if table.names:
+        for role in (role for role in _ROLES if role in columns and role not in chosen):
+            if (column := _recognised(table, role, _free(table, chosen))) is not None:
+                chosen[role] = column
+    signals = [role for role in columns if role != "time"]
+    missing = [role for role in signals if role not in chosen]
     if missing:
         options = " and ".join(f"--{role}" for role in missing)
+        remedy = f"give {options} as a name or an index from 0"
+        if table.width < len(signals):
+            remedy = f"put {' and '.join(signals)} into one file, such as an .npz"
         raise InputError.at(
-            table.source,
-            f"columns for {' and '.join(missing)}",
-            _listing(table),
-            f"give {options} as a name or an index from 0",
+            table.source, f"columns for {' and '.join(missing)}", _listing(table), remedy
         )
+    return {role: chosen[role] for role in columns if role in chosen}
+
+
+def _require_usable(table: Table, chosen: Mapping[str, int]) -> None:
+    """Raise `InputError` unless each role has real numbers of its own, all of one length."""
+    for role, column in chosen.items():
+        if fault := table.about(column).fault:
+            raise InputError.at(
+                f"{table.source}, {column_label(table.names, column)}",
+                "real numbers",
+                fault,
+                f"give another column as --{role}",
+            )
     if len(set(chosen.values())) < len(chosen):
         told = ", ".join(f"--{role} {column}" for role, column in chosen.items())
         raise InputError.at(
             table.source, "a column of its own for each", told, "give different columns"
         )
-    return chosen
+    lengths = {column: table.about(column).length for column in chosen.values()}
+    if len(set(lengths.values())) > 1:
+        told = " and ".join(
+            f"{length} of {column_label(table.names, column)}" for column, length in lengths.items()
+        )
+        raise InputError.at(
+            table.source, "as many samples in each column", told, "choose columns of one length"
+        )
+
+
+def _free(table: Table, chosen: Mapping[str, int]) -> list[int]:
+    """The columns that may join the chosen ones: real numbers, and as long."""
+    lengths = {table.about(column).length for column in chosen.values()}
+    free = (column for column in range(table.width) if column not in chosen.values())
+    return [
+        column
+        for column in free
+        if not (about := table.about(column)).fault and (not lengths or about.length in lengths)
+    ]
 
 
 def _given(table: Table, role: str, key: str | int) -> int:
-    """The index of the column that the call names, by name or index from 0."""
+    """The index of the column that the call names: by name, its last parts, or index from 0."""
     named = [column for column, name in enumerate(table.names) if name == key]
-    if len(named) == 1:
-        return named[0]
+    named = named or [c for c, name in enumerate(table.names) if name.endswith(f"/{key}")]
     if not named and str(key) in map(str, range(table.width)):
-        return int(key)
-    raise InputError.at(
-        table.source,
-        f'one column "{key}"' if named else f'a column "{key}"',
-        _listing(table),
-        f"give --{role} as a name or an index from 0 to {table.width - 1}",
-    )
+        named = [int(key)]
+    if len(named) != 1:
+        raise InputError.at(
+            table.source,
+            f'one column "{key}"' if named else f'a column "{key}"',
+            _listing(table),
+            f"give --{role} as a name or an index from 0 to {table.width - 1}",
+        )
+    return named[0]
 
 
 def _recognised(table: Table, role: str, free: list[int]) -> int | None:
     """The one free column whose name, else whose unit, speaks of the role; None without any."""
-    parts = {column: _split(table.names[column]) for column in free}
-    by_name = [column for column in free if _roles(parts[column][0]) == {role}]
-    by_unit = [c for c in free if not _roles(parts[c][0]) and _points_to(parts[c][1], role)]
+    by_name = [column for column in free if _roles(_name(table, column)) == {role}]
+    by_unit = [
+        column
+        for column in free
+        if not _roles(_name(table, column)) and _points_to(_written(table, column), role)
+    ]
     found = by_name or by_unit
     if len(found) > 1:
-        several = ", ".join(f'"{table.names[column]}"' for column in found)
         raise InputError.at(
-            table.source, f"one column for {role}", several, f"choose one with --{role}"
+            table.source,
+            f"one column for {role}",
+            _enumerated([quoted(table.names[column]) for column in found]),
+            f"choose one with --{role}",
         )
     return found[0] if found else None
 
@@ -187,35 +220,62 @@ def _by_position(table: Table, signals: Sequence[str]) -> dict[str, int]:
     """
     if table.width == len(signals):
         return {role: column for column, role in enumerate(signals)}
-    if table.width == len(signals) + 1:
-        steps = np.diff(table.numbers(0))
-        if len(steps) and _uniform(steps).all():
-            return {role: column for column, role in enumerate(("time", *signals))}
+    if table.width == len(signals) + 1 and 0 in _free(table, {}) and is_time(table.numbers(0)):
+        return {role: column for column, role in enumerate(("time", *signals))}
     return {}
 
 
 def _listing(table: Table) -> str:
-    """The columns there are, in words."""
+    """The columns there are, in words, with their lengths where these differ."""
     if not table.names:
         return f"{table.width} column(s) without names"
-    return f"{table.width} column(s): " + ", ".join(f'"{name}"' for name in table.names)
+    known = [table.about(column) for column in range(table.width)]
+    alike = len({about.length for about in known}) == 1
+    told = [
+        quoted(name)
+        + ("" if alike else f" of {about.length}")
+        + (f" ({about.fault})" if about.fault else "")
+        for name, about in zip(table.names, known, strict=True)
+    ]
+    return f"{table.width} column(s): {_enumerated(told)}"
+
+
+def _enumerated(items: Sequence[str]) -> str:
+    """The items, or the first of many."""
+    more = f" and {len(items) - _LISTED} more" if len(items) > _LISTED else ""
+    return ", ".join(items[:_LISTED]) + more
 
 
 # Names and units ----------------------------------------------------------------------------------
 
 
 def _split(name: str) -> tuple[str, str]:
-    """A column's name without its unit, and the unit as written, empty where there is none."""
+    """A column's name without its unit and indices, and the unit as written, or nothing."""
+    name = re.sub(r"(\.\d+)+$", "", name)
     for pattern in _WITH_UNIT:
         if parts := pattern.fullmatch(name):
             return parts[1], parts[2]
     return name, ""
 
 
+def _name(table: Table, column: int) -> str:
+    """A column's name without its unit."""
+    return _split(table.names[column])[0]
+
+
+def _written(table: Table, column: int) -> str:
+    """A column's unit as the file states it, beside the column or in its name; else nothing."""
+    return table.about(column).unit or (_split(table.names[column])[1] if table.names else "")
+
+
 def _roles(name: str) -> set[str]:
-    """The roles that the words of a name speak of."""
-    words = set(re.split(r"[\W_]+", name.casefold()))
-    return {role for role, known in _WORDS.items() if words & known}
+    """The roles that the last part of a path speaks of, else all of it."""
+
+    def spoken(text: str) -> set[str]:
+        words = set(re.split(r"[\W_]+", text.casefold()))
+        return {role for role, known in _WORDS.items() if words & known}
+
+    return spoken(name.rpartition("/")[2]) or spoken(name)
 
 
 def _points_to(text: str, role: str) -> bool:
@@ -228,70 +288,22 @@ def _points_to(text: str, role: str) -> bool:
 
 def _unit(table: Table, role: str, column: int, stated: str | None) -> tuple[str, str]:
     """A column's unit, as the call states it, as its name does, or assumed; and a note on that."""
-    written = _split(table.names[column])[1] if table.names else ""
+    written = _written(table, column)
     place = f"{table.source}, {column_label(table.names, column)}"
     if stated is None and not written:
         return _ASSUMED[role], f"{place}: no unit is written, {_ASSUMED[role]} was assumed."
+    if stated is None and role == "time":
+        return written, ""
     if stated is None:
-        unit(written, place)
+        try:
+            unit(written)
+        except InputError:
+            raise InputError.at(
+                place, "a unit such as um, mm, V or N", f'"{written}"', f"give --{role}-unit"
+            ) from None
         return written, ""
     unit(stated, f"{table.source}, --{role}-unit")
     if written in ("", stated):
         return stated, ""
-    return stated, f'{place}: {stated} was used as told, though the name says "{written}".'
-
-
-# Time ---------------------------------------------------------------------------------------------
-
-
-def _uniform(steps: np.ndarray) -> np.ndarray:
-    """Which of the steps, shape (N - 1,), are positive and agree with their median."""
-    usual = np.median(steps)
-    return (steps > 0) & (np.abs(steps - usual) <= _UNIFORM * usual)
-
-
-def _rate(table: Table, rate: str | float) -> float:
-    """The sampling rate [Hz] that the call gives."""
-    hertz = parse_quantity(rate, "Hz", f"{table.source}, --rate")
-    if hertz <= 0:
-        raise InputError.at(
-            f"{table.source}, --rate", "a positive rate", f'"{rate}"', "give one such as 200Hz"
-        )
-    return hertz
-
-
-def _step_of_rate(table: Table, rate: float | None) -> float:
-    """The step [s] of a table without a time column, by its rate [Hz]."""
-    if rate is None:
-        raise InputError.at(
-            table.source,
-            "a time column or a rate",
-            f"neither in {_listing(table)}",
-            "give --rate such as 200Hz, or --time as a name or an index from 0",
-        )
-    return 1 / rate
-
-
-def _step_of_time(table: Table, column: int, written: str, rate: float | None) -> float:
-    """The step [s] of a time column, which is uniform and agrees with the rate [Hz], if any."""
-    label = f"{table.source}, {column_label(table.names, column)}"
-    second = parse_quantity(f"1 {written}", "s", label)
-    times = table.numbers(column)
-    steps = np.diff(times)
-    wrong = ~_uniform(steps)
-    if wrong.any():
-        row = int(wrong.argmax()) + 1
-        before, now = times[row - 1 : row + 1]
-        expected, remedy = "time to increase", "correct or delete that line"
-        if now > before:
-            expected = f"a step of {np.median(steps):.6g} {written}"
-            remedy = "resample it to a uniform step first"
-        raise InputError.at(
-            table.place(row, column), expected, f"{now:.9g} after {before:.9g}", remedy
-        )
-    step = second * float(times[-1] - times[0]) / len(steps)
-    if rate is not None and abs(step * rate - 1) > _UNIFORM:
-        raise InputError.at(
-            label, f"a step of {1 / rate:g} s by --rate", f"{step:g} s", "leave out --rate"
-        )
-    return step
+    source = "file" if table.about(column).unit else "name"
+    return stated, f'{place}: {stated} was used as told, though the {source} says "{written}".'

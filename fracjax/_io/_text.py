@@ -4,9 +4,7 @@ import codecs
 import csv
 import io
 import re
-import secrets
 from collections.abc import Mapping, Sequence
-from contextlib import suppress
 from dataclasses import dataclass
 from os import PathLike, fspath
 from pathlib import Path
@@ -14,7 +12,8 @@ from pathlib import Path
 import numpy as np
 import pandas as pd
 
-from fracjax._io._columns import column_label
+from fracjax._io._files import EXPORT, opened, signature, whole
+from fracjax._io._table import Column, column_label
 from fracjax._recording import LARGEST, InputError
 
 _COMMENTS = ("#", "%")
@@ -25,7 +24,6 @@ _NUMBER = re.compile(
     r"[-+]?((\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|nan|inf|infinity)", re.IGNORECASE | re.ASCII
 )
 _NO_TEXT = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
-_EXPORT = "export the recording as CSV"
 
 
 @dataclass(frozen=True)
@@ -40,6 +38,10 @@ class TextTable:
     """Line in the file, from 1, of each row."""
     separator: str
     decimal: str
+
+    def about(self, column: int) -> Column:
+        """What is known of column `column`: its name says the rest."""
+        return Column(len(self.rows))
 
     def numbers(self, column: int) -> np.ndarray:
         """Column `column`, shape (N,), float64; `InputError` where a cell is no finite number."""
@@ -101,14 +103,14 @@ def read_text(path: str | PathLike[str]) -> TextTable:
     longest = max(map(len, rows), default=0)
     if longest > _LONGEST_LINE:
         raise InputError.at(
-            source, "one sample per line", f"a line of {longest} characters", _EXPORT
+            source, "one sample per line", f"a line of {longest} characters", EXPORT
         )
     if not rows:
-        raise InputError.at(source, "rows of numbers", "an empty file", _EXPORT)
+        raise InputError.at(source, "rows of numbers", "an empty file", EXPORT)
     separator = _separator(rows[1:21] or rows)
     names = _names(rows[0], separator)
     if names and len(rows) == 1:
-        raise InputError.at(source, "rows of numbers", "only a line of names", _EXPORT)
+        raise InputError.at(source, "rows of numbers", "only a line of names", EXPORT)
     width = len(_cells(rows[1 if names else 0], separator))
     if names and len(names) != width:
         raise InputError.at(
@@ -134,38 +136,25 @@ def read_text(path: str | PathLike[str]) -> TextTable:
 
 
 def write_text(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
-    """Write columns, each of shape (N,), as CSV that reads back to the same numbers.
+    """Write columns, each of shape (N,), as CSV, or tab-separated where the suffix is .tsv.
 
-    The file appears whole or not at all, also when the run is killed.
+    It reads back to the same numbers. The file appears whole or not at all, also when the run is
+    killed.
 
     **Raises:** `InputError` where it cannot be written.
     """
-    target = Path(path)
-    part = target.parent / f".{target.name}.{secrets.token_hex(4)}"
-    try:
-        with part.open("w", encoding="utf-8", newline="") as file:
-            table = csv.writer(file, lineterminator="\n")
-            table.writerow(columns)
-            values = (np.asarray(column).tolist() for column in columns.values())
-            table.writerows(zip(*values, strict=True))
-        part.replace(target)
-    except OSError as error:
-        raise InputError.at(
-            str(target), "a file that can be written", _reason(error), "choose another place"
-        ) from None
-    finally:
-        with suppress(OSError):
-            part.unlink()
+    separator = "\t" if Path(path).suffix.lower() == ".tsv" else ","
+    with whole(path) as part, part.open("w", encoding="utf-8", newline="") as file:
+        table = csv.writer(file, delimiter=separator, lineterminator="\n")
+        table.writerow(columns)
+        values = (np.asarray(column).tolist() for column in columns.values())
+        table.writerows(zip(*values, strict=True))
 
 
 def _text(source: str) -> str:
     """The text of a file, its lines ended by a newline."""
-    try:
+    with opened(source):
         raw = Path(source).read_bytes()
-    except (OSError, ValueError) as error:
-        raise InputError.at(
-            source, "a file that can be read", _reason(error), "check the path"
-        ) from None
     marked = raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
     for encoding in ("utf-16",) if marked else ("utf-8-sig", "latin-1"):
         try:
@@ -174,12 +163,9 @@ def _text(source: str) -> str:
             continue
         if not _NO_TEXT.search(text):
             return text
-    raise InputError.at(source, "text", "binary data", _EXPORT)
-
-
-def _reason(error: Exception) -> str:
-    """What the operating system says, in small letters."""
-    return str(getattr(error, "strerror", None) or error).lower()
+    kind, remedy = signature(raw) or ("", EXPORT)
+    found = f"binary data ({kind})" if kind else "binary data"
+    raise InputError.at(source, "text", found, remedy)
 
 
 def _cells(line: str, separator: str) -> list[str]:

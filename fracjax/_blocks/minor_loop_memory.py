@@ -13,22 +13,32 @@ from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
 
 _SHARES = np.array([0.02, 0.04, 0.07, 0.12, 0.18, 0.26, 0.36, 0.48])
+_STRETCH = 128
 
 
 def play(drive: Array, radii: Array, before: Array | float) -> Array:
     """Play operators (N, R) with radii (R,): p_n = min(max(p_{n-1}, u_n - r), u_n + r).
 
-    Each step clips the state to an interval, and clips compose to clips, so that the recursion is
-    a prefix scan of depth log N.
+    Each step clips the state to an interval, and clips compose to clips.  So all stretches of the
+    drive run side by side, each from an open interval, and are joined by the state that each finds.
     """
+    samples = drive.shape[0]
+    stretches = -(-samples // _STRETCH)
+    padded = jnp.pad(drive, (0, stretches * _STRETCH - samples), mode="edge")
 
-    def compose(earlier, later):
-        (a, b), (c, d) = earlier, later
-        return jnp.clip(a, c, d), jnp.clip(b, c, d)
+    def follow(interval, level):
+        low, high = (jnp.clip(end, level - radii, level + radii) for end in interval)
+        return (low, high), (low, high)
 
-    bounds = (drive[:, None] - radii, drive[:, None] + radii)
-    low, high = jax.lax.associative_scan(compose, bounds)
-    return jnp.clip(before, low, high)
+    def enter(state, interval):
+        return jnp.clip(state, *interval), state
+
+    everything = jnp.full((stretches, radii.size), jnp.inf)
+    levels = padded.reshape(stretches, _STRETCH).T[:, :, None]
+    ends, inside = jax.lax.scan(follow, (-everything, everything), levels)
+    _, entered = jax.lax.scan(enter, jnp.full(radii.shape, before), ends)
+    plays = jnp.clip(entered, *inside)
+    return plays.swapaxes(0, 1).reshape(-1, radii.size)[:samples]
 
 
 class MinorLoopMemory(AbstractBlock):

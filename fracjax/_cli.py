@@ -653,18 +653,11 @@ def _known(history: str) -> History | None:
 
 def _samples(settle: str | None, recordings: list[Recording]) -> int | None:
     """A settling time in samples."""
-    from ._recording import MINIMUM_SAMPLES, InputError, parse_quantity
+    from ._fit import settling_samples
 
     if settle is None:
         return None
-    samples = round(parse_quantity(settle, "s", "--settle") / recordings[0].dt)
-    shortest = min(recordings, key=len)
-    longest = (len(shortest) - MINIMUM_SAMPLES) * shortest.dt
-    if not 0 <= samples <= len(shortest) - MINIMUM_SAMPLES:
-        raise InputError.at(
-            "--settle", f"a time from 0 to {longest:.4g} s", f'"{settle}"', "shorten it"
-        )
-    return samples
+    return [settling_samples(settle, recording) for recording in recordings][0]
 
 
 def _specification(noise: str, unit: str) -> float:

@@ -36,6 +36,15 @@ class Layout(NamedTuple):
     shapes: tuple[tuple[str, int], ...]
     gains: tuple[tuple[str, int], ...]
 
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """One name per number that is fitted: `name`, or `name[k]` of a vector."""
+        return tuple(
+            name if size == 1 else f"{name}[{k}]"
+            for name, size in self.shapes + self.gains
+            for k in range(size)
+        )
+
 
 def layout_of(block: AbstractBlock) -> Layout:
     gains = linear_gains(block)

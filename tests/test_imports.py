@@ -22,6 +22,7 @@ LAYERS = [
     {"_models"},
     {"_io"},
     {"_fit"},
+    {"_batch"},
     {"_posterior"},
     {"_diagnose"},
     {"_compensate"},

@@ -4,3 +4,5 @@ from ._batch import FITS as FITS
 from ._batch import Count as Count
 from ._batch import fit_batch as fit_batch
 from ._batch import silent as silent
+from ._rows import SCHEMA as SCHEMA
+from ._rows import STATUSES as STATUSES

@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Callable, Generator, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import closing
 from pathlib import Path
@@ -21,6 +21,7 @@ import pandas as pd
 
 from .._models import Model
 from .._operators._grid import History
+from .._recording import parse_quantity
 from ._cluster import on_cluster
 from ._jobs import Given, Job, jobs_of
 from ._parts import Parts
@@ -71,6 +72,8 @@ def fit_batch(
     **Raises:** `InputError` for an unknown model, for paths that lead to no file, for an `out` with
     rows of other settings, and for a cluster that cannot be reached.
     """
+    if isinstance(settling, str):
+        parse_quantity(settling, "s", "--settle")
     work = Work(model, history, settling, starts, seed, read_options or {})
     parts = Parts(Path(out) / FITS, work.table_schema())
     jobs = jobs_of(recordings, parts.folder)
@@ -96,7 +99,7 @@ def fit_batch(
     return parts.table(jobs)
 
 
-def in_threads(jobs: list[Job], work: Work) -> Iterator[list[Row]]:
+def in_threads(jobs: list[Job], work: Work) -> Generator[list[Row], None, None]:
     """Rows in the order in which they are done, from as many threads as there are cores.
 
     Compiled programs run without the interpreter's lock; threads that meet a new one compile it

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 import socket
-from collections.abc import Iterator
+from collections.abc import Generator, Hashable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from itertools import islice
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 from .._recording import InputError
 from ._jobs import Job
@@ -22,7 +22,7 @@ _SECONDS = 10
 _RETRIES = 3
 
 
-def on_cluster(address: str, jobs: list[Job], work: Work) -> Iterator[list[Row]]:
+def on_cluster(address: str, jobs: list[Job], work: Work) -> Generator[list[Row], None, None]:
     """Rows in the order in which they are done; the workers read the files themselves.
 
     Workers may come and go.  **Raises:** `InputError` where dask is not installed, where scheduler
@@ -41,14 +41,16 @@ def on_cluster(address: str, jobs: list[Job], work: Work) -> Iterator[list[Row]]
             ) from None
 
 
-def _rows_from(client: Client, where: str, jobs: list[Job], work: Work) -> Iterator[list[Row]]:
+def _rows_from(
+    client: Client, where: str, jobs: list[Job], work: Work
+) -> Generator[list[Row], None, None]:
     """A task whose worker dies is given to another.  One that has cost several workers is taken
     apart, and the recording that still does becomes a row with that reason."""
     from distributed import KilledWorker, as_completed
 
     tasks = (jobs[at : at + _TASK] for at in range(0, len(jobs), _TASK))
     completed = as_completed(loop=client.loop)
-    under_way: dict[str, list[Job]] = {}
+    under_way: dict[Hashable, list[Job]] = {}
 
     def submit(task: list[Job]) -> None:
         future = client.submit(_rows_of, task, work, pure=False, retries=_RETRIES)
@@ -57,7 +59,8 @@ def _rows_from(client: Client, where: str, jobs: list[Job], work: Work) -> Itera
 
     def refill() -> None:
         # Twice what runs at once: no worker waits, and what is held here stays small.
-        wanted = 2 * max(sum(client.nthreads().values()), 1)
+        threads: Any = client.nthreads()  # a coroutine only of asynchronous clients
+        wanted = 2 * max(sum(threads.values()), 1)
         for task in islice(tasks, max(wanted - len(under_way), 0)):
             submit(task)
 

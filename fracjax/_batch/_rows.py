@@ -21,6 +21,7 @@ from .._recording import InputError, Recording
 from ._jobs import Job
 
 SCHEMA = "fracjax.batch/1"
+STATUSES = ("fitted", "not converged", "unreadable", "failed")
 SETTINGS = b"fracjax.settings"
 _TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
 

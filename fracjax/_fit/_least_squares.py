@@ -175,6 +175,12 @@ def solve(starts: AbstractBlock, active: np.ndarray, problems: tuple[Problem, ..
 
 
 @eqx.filter_jit
+def moved(starts: AbstractBlock, angles: np.ndarray) -> AbstractBlock:
+    """Every start with the shapes that its angles (S, n) stand for."""
+    return jax.vmap(with_shapes)(starts, jnp.asarray(angles))
+
+
+@eqx.filter_jit
 def finish(block: AbstractBlock, angles: Array, problems: tuple[Problem, ...]) -> tuple:
     """The fitted block, its offsets (R,), and per recording its simulation (L,)."""
     shaped = with_shapes(block, angles)

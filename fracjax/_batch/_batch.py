@@ -11,7 +11,7 @@ from __future__ import annotations
 
 import os
 import time
-from collections.abc import Callable, Generator, Iterable
+from collections.abc import Callable, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import closing
 from pathlib import Path
@@ -25,7 +25,7 @@ from .._recording import parse_quantity
 from ._cluster import on_cluster
 from ._jobs import Given, Job, jobs_of
 from ._parts import Parts
-from ._rows import Row, Work, row_of
+from ._rows import Row, Rows, Work, row_of
 
 FITS = "fits.parquet"
 _PATIENCE = 30.0
@@ -99,7 +99,7 @@ def fit_batch(
     return parts.table(jobs)
 
 
-def in_threads(jobs: list[Job], work: Work) -> Generator[list[Row], None, None]:
+def in_threads(jobs: list[Job], work: Work) -> Rows:
     """Rows in the order in which they are done, from as many threads as there are cores.
 
     Compiled programs run without the interpreter's lock; threads that meet a new one compile it

@@ -2,27 +2,31 @@
 
 from __future__ import annotations
 
+import pickle
 import socket
-from collections.abc import Generator, Hashable, Iterator
+from collections.abc import Hashable, Iterator
 from concurrent.futures import CancelledError
 from contextlib import contextmanager
 from itertools import islice
+from queue import Empty, Queue
 from typing import TYPE_CHECKING, Any
 
 from .._recording import InputError
 from ._jobs import Job
-from ._rows import Row, Work, lost_row, row_of
+from ._rows import Row, Rows, Work, lost_row, row_of
 
 if TYPE_CHECKING:
-    from distributed import Client
+    from distributed import Client, Future
 
 _TASK = 8
 """Recordings per task: enough that the scheduler keeps up, few enough to spread and to lose."""
 _SECONDS = 10
+_PATIENCE = 60
+"""How long [s] work may stand still for want of a worker."""
 _RETRIES = 3
 
 
-def on_cluster(address: str, jobs: list[Job], work: Work) -> Generator[list[Row], None, None]:
+def on_cluster(address: str, jobs: list[Job], work: Work) -> Rows:
     """Rows in the order in which they are done; the workers read the files themselves.
 
     Workers may come and go.  **Raises:** `InputError` where dask is not installed, where scheduler
@@ -41,33 +45,36 @@ def on_cluster(address: str, jobs: list[Job], work: Work) -> Generator[list[Row]
             ) from None
 
 
-def _rows_from(
-    client: Client, where: str, jobs: list[Job], work: Work
-) -> Generator[list[Row], None, None]:
+def _rows_from(client: Client, where: str, jobs: list[Job], work: Work) -> Rows:
     """A task whose worker dies is given to another.  One that has cost several workers is taken
     apart, and the recording that still does becomes a row with that reason."""
-    from distributed import KilledWorker, as_completed
+    import cloudpickle
+    from distributed import KilledWorker
 
     tasks = (jobs[at : at + _TASK] for at in range(0, len(jobs), _TASK))
-    completed = as_completed(loop=client.loop)
     under_way: dict[Hashable, list[Job]] = {}
+    done: Queue[Future] = Queue()
 
     def submit(task: list[Job]) -> None:
-        future = client.submit(_rows_of, task, work, pure=False, retries=_RETRIES)
+        call = cloudpickle.dumps(_Call(task, work))
+        future = client.submit(pickle.loads, call, pure=False, retries=_RETRIES)
         under_way[future.key] = task
-        completed.add(future)
+        future.add_done_callback(done.put)
 
     def refill() -> None:
         # Twice what runs at once: no worker waits, and what is held here stays small.
-        threads: Any = client.nthreads()  # a coroutine only of asynchronous clients
-        wanted = 2 * max(sum(threads.values()), 1)
-        for task in islice(tasks, max(wanted - len(under_way), 0)):
+        for task in islice(tasks, max(2 * max(_threads(client), 1) - len(under_way), 0)):
             submit(task)
 
     refill()
-    for future in completed:
-        task = under_way.pop(future.key)
-        error = future.exception()
+    while under_way:
+        try:
+            future = done.get(timeout=_PATIENCE)
+        except Empty:
+            if not _threads(client):
+                raise _without_worker(where) from None
+            continue
+        task, error = under_way.pop(future.key), future.exception()
         if error is None:
             yield future.result()
         elif not isinstance(error, KilledWorker):
@@ -85,8 +92,33 @@ def _rows_from(
         refill()
 
 
+class _Call:
+    """A task in transit: to unpickle it is to do it.
+
+    Dask unpickles what it is given on arrival, and a worker that cannot goes down.  So it is given
+    bytes; the task itself unpickles them, and what a worker lacks is an error like any other.
+    """
+
+    def __init__(self, jobs: list[Job], work: Work):
+        self.jobs, self.work = jobs, work
+
+    def __reduce__(self) -> tuple:
+        return _rows_of, (self.jobs, self.work)
+
+
 def _rows_of(jobs: list[Job], work: Work) -> list[Row]:
     return [row_of(job, work) for job in jobs]
+
+
+def _threads(client: Client) -> int:
+    """How many tasks the workers run at once."""
+    threads: Any = client.nthreads()  # a coroutine only of asynchronous clients
+    return sum(threads.values())
+
+
+def _without_worker(where: str) -> InputError:
+    remedy = "start one by dask worker ADDRESS and run the same again; what was finished is kept"
+    return InputError.at(where, "a worker", "none", remedy)
 
 
 @contextmanager
@@ -114,7 +146,5 @@ def _client(address: str, where: str) -> Iterator[Client]:
         try:
             client.wait_for_workers(1, timeout=_SECONDS)
         except TimeoutError:
-            raise InputError.at(
-                where, "a worker", "none", f"start one by dask worker {address}"
-            ) from None
+            raise _without_worker(where) from None
         yield client

@@ -5,6 +5,7 @@ from __future__ import annotations
 import hashlib
 import json
 import sys
+from collections.abc import Generator
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from typing import Any
@@ -26,6 +27,8 @@ SETTINGS = b"fracjax.settings"
 _TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
 
 Row = dict[str, Any]
+Rows = Generator[list[Row], None, None]
+"""Rows as they are done, some at a time."""
 
 
 @dataclass(frozen=True)

@@ -364,6 +364,18 @@ def test_only_what_is_new_changed_or_unfitted_is_done(data, quick, fitted, monke
     assert len(pd.read_parquet(OUT / FITS)) == 8
 
 
+def test_rows_that_are_there_twice_are_made_one(data, quick):
+    """As two calls at once would leave them."""
+    batch(data, chunk=3)
+    twice, *_ = parts()
+    twice.with_name("copy.parquet").write_bytes(twice.read_bytes())
+    count = pq.read_metadata(twice).num_rows
+    quick.clear()
+    assert len(batch(data)) == 7
+    assert len(quick) == count
+    assert sorted(pd.read_parquet(OUT / FITS)["key"]) == sorted(jobs_of(data, OUT))
+
+
 def test_recordings_in_memory_are_known_by_name_and_content(quick):
     one, other = recording(0), recording(1)
     assert len(batch([one, other, one])) == 2

@@ -58,8 +58,8 @@ def fit_batch(
     memory or as files, folders (searched for files with the suffix of a recording) and patterns
     such as "data/**/*.csv"; `out`, a folder for the table; `cluster`, the address of a dask
     scheduler whose workers see the same files; `read_options`, those of `read`; `history`,
-    `starts` and `seed` as in `fit`; `settling`, samples or a time such as "1 s"; `chunk`, rows per
-    file of the table; `progress`, told how many of how many are done.
+    `starts` and `seed` as in `fit`; `settling`, samples or a time such as "1 s"; `chunk`, rows that
+    make a file of the table; `progress`, told how many of how many are done.
 
     **Returns:** one row per recording, in the order given.  `status` is "fitted", "not converged",
     "unreadable" or "failed", and `reason` says why; a parameter p has the columns p.value,

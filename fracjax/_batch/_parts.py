@@ -59,7 +59,7 @@ class Parts:
         self._save(pa.Table.from_pylist(rows, self.schema), self.folder / name)
 
     def missing(self, jobs: dict[str, Job]) -> list[Job]:
-        """The recordings without a fit of their present content; rows in their place are taken out.
+        """The recordings without one fit of their present content; other rows are taken out.
 
         Those that could not be read or fitted are tried again: the cause may have been outside.
         """
@@ -68,7 +68,8 @@ class Parts:
             for row in pq.read_table(part, columns=["key", "digest", "status"]).to_pylist():
                 if job := jobs.get(row["key"]):
                     good = row["status"] in _FINISHED and row["digest"] == job.digest()
-                    (fitted if good else void).add(row["key"])
+                    first = row["key"] not in fitted
+                    (fitted if good and first else void).add(row["key"])
         if void:
             for part in self._all():
                 self._take_out(part, void)

@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from . import _blocks as blocks
     from . import _operators as operators
+    from ._batch import fit_batch as fit_batch
     from ._blocks import EFFECTS as EFFECTS
     from ._blocks import AbstractBlock as AbstractBlock
     from ._blocks import AbstractLinearBlock as AbstractLinearBlock
@@ -35,6 +36,7 @@ __version__ = "0.1.0"
 
 # Loaded on first use, so that `fracjax --help` need not wait for JAX (PEP 562).
 _HOMES = {
+    "_batch": ("fit_batch",),
     "_blocks": ("EFFECTS", "AbstractBlock", "AbstractLinearBlock", "Effect"),
     "_diagnose": ("Diagnosis", "diagnose"),
     "_fit": ("Estimate", "Fit", "Noise", "fit", "load_model"),
@@ -68,6 +70,7 @@ __all__ = [
     "derivative",
     "diagnose",
     "fit",
+    "fit_batch",
     "load_model",
     "operators",
     "parse_model",

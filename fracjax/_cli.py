@@ -7,6 +7,7 @@ from __future__ import annotations
 
 import _thread
 import json
+import logging
 import os
 import re
 import sys
@@ -24,7 +25,9 @@ from . import __version__
 
 if TYPE_CHECKING:
     import numpy as np
+    import pandas as pd
 
+    from ._batch import Count
     from ._blocks import AbstractBlock
     from ._diagnose import Diagnosis
     from ._fit import Fit, Past
@@ -33,6 +36,7 @@ if TYPE_CHECKING:
     from ._recording import Recording
 
 UNUSABLE, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
+_NOTES = 5
 _OPENINGS = {"V": "voltage", "A": "current", "m": "displacement", "N": "force"}
 
 Progress = Callable[[str], None]
@@ -209,6 +213,121 @@ def _fits_as_data(fits: Sequence[tuple[Fit, float]]) -> dict:
         return best
     rows = [{"bic": bic, **found.to_dict()} for found, bic in fits]
     return {"schema": "fracjax.comparison/1", "best": best["model"], "fits": rows}
+
+
+# batch --------------------------------------------------------------------------------------------
+
+
+@cli.command("batch")
+@click.argument("paths", nargs=-1, required=True, metavar="PATH...")
+@click.option("--model", "name", required=True, help="See `models`.")
+@_folder_option
+@click.option(
+    "--cluster", metavar="ADDRESS", help="Of a dask scheduler, whose workers do the fits."
+)
+@_options(_reading, _history, _settle, _seed, _quiet, _json)
+@click.pass_obj
+def batch_command(
+    saved: list[Path],
+    paths: tuple[str, ...],
+    name: str,
+    out: Path,
+    cluster: str | None,
+    history: str,
+    settle: str | None,
+    seed: int,
+    quiet: bool,
+    as_json: bool,
+    **columns: str | None,
+) -> int:
+    """Fit a model to each of many recordings: files, folders, or patterns.
+
+    Writes fits.parquet, one row per recording.  The same call again does what is missing.
+    """
+    from ._batch import FITS, fit_batch
+
+    _prepare_jax()
+    # Of a lost scheduler it would print a traceback; that it is lost is said below.
+    logging.getLogger("distributed.client").disabled = True
+    with _folder(out):
+        try:
+            with _bar(quiet) as progress:
+                rows = fit_batch(
+                    name,
+                    paths,
+                    out=out,
+                    cluster=cluster,
+                    read_options=columns,
+                    history=_known(history),
+                    settling=settle,
+                    seed=seed,
+                    progress=progress,
+                )
+        finally:
+            if (out / FITS).exists():
+                saved.append(out / FITS)
+    told = _batch_as_data(rows, name, out / FITS)
+    if as_json:
+        print(json.dumps(told, indent=1))
+    elif not quiet:
+        counts = [f"{n} {status}" for status, n in told["counts"].items() if n]
+        sentence = f"{name}: of {told['recordings']} recordings {', '.join(counts)}."
+        _summary(sentence, _batch_figures(rows), _batch_notes(told["unfitted"]), saved)
+    return _batch_status(told)
+
+
+def _batch_as_data(rows: pd.DataFrame, name: str, table: Path) -> dict[str, Any]:
+    from ._batch import SCHEMA, STATUSES
+
+    told = rows.loc[:, ["source", "status", "reason"]].to_dict("records")
+    statuses = [row["status"] for row in told]
+    return {
+        "schema": SCHEMA,
+        "model": name,
+        "table": str(table),
+        "recordings": len(told),
+        "counts": {status: statuses.count(status) for status in STATUSES},
+        "unfitted": [row for row in told if row["status"] != "fitted"],
+    }
+
+
+def _batch_figures(rows: pd.DataFrame) -> tuple[list[str], list[list[str]]]:
+    """Each parameter's spread over the fitted recordings; where units differ, none is said."""
+    from ._report._text import figure, pretty_unit
+
+    fitted = rows.loc[rows["status"] == "fitted"]
+    labels = [c.removesuffix(".value") for c in rows.columns if c.endswith(".value")]
+    columns = [("RMSE", "rmse", "response_unit")]
+    columns += [(label, f"{label}.value", f"{label}.unit") for label in labels]
+    table = []
+    for label, value, unit in columns if len(fitted) else []:
+        units = set(fitted[unit])
+        spread = [figure(float(fitted[value].quantile(share))) for share in (0.1, 0.5, 0.9)]
+        table.append([label, *spread, pretty_unit(units.pop()) if len(units) == 1 else ""])
+    return ["", "10 % below", "median", "10 % above", "unit"], table
+
+
+def _batch_notes(unfitted: list[dict[str, str]]) -> list[str]:
+    """Why recordings were not fitted, of the first few."""
+    notes = [f"{row['status'].capitalize()}: {row['reason']}" for row in unfitted[:_NOTES]]
+    if len(unfitted) > _NOTES:
+        notes.append(f"And {len(unfitted) - _NOTES} more: see the column reason.")
+    return notes
+
+
+def _batch_status(told: dict[str, Any]) -> int:
+    """0; 2 where no recording could be read; 3 where one was read, and has no converged fit."""
+    counts, total = told["counts"], told["recordings"]
+    if counts["unreadable"] == total:
+        first = told["unfitted"][0]["reason"].rstrip(".")
+        return _fail(f"Of {total} recordings none could be read; the first: {first}.", UNUSABLE)
+    if stopped := counts["not converged"] + counts["failed"]:
+        return _fail(
+            f"{stopped} of {total} fits did not converge; what they reached, and why, was saved in "
+            f"{told['table']}.",
+            NOT_CONVERGED,
+        )
+    return 0
 
 
 # diagnose -----------------------------------------------------------------------------------------
@@ -638,18 +757,12 @@ def _known(history: str) -> Past | None:
 
 def _samples(settle: str | None, recordings: list[Recording]) -> int | None:
     """A settling time in samples."""
-    from ._recording import MINIMUM_SAMPLES, InputError, parse_quantity
+    from ._fit import settling_samples
 
     if settle is None:
         return None
-    samples = round(parse_quantity(settle, "s", "--settle") / recordings[0].dt)
-    shortest = min(recordings, key=len)
-    longest = (len(shortest) - MINIMUM_SAMPLES) * shortest.dt
-    if not 0 <= samples <= len(shortest) - MINIMUM_SAMPLES:
-        raise InputError.at(
-            "--settle", f"a time from 0 to {longest:.4g} s", f'"{settle}"', "shorten it"
-        )
-    return samples
+    samples = [settling_samples(settle, recording) for recording in recordings]
+    return samples[0]
 
 
 def _specification(noise: str, unit: str) -> float:
@@ -730,6 +843,26 @@ def _stages(quiet: bool) -> Iterator[Progress]:
 
         yield begin
         finish()
+
+
+@contextmanager
+def _bar(quiet: bool) -> Iterator[Count]:
+    """A bar with the time left, where someone watches stderr."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda done, total: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TimeElapsedColumn, TimeRemainingColumn
+    from rich.progress import Progress as Bars
+
+    columns = BarColumn(), MofNCompleteColumn(), TimeElapsedColumn(), TimeRemainingColumn()
+    with Bars(*columns, console=Console(stderr=True)) as bars:
+        task = bars.add_task("fitting", total=None)
+
+        def count(done: int, total: int) -> None:
+            bars.update(task, completed=done, total=total)
+
+        yield count
 
 
 def _doubts(fit: Fit) -> list[str]:

@@ -2,6 +2,7 @@
 
 import math
 import re
+import threading
 from dataclasses import dataclass, replace
 from typing import NamedTuple, Self
 
@@ -130,6 +131,9 @@ _LETTER = "A-Za-zµμΩΩÅÅ"
 _FACTOR = rf"[{_LETTER}][{_LETTER}0-9_]*((\*\*|\^)-?[0-9]|[²³])?"
 _UNIT = re.compile(rf"{_FACTOR}(\s*[*/·]\s*{_FACTOR})*|[%°]")
 
+_ONE_AT_A_TIME = threading.Lock()
+"""pint reads its definitions on first use; a second thread would find half of them."""
+
 
 def unit(text: str, where: str = "unit") -> pint.Unit:
     """The unit called `text`, such as "um", "µm", "V", "kHz" or "V/um".
@@ -140,7 +144,8 @@ def unit(text: str, where: str = "unit") -> pint.Unit:
     for spelling in (name, name.lower()):
         try:
             if _UNIT.fullmatch(spelling):
-                return pint.get_application_registry().Unit(spelling.replace("·", "*"))
+                with _ONE_AT_A_TIME:
+                    return pint.get_application_registry().Unit(spelling.replace("·", "*"))
         except (pint.PintError, ValueError):
             continue
     raise InputError.at(
@@ -158,8 +163,9 @@ def parse_quantity(text: str | float, default: str, where: str = "quantity") -> 
         raise InputError.at(where, f'a value such as "20 {default}"', f'"{text}"', "correct it")
     number, name = float(parts[1]), parts[2] or default
     try:
-        quantity = pint.get_application_registry().Quantity(number, unit(name, where))
-        value = float(quantity.to(unit(default)).magnitude)
+        written, wanted = unit(name, where), unit(default)
+        quantity = pint.get_application_registry().Quantity(number, written)
+        value = float(quantity.to(wanted).magnitude)
     except pint.PintError:
         raise InputError.at(
             where, f"a value in {default} or a multiple of it", f'"{text}"', "correct the unit"

@@ -23,6 +23,7 @@ LAYERS = [
     {"_simulate"},
     {"_io"},
     {"_fit"},
+    {"_batch"},
     {"_posterior"},
     {"_diagnose"},
     {"_compensate"},

@@ -24,6 +24,7 @@ from ._noise import residual_noise as residual_noise
 from ._preparation import Past as Past
 from ._preparation import Preparation as Preparation
 from ._preparation import Take as Take
+from ._preparation import settling_samples as settling_samples
 from ._preparation import take_of as take_of
 from ._problem import Problem as Problem
 from ._problem import top_frequency as top_frequency

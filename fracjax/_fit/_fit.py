@@ -14,7 +14,7 @@ from .._blocks import AbstractBlock, Setting
 from .._models import Model, parse_model
 from .._parameters import Parameter, named_parameters, replace_parameters, set_values
 from .._recording import InputError, Recording
-from ._least_squares import finish, layout_of, solve, stack, with_shapes
+from ._least_squares import finish, layout_of, moved, solve, stack
 from ._noise import Noise, measured_noise, residual_noise
 from ._preparation import Past, Preparation, Take, coarse_oversampling, other_histories, take_of
 from ._programs import make_room
@@ -188,8 +188,7 @@ def solve_from(
         if converged[order[0]] or costs[order[0]] > hopeless:
             break
         before = costs[order[0]]
-        moved = [with_shapes(start, a) for start, a in zip(starts, angles, strict=True)]
-        solution = solve(stack(moved), active, problems)
+        solution = solve(moved(stack(starts), angles), active, problems)
         costs = np.where(active, np.minimum(costs, solution.cost), costs)
         angles = np.where(active[:, None], solution.angles, angles)
         converged = np.where(active, solution.success, converged)

@@ -36,6 +36,15 @@ class Layout(NamedTuple):
     shapes: tuple[tuple[str, int], ...]
     gains: tuple[tuple[str, int], ...]
 
+    @property
+    def labels(self) -> tuple[str, ...]:
+        """One name per number that is fitted: `name`, or `name[k]` of a vector."""
+        return tuple(
+            name if size == 1 else f"{name}[{k}]"
+            for name, size in self.shapes + self.gains
+            for k in range(size)
+        )
+
 
 def layout_of(block: AbstractBlock) -> Layout:
     gains = linear_gains(block)
@@ -181,6 +190,12 @@ def solve(starts: AbstractBlock, active: np.ndarray, problems: tuple[Problem, ..
         return Solution(start, jnp.full((), jnp.inf), jnp.zeros((), int), jnp.zeros((), bool))
 
     return jax.lax.map(lambda job: jax.lax.cond(job[1], one, skipped, job[0]), (starts, active))
+
+
+@eqx.filter_jit
+def moved(starts: AbstractBlock, angles: np.ndarray) -> AbstractBlock:
+    """Every start with the shapes that its angles (S, n) stand for."""
+    return jax.vmap(with_shapes)(starts, jnp.asarray(angles))
 
 
 @eqx.filter_jit

@@ -9,7 +9,7 @@ import numpy as np
 
 from .._blocks import Setting
 from .._operators._grid import History
-from .._recording import InputError, Recording, Repeats
+from .._recording import MINIMUM_SAMPLES, InputError, Recording, Repeats, parse_quantity
 from ._noise import Noise
 from ._problem import Problem, make_problem, setting_of
 
@@ -69,6 +69,22 @@ class Preparation:
 
     def with_oversampling(self, oversampling: int) -> Preparation:
         return replace(self, oversampling=oversampling)
+
+
+def settling_samples(settling: int | str, recording: Recording) -> int:
+    """A settling time such as "1 s", or a number of samples, in samples of the recording.
+
+    Raises InputError where too few samples, or none, would be left.
+    """
+    where = f"{recording.source}, --settle"
+    told = isinstance(settling, str)
+    samples = round(parse_quantity(settling, "s", where) / recording.dt) if told else settling
+    most = len(recording) - MINIMUM_SAMPLES
+    if not 0 <= samples <= most:
+        raise InputError.at(
+            where, f"a time from 0 to {most * recording.dt:.4g} s", f'"{settling}"', "shorten it"
+        )
+    return samples
 
 
 def take_of(

@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import combinations
 
+import equinox as eqx
 import numpy as np
 
 from .._blocks import AbstractBlock
@@ -12,6 +13,7 @@ from .._parameters import Parameter, named_parameters
 from ._least_squares import jacobian, layout_of
 from ._problem import Problem
 
+_whiten = eqx.filter_jit(Problem.whiten)
 _CLOSE = 0.995
 _SHARE_OF_RESPONSE = 0.05
 
@@ -66,18 +68,15 @@ def estimates(
     correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
 
     layout, parameters = layout_of(block), named_parameters(block)
-    whitened = np.concatenate(
-        [np.asarray(p.whiten(p.response - p.response.mean())) for p in problems]
-    )
+    whitened = np.concatenate([_whiten(p, p.response - p.response.mean()) for p in problems])
     response_size = np.linalg.norm(whitened)
-    found, labels, at = [], [], 0
+    found, labels, at = [], layout.labels, 0
     for name, size in layout.shapes + layout.gains:
         parameter = parameters[name]
         low, high = (np.broadcast_to(b, np.shape(parameter.value)) for b in parameter.plausible)
         for k in range(size):
             value = float(np.ravel(parameter.value)[k])
             error = float(errors[at])
-            label = name if size == 1 else f"{name}[{k}]"
             if (name, size) in layout.gains:
                 identified = error * lengths[at] <= _SHARE_OF_RESPONSE * response_size
             elif parameter.logarithmic:
@@ -86,7 +85,7 @@ def estimates(
                 identified = error <= 0.5 * (np.ravel(high)[k] - np.ravel(low)[k])
             found.append(
                 Estimate(
-                    label,
+                    labels[at],
                     value,
                     error,
                     physical_unit(parameter.unit, units),
@@ -94,7 +93,6 @@ def estimates(
                     _at_bound(parameter, k),
                 )
             )
-            labels.append(label)
             at += 1
     pairs = tuple(
         f"{labels[i]} and {labels[j]} (correlation {correlation[i, j]:+.4f})"

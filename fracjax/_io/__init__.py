@@ -19,7 +19,7 @@ from fracjax._io._text import read_text, write_text
 from fracjax._io._xlsx import read_xlsx, write_xlsx
 from fracjax._recording import InputError, Recording
 
-__all__ = ["read", "read_drive", "write", "write_text"]
+__all__ = ["SUFFIXES", "read", "read_drive", "write", "write_text"]
 
 
 class _Format(NamedTuple):
@@ -39,6 +39,7 @@ _FORMATS: dict[str, _Format] = {
     ".xlsx": _Format(read_xlsx, write_xlsx),
 }
 """By suffix; any other suffix is tried as text."""
+SUFFIXES = tuple(_FORMATS)
 _NAME = re.compile(r"(?!(nan|inf|infinity)$)[^\W\d_](.*\S)?", re.IGNORECASE)
 
 

@@ -1,0 +1,175 @@
+"""How many recordings a second, and in how much memory: `fit_batch` beside SciPy on two processes.
+
+    python -m benchmarks.fitting.batch --recordings 1000 --samples 5000
+
+Files of fractional-order hysteresis (FOH), each with a drive of its own or all with one drive, are
+fitted a quarter, a half, and all of them, on from where the last call ended: if the peak of the
+memory grows with their number, it shows.  The peer is what one would write in an afternoon: gains
+eliminated by `lstsq`, orders by `scipy.optimize.least_squares` from as many starts, two processes.
+"""
+
+from __future__ import annotations
+
+import argparse
+import multiprocessing
+import os
+import resource
+import sys
+import tempfile
+import time
+from pathlib import Path
+
+import numpy as np
+from scipy.optimize import least_squares
+from scipy.signal import fftconvolve
+
+STEP = 2e-3  # s
+FINER = 8
+STARTS = 4
+ORDERS = 0.6
+
+
+# Recordings ---------------------------------------------------------------------------------------
+
+
+def several_tones(times: np.ndarray, generator: np.random.Generator) -> np.ndarray:
+    """A drive [V] of five frequencies [Hz] that no period of the record keeps."""
+    frequencies = np.array([0.7, 1.9, 4.3, 8.9, 14.7]) * generator.uniform(0.9, 1.1, 5)
+    phases = generator.uniform(0, 2 * np.pi, 5)
+    return 50 + np.sin(2 * np.pi * np.outer(times, frequencies) + phases) @ [14, 10, 7, 5, 3]
+
+
+def derivative(order: float, signal: np.ndarray, step: float) -> np.ndarray:
+    """Grünwald–Letnikov, a plain convolution with its weights."""
+    steps = np.arange(1, signal.size)
+    weights = np.cumprod(np.concatenate([[1.0], (steps - 1 - order) / steps]))
+    return fftconvolve(signal, weights)[: signal.size] / step**order
+
+
+def write_recordings(folder: Path, count: int, samples: int, shared: bool) -> list[Path]:
+    """CSV files of FOH at random orders and gains, with 0.1 % of noise."""
+    times = np.arange((samples - 1) * FINER + 1) * STEP / FINER
+    files = []
+    for k in range(count):
+        generator = np.random.default_rng(k)
+        drive = several_tones(times, np.random.default_rng(0) if shared else generator)
+        rate = np.gradient(drive, STEP / FINER)
+        alpha, beta = generator.uniform(0.05, 0.3), generator.uniform(-0.3, -0.1)
+        moved = drive - drive[0]
+        response = (
+            generator.uniform(0.05, 0.1) * drive
+            + generator.uniform(0.02, 0.05) * derivative(alpha, moved, STEP / FINER)
+            + 2e-4 * np.abs(rate) * derivative(beta, moved, STEP / FINER)
+        )[::FINER]
+        response += 1e-3 * np.ptp(response) * generator.standard_normal(samples)
+        files.append(folder / f"{k:05d}.csv")
+        columns = np.stack([STEP * np.arange(samples), drive[::FINER], response], axis=1)
+        head = "time_s,voltage_V,displacement_um"
+        np.savetxt(files[-1], columns, "%.9g", ",", header=head, comments="")
+    return files
+
+
+# fracjax ------------------------------------------------------------------------------------------
+
+
+def run_fracjax(files: list[Path], out: Path, stages: list[int]) -> None:
+    """Print recordings per second and peak memory after each stage, compilation told apart."""
+    from fracjax import fit_batch
+
+    began = time.perf_counter()
+    fit_batch("foh", files[:2], out=out, starts=STARTS)
+    print(f"  fracjax, first two, with compilation: {time.perf_counter() - began:.1f} s")
+    done = 2
+    for stage in stages:
+        began = time.perf_counter()
+        rows = fit_batch("foh", files[:stage], out=out, starts=STARTS)
+        pace = (stage - done) / (time.perf_counter() - began)
+        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+        peak /= 2**20 if sys.platform == "darwin" else 2**10
+        fitted = rows["status"].tolist().count("fitted")
+        print(
+            f"  fracjax, {stage} recordings: {pace:.2f} recordings/s, peak {peak:.0f} MiB, "
+            f"{fitted} fitted",
+            flush=True,
+        )
+        done = stage
+
+
+# The peer -----------------------------------------------------------------------------------------
+
+
+def fit_by_scipy(file: Path) -> tuple[float, float]:
+    """RMSE [um] and order alpha of FOH, by variable projection from several starts."""
+    _, drive, response = np.loadtxt(file, delimiter=",", skiprows=1).T
+    length = 2 ** int(np.ceil(np.log2(2 * drive.size)))
+    radius = 1e-10 ** (1 / length)
+    zeta = radius * np.exp(-2j * np.pi * np.arange(length // 2 + 1) / length)
+    slope = ((1 - zeta) + (1 - zeta) ** 2 / 2) / STEP
+    damping = radius ** np.arange(drive.size)
+    transform = np.fft.rfft((drive - drive[0]) * damping, length)
+    speed = np.abs(np.gradient(drive, STEP))
+
+    def fractional(order: float) -> np.ndarray:
+        return np.fft.irfft(slope**order * transform, length)[: drive.size] / damping
+
+    def residual(orders: np.ndarray) -> np.ndarray:
+        columns = [drive, fractional(orders[0]), speed * fractional(orders[1])]
+        basis = np.stack([*columns, np.ones_like(drive)], axis=1)
+        return response - basis @ np.linalg.lstsq(basis, response, rcond=None)[0]
+
+    generator = np.random.default_rng(0)
+    starts = [(0.1, -0.1), *generator.uniform(-ORDERS, ORDERS, (STARTS - 1, 2))]
+    found = [least_squares(residual, start, bounds=(-0.95, 0.95)) for start in starts]
+    best = min(found, key=lambda result: result.cost)
+    return float(np.sqrt(np.mean(best.fun**2))), float(best.x[0])
+
+
+def run_scipy(files: list[Path]) -> tuple[float, np.ndarray]:
+    """Recordings per second of two processes, and what each fit found."""
+    with multiprocessing.get_context("spawn").Pool(2) as pool:
+        pool.map(fit_by_scipy, files[:2])
+        began = time.perf_counter()
+        found = pool.map(fit_by_scipy, files, chunksize=1)
+    return len(files) / (time.perf_counter() - began), np.array(found)
+
+
+def compare(kind: str, count: int, samples: int, folder: Path) -> None:
+    """One kind of drive: both ways, and whether they agree."""
+    import pandas as pd
+
+    print(f"{count} recordings of {samples} samples, {kind} drive", flush=True)
+    folder.mkdir()
+    files = write_recordings(folder, count, samples, kind == "one")
+    stages = sorted({max(count // 4, 3), max(count // 2, 3), count})
+    # In a process of its own: a peak of memory never comes down again.
+    out = folder / "results"
+    child = multiprocessing.get_context("spawn").Process(
+        target=run_fracjax, args=(files, out, stages)
+    )
+    child.start()
+    child.join()
+    pace, found = run_scipy(files)
+    print(f"  scipy on two processes: {pace:.2f} recordings/s")
+    rows = pd.read_parquet(out / "fits.parquet").sort_values("source")
+    apart = np.abs(rows["alpha.value"] - found[:, 1]) / rows["alpha.standard_error"]
+    worse = np.mean(rows["rmse"] > 1.01 * found[:, 0])
+    print(
+        f"  alpha of both: {np.median(apart):.2f} standard errors apart (median); rmse more than "
+        f"1 % above the peer's: {100 * worse:.1f} % of recordings",
+        flush=True,
+    )
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--recordings", type=int, default=1000)
+    parser.add_argument("--samples", type=int, default=5000)
+    options = parser.parse_args()
+    os.environ["OMP_NUM_THREADS"] = os.environ["OPENBLAS_NUM_THREADS"] = "1"
+    with tempfile.TemporaryDirectory() as folder:
+        for kind in ("own", "one"):
+            compare(kind, options.recordings, options.samples, Path(folder) / kind)
+
+
+if __name__ == "__main__":
+    main()

@@ -72,6 +72,8 @@ class Inverse(AbstractLinearBlock):
     A held value is divided by G(0), or not transmitted where the other law transmits none.  It
     amplifies noise where G attenuates, and grows without bound where G has zeros in the right
     half-plane.  No parameter is a gain of it: fit the law itself, or InverseLFDH.
+    Joined by >> the two are the identity; as two passes they are to rounding at quadratures of one
+    kernel (orders 1, 2, 4), and to the discretisation error at order 3.
     Source: Zhu & Zhou (2012), equation (10).
     """
 

@@ -22,8 +22,9 @@ class BoucWen(AbstractBlock):
     k_u [response/drive], k_h [response], ρ [1/drive], σ and n dimensionless, h(t=0) = 0, so that
     -1 ≤ h ≤ 1.  Only increments of u matter; each is split into 4 Runge–Kutta steps, of fourth
     order where h keeps its sign and of order n + 1 where it crosses 0: |h|^n has a kink there.
-    The paper's Table 2 has k_u = 0.0021924, k_h = -0.040845 and the default ρ, σ, n: at 100 V the
-    stroke is 100 k_u + 2 k_h = 0.1376, hence in mm (its stack: 160 µm at 120 V).
+    The paper's Table 2 has k_u = 0.0021924, k_h = -0.040845 and the default ρ, σ, n.  As printed it
+    is no actuator's loop: k_u + ρ k_h < 0, in any unit of the drive, so that after each turn the
+    response would first run against the drive.  Its k_u and k_h are therefore not the default.
     Source: Xu et al., Fractal Fract. 8 (2024) 3, equations (21), (22); Ismail, Ikhouane & Rodellar,
     Arch. Comput. Methods Eng. 16 (2009) 161.
     """

@@ -6,20 +6,22 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from jax.typing import ArrayLike
+from numpy.typing import ArrayLike
 from scipy.signal.windows import blackmanharris
 
 from .._recording import InputError, Recording
 
 _LEAST_PERIODS = 3
 _HARMONICS = 5
+_SETTLING = 0.2
 _SLOW = 5
 """Columns of offset and drift: a parabola, and logarithms of time as of a relaxation."""
 _MOST_TONES = 64
 _WEAKEST = 0.01
 _LOBE = 4
 """Half the width of a Blackman–Harris line, in bins: closer tones are one."""
-_SAME_PERIOD = 0.02
+_SAME_PERIOD = 0.005
+_SAME_TONE = 0.02
 _EXPLAINED = 0.95
 """Share of the drive's power that its tones must explain; a triangle's fundamental has 98.5 %."""
 
@@ -66,11 +68,12 @@ def amplitude_ratios(recording: Recording, frequencies: ArrayLike | None = None)
         A_r = |a - jb| of the response / |a - jb| of the drive
 
     and, of a tone alone, its harmonics to the fifth, which hysteresis adds.  Slow drift is a
-    parabola and the logarithms of creep.  The first period of a stretch is left to settle.
+    parabola and the logarithms of creep.  A tone alone is left to settle for a fifth of its time or
+    one period, tones together for one common period where the recording holds three.
 
     Tones are found from the drive: those that follow each other by their crossings of the mid-level
     (each for 3 periods at least), those together by their lines in the spectrum (1 % of the
-    strongest at least).  `frequencies` [Hz], refined by the drive, says instead which to take.
+    strongest at least).  `frequencies` [Hz] says which of them to take; the drive refines them.
     Raises InputError where the drive does not consist of such tones.
     """
     wanted = None if frequencies is None else np.atleast_1d(np.asarray(frequencies, dtype=float))
@@ -81,12 +84,25 @@ def amplitude_ratios(recording: Recording, frequencies: ArrayLike | None = None)
             "others",
             "correct them",
         )
-    stretches = _one_after_another(recording, wanted) or [_together(recording, wanted)]
-    rows = [row for stretch in stretches for row in _ratios(recording, stretch)]
-    table = np.array(sorted(rows))
+    stretches = _one_after_another(recording) or [_together(recording, wanted)]
+    rows = np.array(sorted(row for stretch in stretches for row in _ratios(recording, stretch)))
+    if wanted is not None:
+        rows = rows[[_nearest(rows[:, 0], frequency, recording.source) for frequency in wanted]]
     return AmplitudeRatios(
-        *table.T, unit=f"{recording.response_unit}/{recording.drive_unit}", source=recording.source
+        *rows.T, unit=f"{recording.response_unit}/{recording.drive_unit}", source=recording.source
     )
+
+
+def _nearest(tones: np.ndarray, frequency: float, source: str) -> int:
+    best = int(np.argmin(np.abs(tones - frequency)))
+    if abs(tones[best] / frequency - 1) > _SAME_TONE:
+        raise InputError.at(
+            f"{source}, drive",
+            f"a tone of {frequency:g} Hz",
+            f"tones of {', '.join(f'{tone:.4g}' for tone in tones)} Hz",
+            "ask for those",
+        )
+    return best
 
 
 # Tones one after another --------------------------------------------------------------------------
@@ -105,56 +121,50 @@ def _rises(drive: np.ndarray) -> np.ndarray:
     return at + (middle + reach - drive[at]) / (drive[at + 1] - drive[at])
 
 
-def _one_after_another(recording: Recording, wanted: np.ndarray | None) -> list[_Stretch]:
-    """Stretches of one tone each: runs of equal intervals between rises.  None where the drive
-    is no sine there."""
+def _one_after_another(recording: Recording) -> list[_Stretch]:
+    """Stretches of one tone each: runs of equal intervals between rises.
+
+    None where they leave out half the recording, or where the drive is no sine.
+    """
     rises = _rises(recording.drive)
     intervals = np.diff(rises)
     stretches, first = [], 0
     for last in range(1, intervals.size + 1):
         period = np.mean(intervals[first:last])
-        slack = max(_SAME_PERIOD * period, 0.5)
+        slack = max(_SAME_PERIOD * period, 0.1)
         if last < intervals.size and abs(intervals[last] - period) <= slack:
             continue
         if last - first >= _LEAST_PERIODS:
             start, stop = int(np.ceil(rises[first])), int(rises[last]) + 1
-            stretches.append(_Stretch(np.array([recording.rate / period]), start, stop))
+            tone = _Stretch(np.array([recording.rate / period]), start, stop)
+            stretches.append(_refined(recording, tone))
         first = last
-    tones = [s for s in stretches if _explained(recording, s) >= _EXPLAINED]
-    if wanted is None or len(tones) < len(stretches):
-        return tones if len(tones) == len(stretches) else []
-    return [_nearest(recording, tones, f) for f in wanted] if tones else []
-
-
-def _nearest(recording: Recording, tones: list[_Stretch], frequency: float) -> _Stretch:
-    best = min(tones, key=lambda tone: abs(tone.frequencies[0] - frequency))
-    if abs(best.frequencies[0] / frequency - 1) > _SAME_PERIOD:
-        found = ", ".join(f"{tone.frequencies[0]:.4g}" for tone in tones)
-        raise InputError.at(
-            f"{recording.source}, drive",
-            f"a tone of {frequency:g} Hz",
-            f"tones of {found} Hz",
-            "ask for those",
-        )
-    return best
+    covered = sum(stretch.stop - stretch.start for stretch in stretches)
+    if covered < 0.5 * len(recording) or any(
+        _explained(recording, stretch) < _EXPLAINED for stretch in stretches
+    ):
+        return []
+    return stretches
 
 
 # Tones together -----------------------------------------------------------------------------------
 
 
 def _together(recording: Recording, wanted: np.ndarray | None) -> _Stretch:
-    """All tones, over the recording without its first period where it has one."""
+    """All tones, over the recording without its first period where it has one: those wanted, if
+    they are all there are, or the lines of the spectrum."""
     repeats = recording.drive_period()
     start = 0 if repeats is None else repeats.start + repeats.period
     stop = len(recording) if repeats is None else repeats.stop
-    tones = _lines(recording) if wanted is None else wanted
-    stretch = _Stretch(tones, start, stop)
-    if tones.size > _MOST_TONES:
-        found = f"{tones.size} lines in its spectrum"
-    elif (explained := _explained(recording, stretch)) >= _EXPLAINED:
-        return stretch
-    else:
-        found = f"{tones.size} that explain {100 * explained:.0f} % of its power"
+    lines = _lines(recording)
+    found = f"{lines.size} lines in its spectrum"
+    for tones in (lines,) if wanted is None else (wanted, lines):
+        if tones.size <= _MOST_TONES:
+            stretch = _refined(recording, _Stretch(tones, start, stop))
+            explained = _explained(recording, stretch)
+            if explained >= _EXPLAINED:
+                return stretch
+            found = f"{tones.size} that explain {100 * explained:.0f} % of its power"
     raise InputError.at(
         f"{recording.source}, drive",
         "steady tones, together or one after another",
@@ -189,8 +199,17 @@ def _columns(recording: Recording, stretch: _Stretch, frequencies: np.ndarray) -
     return np.concatenate([np.stack(slow, axis=1), waves], axis=1)
 
 
-def _refined(recording: Recording, stretch: _Stretch) -> np.ndarray:
-    """The tones' frequencies [Hz] by Gauss–Newton on the drive.
+def _solve(columns: np.ndarray, signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Least squares (C,) by the normal equations, and (columnsᵀ columns)⁻¹ (C, C): the columns are
+    few and far from alike, the samples many."""
+    lengths = np.linalg.norm(columns, axis=0)
+    scaled = columns / lengths
+    inverse = np.linalg.pinv(scaled.T @ scaled, rcond=1e-12) / np.outer(lengths, lengths)
+    return inverse @ (columns.T @ signal), inverse
+
+
+def _refined(recording: Recording, stretch: _Stretch) -> _Stretch:
+    """The stretch with its tones' frequencies by Gauss–Newton on the drive.
 
     Of a cos ωt + b sin ωt the derivative in ω is t (b cos ωt - a sin ωt).
     """
@@ -198,27 +217,27 @@ def _refined(recording: Recording, stretch: _Stretch) -> np.ndarray:
     times = recording.times[stretch.start : stretch.stop]
     times = times - times.mean()
     frequencies = np.array(stretch.frequencies, dtype=float)
-    for _ in range(4):
+    for _ in range(3):
         design = _columns(recording, stretch, frequencies)
-        solution = np.linalg.lstsq(design, drive, rcond=None)[0]
+        solution = _solve(design, drive)[0]
         a, b = solution[_SLOW::2], solution[_SLOW + 1 :: 2]
         cosines, sines = design[:, _SLOW::2], design[:, _SLOW + 1 :: 2]
         slopes = 2 * np.pi * times[:, None] * (b * cosines - a * sines)
         both = np.concatenate([design, slopes], axis=1)
-        move = np.linalg.lstsq(both, drive, rcond=None)[0][design.shape[1] :]
+        move = _solve(both, drive)[0][design.shape[1] :]
         # No further than a line is wide.
         width = 1 / (times[-1] - times[0])
         frequencies = frequencies + np.clip(move, -width, width)
-    return frequencies
+    return stretch._replace(frequencies=frequencies)
 
 
 def _explained(recording: Recording, stretch: _Stretch) -> float:
     """Share of the drive's power about its drift that the tones explain."""
     drive = recording.drive[stretch.start : stretch.stop]
-    design = _columns(recording, stretch, _refined(recording, stretch))
+    design = _columns(recording, stretch, stretch.frequencies)
 
     def left(columns: np.ndarray) -> float:
-        solution = np.linalg.lstsq(columns, drive, rcond=None)[0]
+        solution = _solve(columns, drive)[0]
         return float(np.sum((drive - columns @ solution) ** 2))
 
     return 1 - left(design) / left(design[:, :_SLOW])
@@ -226,23 +245,20 @@ def _explained(recording: Recording, stretch: _Stretch) -> float:
 
 def _ratios(recording: Recording, stretch: _Stretch) -> list[tuple[float, float, float]]:
     """Frequency [Hz], ratio and standard error of every tone of the stretch."""
-    tones = _refined(recording, stretch)
-    frequencies = tones
+    frequencies = tones = stretch.frequencies
     if tones.size == 1:
-        # The period in which the tone sets in does not count.
-        later = stretch.start + int(np.ceil(recording.rate / tones[0]))
-        stretch = stretch._replace(start=later)
+        # What the tone before has set ringing does not count.
+        length = stretch.stop - stretch.start
+        settling = int(np.ceil(max(recording.rate / tones[0], _SETTLING * length)))
+        stretch = stretch._replace(start=stretch.start + settling)
         overtones = tones[0] * np.arange(2, _HARMONICS + 1)
         frequencies = np.concatenate([tones, overtones[overtones < 0.4 * recording.rate]])
     design = _columns(recording, stretch, frequencies)
-    orthonormal, triangle = np.linalg.qr(design)
-    inverse = np.linalg.inv(triangle)
-    covariance = inverse @ inverse.T
 
     def amplitudes(signal: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         """Amplitudes (K,) and their relative standard errors (K,)."""
         part = signal[stretch.start : stretch.stop]
-        solution = inverse @ (orthonormal.T @ part)
+        solution, inverse = _solve(design, part)
         residual = part - design @ solution
         variance = np.sum(residual**2) / (part.size - design.shape[1])
         size, error = [], []
@@ -251,7 +267,7 @@ def _ratios(recording: Recording, stretch: _Stretch) -> list[tuple[float, float,
             wave = solution[at]
             length = np.linalg.norm(wave)
             size.append(length)
-            error.append(np.sqrt(variance * wave @ covariance[at, at] @ wave) / length**2)
+            error.append(np.sqrt(variance * wave @ inverse[at, at] @ wave) / length**2)
         return np.array(size), np.array(error)
 
     drive, drive_error = amplitudes(recording.drive)

@@ -11,13 +11,22 @@ if TYPE_CHECKING:
     from ._blocks import AbstractBlock as AbstractBlock
     from ._blocks import AbstractLinearBlock as AbstractLinearBlock
     from ._blocks import Effect as Effect
+    from ._blocks import bode as bode
+    from ._blocks import frequency_response as frequency_response
+    from ._blocks import poles as poles
+    from ._blocks import step_response as step_response
     from ._diagnose import Diagnosis as Diagnosis
     from ._diagnose import diagnose as diagnose
+    from ._fit import AmplitudeRatios as AmplitudeRatios
+    from ._fit import CreepIdentification as CreepIdentification
     from ._fit import Estimate as Estimate
     from ._fit import Fit as Fit
     from ._fit import Noise as Noise
+    from ._fit import amplitude_ratios as amplitude_ratios
     from ._fit import fit as fit
     from ._fit import load_model as load_model
+    from ._fit import ofocim as ofocim
+    from ._fit import tfocim as tfocim
     from ._io import read as read
     from ._io import write as write
     from ._models import MODELS as MODELS
@@ -37,9 +46,29 @@ __version__ = "0.1.0"
 # Loaded on first use, so that `fracjax --help` need not wait for JAX (PEP 562).
 _HOMES = {
     "_batch": ("fit_batch",),
-    "_blocks": ("EFFECTS", "AbstractBlock", "AbstractLinearBlock", "Effect"),
+    "_blocks": (
+        "EFFECTS",
+        "AbstractBlock",
+        "AbstractLinearBlock",
+        "Effect",
+        "bode",
+        "frequency_response",
+        "poles",
+        "step_response",
+    ),
     "_diagnose": ("Diagnosis", "diagnose"),
-    "_fit": ("Estimate", "Fit", "Noise", "fit", "load_model"),
+    "_fit": (
+        "AmplitudeRatios",
+        "CreepIdentification",
+        "Estimate",
+        "Fit",
+        "Noise",
+        "amplitude_ratios",
+        "fit",
+        "load_model",
+        "ofocim",
+        "tfocim",
+    ),
     "_io": ("read", "write"),
     "_models": ("MODELS", "Model", "parse_model"),
     "_operators": ("Grid", "derivative"),
@@ -55,6 +84,8 @@ __all__ = [
     "MODELS",
     "AbstractBlock",
     "AbstractLinearBlock",
+    "AmplitudeRatios",
+    "CreepIdentification",
     "Diagnosis",
     "Effect",
     "Estimate",
@@ -66,16 +97,23 @@ __all__ = [
     "Parameter",
     "Recording",
     "Simulation",
+    "amplitude_ratios",
     "blocks",
+    "bode",
     "derivative",
     "diagnose",
     "fit",
     "fit_batch",
+    "frequency_response",
     "load_model",
+    "ofocim",
     "operators",
     "parse_model",
+    "poles",
     "read",
     "simulate",
+    "step_response",
+    "tfocim",
     "write",
     "write_report",
 ]

@@ -19,16 +19,24 @@ from fracjax._blocks import (
     BoucWen,
     Creep,
     Delay,
+    DriveCircuit,
     DriveLag,
     Electrostriction,
+    FOHLinear,
+    FOHRateTerm,
+    InverseLFDH,
     MainsInterference,
     MinorLoopMemory,
+    PEADynamics,
+    QuasiStaticForce,
     Resonance,
     Saturation,
     Setting,
+    SingleOperator,
     ThermalDrift,
     linear_gains,
 )
+from fracjax._blocks._block import LinearParallel
 from fracjax._blocks.creep import LogarithmicCreep
 from fracjax._blocks.minor_loop_memory import play
 from fracjax._operators import Grid, direct_convolution, kernel
@@ -61,8 +69,19 @@ mains = set_values(
     MainsInterference(50.0),
     {"cosines": np.linspace(0.3, 0.1, 5), "sines": np.linspace(-0.1, 0.2, 5)},
 )
+circuit, force = DriveCircuit(1.4, 0.02), QuasiStaticForce(30.0)
+operator, inverse_lfdh = SingleOperator(0.3, 0.4), InverseLFDH()
+pea = PEADynamics(0.8, 0.3, -0.25, 9.0, 0.2)
 BLOCKS: dict[str, AbstractBlock] = {
     "foh": foh,
+    "foh_linear": FOHLinear(0.05, 0.04, 0.14),
+    "foh_rate_term": FOHRateTerm(1e-4, -0.13),
+    "drive_circuit": circuit,
+    "quasi_static_force": force,
+    "single_operator": operator,
+    "inverse_lfdh": inverse_lfdh,
+    "inverse of a sum": LinearParallel(creep, lag).inverse(),
+    "pea_dynamics": pea,
     "lfdh": lfdh,
     "creep": creep,
     "logarithmic creep": log_creep,
@@ -82,7 +101,7 @@ BLOCKS: dict[str, AbstractBlock] = {
 }
 INDEPENDENT_OF_THE_DRIVE = {"thermal_drift", "mains_interference"}
 # Samples ahead that central differences look.
-LOOK_AHEAD = {"foh": 2, "coupled, drifting": 2, "whole actuator": 2}
+LOOK_AHEAD = {"foh": 2, "foh_rate_term": 2, "coupled, drifting": 2, "whole actuator": 2}
 
 each_block = pytest.mark.parametrize("name", BLOCKS)
 _respond = eqx.filter_jit(lambda block, drive, grid: block(drive, grid))
@@ -429,6 +448,10 @@ def test_a_linear_kernel_is_the_response_to_one_sample():
         (foh, {"k_l", "k_h", "k_p"}),
         (lfdh, {"k_0", "k_delta"}),
         (resonance, set()),
+        (pea, {"gain", "creep_gain"}),
+        (inverse_lfdh, {"c_0", "c_mu"}),
+        (lfdh.inverse(), set()),
+        (bouc_wen >> PEADynamics(fixed_gain=True), {"first.k_u", "first.k_h"}),
         (foh >> Creep(fixed_gain=True), {"first.k_l", "first.k_h", "first.k_p"}),
         (foh >> creep, {"first.k_l", "first.k_h", "first.k_p"}),
         (lag >> foh, {"second.k_l", "second.k_h", "second.k_p"}),

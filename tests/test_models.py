@@ -1,10 +1,21 @@
-"""Models by name and their composition in text."""
+"""Models by name, their composition in text, and properties that every one of them has."""
 
+import re
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
 import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
 
 import fracjax as fj
 from fracjax._blocks import EFFECTS, FOH, Creep, Resonance, Setting
 from fracjax._blocks._block import LinearParallel, LinearSeries, Parallel, Series
+from fracjax._operators import Grid
+from fracjax._operators._grid import History
+from fracjax._parameters import named_parameters, set_values
 
 
 @pytest.mark.parametrize("name", fj.MODELS)
@@ -120,3 +131,116 @@ def test_a_model_is_named_after_its_block_unless_told():
     assert fj.Model(FOH()).name == "foh"
     assert fj.Model(Resonance(100.0)).name == "Resonance"
     assert fj.Model(FOH() >> Creep() >> Resonance(100.0), "mine").name == "mine"
+
+
+# Properties of every model, anywhere in its plausible range ---------------------------------------
+
+HISTORIES: tuple[History, ...] = ("rest", "constant", "periodic")
+SAMPLES, STEP, PAST = 64, 5e-3, 40
+LOOK_AHEAD = 2  # samples of FOH's central difference
+each_model = pytest.mark.parametrize("name", fj.MODELS)
+some = settings(max_examples=8)
+seeds = st.integers(0, 2**32 - 1)
+
+
+_respond = eqx.filter_jit(lambda block, drive, grid: block(drive, grid))
+
+
+def respond(block, drive, history) -> np.ndarray:
+    """The block's response (N,), compiled once per structure."""
+    return respond_at(STEP, block, drive, history)
+
+
+def respond_at(step, block, drive, history) -> np.ndarray:
+    return np.asarray(_respond(block, jnp.asarray(drive), Grid(np.asarray(step), history)))
+
+
+def close(found, wanted, share):
+    """Equal to a share of the peak of what is wanted."""
+    np.testing.assert_allclose(found, wanted, rtol=0, atol=share * np.abs(wanted).max())
+
+
+def drawn(name, seed):
+    """A model's block at drawn values, a smooth drive (N,) [V] and a generator for the rest."""
+    generator = np.random.default_rng(seed)
+    block = fj.MODELS[name]()
+    values = {
+        n: generator.uniform(0.1, 1.0) if p.gain else p.draw(generator)
+        for n, p in named_parameters(block).items()
+        if not p.fixed
+    }
+    times = np.arange(SAMPLES) / SAMPLES
+    waves = [
+        generator.uniform(1, 10) * np.sin(2 * np.pi * k * times + generator.uniform(0, 6))
+        for k in (1, 2, 3)
+    ]
+    return set_values(block, values), 30 + np.sum(waves, axis=0), generator
+
+
+@each_model
+@some
+@given(seed=seeds, history=st.sampled_from(["rest", "constant"]))
+def test_no_model_sees_the_future(name, seed, history):
+    block, drive, generator = drawn(name, seed)
+    changed = drive.copy()
+    changed[PAST:] += generator.uniform(-20, 20, SAMPLES - PAST)
+    one, other = (respond(block, u, history) for u in (drive, changed))
+    until = PAST - LOOK_AHEAD
+    close(other[:until], one[:until], 1e-8)
+
+
+def power_of_time(unit: str, siblings: dict[str, float]) -> float:
+    """The power of seconds in a parameter's unit: "response/drive*s^alpha" → alpha."""
+    if unit in ("s", "Hz"):
+        return 1.0 if unit == "s" else -1.0
+    power = re.search(r"\bs\^\(?([-+\w]+)\)?", unit)
+    return float(eval(power[1], {}, siblings)) if power else 0.0
+
+
+@each_model
+@some
+@given(
+    seed=seeds,
+    factor=st.floats(1e-3, 1e3),
+    history=st.sampled_from(["rest", "constant", "periodic"]),
+)
+def test_no_model_depends_on_the_unit_of_time(name, seed, factor, history):
+    """Times in another unit, and every parameter converted by its own: the same response.
+
+    Up to a constant: the value before t = 0, which creep is counted from, is multiplied by the
+    number k_c, whatever its unit.
+    """
+    block, drive, _ = drawn(name, seed)
+    parameters = named_parameters(block)
+    values, converted = {n: float(p.value) for n, p in parameters.items()}, {}
+    for full, parameter in parameters.items():
+        prefix = full[: full.rfind(".") + 1]
+        siblings = {n[len(prefix) :]: v for n, v in values.items() if n.startswith(prefix)}
+        converted[full] = values[full] * factor ** power_of_time(parameter.unit, siblings)
+    found = respond_at(STEP * factor, set_values(block, converted), drive, history)
+    wanted = respond(block, drive, history)
+    close(found - found.mean(), wanted - wanted.mean(), 1e-8)
+
+
+@eqx.filter_jit
+def gradient(block, values, drive, grid):
+    return jax.jacfwd(lambda v: set_values(block, v)(drive, grid))(values)
+
+
+@each_model
+@some
+@given(seed=seeds)
+def test_every_gradient_is_the_finite_difference(name, seed):
+    block, drive, _ = drawn(name, seed)
+    free = {n: p.value for n, p in named_parameters(block).items() if not p.fixed}
+    found = gradient(block, free, jnp.asarray(drive), Grid(np.asarray(STEP), "constant"))
+    for parameter, value in free.items():
+        move = 1e-5 * max(abs(float(value)), 1e-2)
+        ends = [
+            respond(set_values(block, {parameter: value + side * move}), drive, "constant")
+            for side in (1, -1)
+        ]
+        wanted = (ends[0] - ends[1]) / (2 * move)
+        rounding = 1e-11 * np.abs(ends[0]).max() / move
+        allowed = 1e-4 * np.abs(wanted).max() + rounding
+        np.testing.assert_allclose(found[parameter], wanted, rtol=0, atol=allowed)

@@ -13,21 +13,34 @@ from . import (
 )
 from ._block import AbstractBlock as AbstractBlock
 from ._block import AbstractLinearBlock as AbstractLinearBlock
+from ._block import Inverse as Inverse
 from ._block import linear_gains as linear_gains
 from ._effect import Effect as Effect
 from ._effect import Setting as Setting
+from ._response import Bode as Bode
+from ._response import bode as bode
+from ._response import frequency_response as frequency_response
+from ._response import poles as poles
+from ._response import step_response as step_response
 from .bouc_wen import BoucWen as BoucWen
 from .creep import Creep as Creep
 from .creep import LogarithmicCreep as LogarithmicCreep
 from .delay import Delay as Delay
+from .drive_circuit import DriveCircuit as DriveCircuit
 from .drive_lag import DriveLag as DriveLag
 from .electrostriction import Electrostriction as Electrostriction
 from .foh import FOH as FOH
+from .foh_linear import FOHLinear as FOHLinear
+from .foh_rate_term import FOHRateTerm as FOHRateTerm
+from .inverse_lfdh import InverseLFDH as InverseLFDH
 from .lfdh import LFDH as LFDH
 from .mains_interference import MainsInterference as MainsInterference
 from .minor_loop_memory import MinorLoopMemory as MinorLoopMemory
+from .pea_dynamics import PEADynamics as PEADynamics
+from .quasi_static_force import QuasiStaticForce as QuasiStaticForce
 from .resonance import Resonance as Resonance
 from .saturation import Saturation as Saturation
+from .single_operator import SingleOperator as SingleOperator
 from .thermal_drift import ThermalDrift as ThermalDrift
 
 EFFECTS: dict[str, Effect] = {

@@ -58,6 +58,39 @@ class AbstractLinearBlock(AbstractBlock):
     def __call__(self, drive: Array, grid: Grid) -> Array:
         return convolve(self.symbol, self.static_gain(), drive, grid, self.accuracy)
 
+    def inverse(self) -> Inverse:
+        """The law from response back to drive."""
+        return Inverse(self)
+
+
+class Inverse(AbstractLinearBlock):
+    r"""The law that undoes another, used as feed-forward [L 10]:
+
+        U/Y = 1 / G(s)
+
+    The drive is what the other law shall respond with, the response what it must be driven by.
+    A held value is divided by G(0), or not transmitted where the other law transmits none.  It
+    amplifies noise where G attenuates, and grows without bound where G has zeros in the right
+    half-plane.  No parameter is a gain of it: fit the law itself, or InverseLFDH.
+    Joined by >> the two are the identity; as two passes they are to rounding at quadratures of one
+    kernel (orders 1, 2, 4), and to the discretisation error at order 3.
+    Source: Zhu & Zhou (2012), equation (10).
+    """
+
+    block: AbstractLinearBlock
+
+    @property
+    def accuracy(self) -> int:
+        return self.block.accuracy
+
+    def symbol(self, s: Array) -> Array:
+        return 1 / self.block.symbol(s)
+
+    def static_gain(self) -> ArrayLike:
+        gain = jnp.asarray(self.block.static_gain())
+        # The quotient must be finite in the branch not taken too, for its derivative.
+        return jnp.where(gain == 0, 0.0, 1 / jnp.where(gain == 0, 1.0, gain))
+
 
 class LinearSeries(AbstractLinearBlock):
     """Linear laws one after the other: their symbols multiply before the one inverse transform."""
@@ -127,6 +160,8 @@ def linear_gains(block: AbstractBlock) -> tuple[str, ...]:
     A gain counts while every block after its own is linear.  Of two gains in a row only the first
     counts: their product is linear in one of them.
     """
+    if isinstance(block, Inverse):
+        return ()
     if isinstance(block, Series | LinearSeries):
         first = linear_gains(block.first) if block.second.linear else ()
         return _prefixed("first", first) or _prefixed("second", linear_gains(block.second))

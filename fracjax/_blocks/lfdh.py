@@ -7,6 +7,7 @@ from jax.typing import ArrayLike
 
 from .._parameters import Parameter
 from ._block import AbstractLinearBlock
+from ._physical import require_positive
 
 
 class LFDH(AbstractLinearBlock):
@@ -41,6 +42,33 @@ class LFDH(AbstractLinearBlock):
         )
         self.delta = Parameter(delta, lower=1e-3, upper=0.999, plausible=(0.02, 0.6))
         self.mu = Parameter(mu, lower=1e-3, upper=0.999, plausible=(0.05, 0.9))
+
+    @classmethod
+    def from_physical(
+        cls,
+        *,
+        rho: float,
+        K_amp: float,
+        n: float,
+        d33: float,
+        R: float,
+        C: float,
+        kappa: float,
+        chi: float,
+        delta: float,
+        mu: float,
+    ) -> LFDH:
+        """From the quantities of [L 9]: k_0 = ρ K_amp (n d33)²/RC and k_δ = k_0 κ.
+
+        K_amp amplification, n layers of piezoelectric constant d33 [m/V], R [ohm], C [F],
+        kappa [s^delta], chi [s^mu]; rho takes the unit that is left.  By [L 5] and [L 6] RC would
+        multiply only the rate of x: that [L 7] has it before x too, and so [L 9] 1/RC in its gain,
+        is a slip of the paper, which ρ makes up for.  Raises InputError unless R and C are
+        positive.
+        """
+        require_positive("LFDH", R=R, C=C)
+        k_0 = rho * K_amp * (n * d33) ** 2 / (R * C)
+        return cls(k_0, k_0 * kappa, chi, delta, mu)
 
     def symbol(self, s: Array) -> Array:
         numerator = self.k_0.value + self.k_delta.value * s**self.delta.value

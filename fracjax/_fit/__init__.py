@@ -1,5 +1,11 @@
 """Fitting: least squares with gains eliminated, from several starts, with standard errors."""
 
+from ._amplitude_ratios import AmplitudeRatios as AmplitudeRatios
+from ._amplitude_ratios import amplitude_ratios as amplitude_ratios
+from ._creep_identification import CreepEstimate as CreepEstimate
+from ._creep_identification import CreepIdentification as CreepIdentification
+from ._creep_identification import ofocim as ofocim
+from ._creep_identification import tfocim as tfocim
 from ._fit import Fit as Fit
 from ._fit import Progress as Progress
 from ._fit import Scores as Scores

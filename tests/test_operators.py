@@ -10,6 +10,7 @@ from scipy.special import gamma
 
 from fracjax._operators import (
     Grid,
+    Laplace,
     convolve,
     derivative,
     direct_convolution,
@@ -376,3 +377,28 @@ def test_a_sine_is_smooth():
     fine, method = interpolate(sine(COARSE), 4)
     assert method == "cubic"
     np.testing.assert_allclose(fine, sine(FINE), rtol=0, atol=1e-4)
+
+
+# The Laplace variable -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("factor", [2, 2.0, np.float64(2), np.array(2.0), jnp.asarray(2.0)])
+def test_the_laplace_variable_calculates_as_its_array(factor):
+    points = np.array([0.3 + 0.4j, 1e-3j, 2 - 1j])
+    s, plain = Laplace(points, 0.5), points / 0.5
+    for found, wanted in (
+        (factor * s, 2 * plain),
+        (s * factor, 2 * plain),
+        (s + factor, plain + 2),
+        (factor + s, plain + 2),
+        (s - factor, plain - 2),
+        (factor - s, 2 - plain),
+        (s / factor, plain / 2),
+        (factor / s, 2 / plain),
+        (-s, -plain),
+        (s**2, plain**2),
+        (s**factor, plain**2),
+        (s**-0.4, plain**-0.4),
+        (jnp.exp(jnp.asarray(s)), np.exp(plain)),
+    ):
+        np.testing.assert_allclose(found, wanted, rtol=1e-14)

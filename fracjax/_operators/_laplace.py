@@ -15,8 +15,11 @@ class Laplace:
 
     A fractional power is s^a = exp(a log points) step^-a: the logarithm is taken once, when the
     program is compiled, which makes a kernel's evaluation one complex exponential per point.
-    Everywhere else it acts as the complex array that it stands for.
+    In sums, products and quotients it acts as the complex array that it stands for; any other
+    function wants `jnp.asarray(s)`.
     """
+
+    __array_ufunc__ = None  # NumPy leaves `array * s` to this class
 
     def __init__(self, points: np.ndarray, step: ArrayLike):
         self._points, self._step = points, step

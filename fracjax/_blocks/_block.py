@@ -40,7 +40,7 @@ class AbstractLinearBlock(AbstractBlock):
 
     @abc.abstractmethod
     def symbol(self, s: Array) -> Array:
-        """G(s) at complex s [1/s]: arithmetic and powers of s, other functions of jnp.asarray(s)."""
+        """G(s) at complex s [1/s]: by arithmetic and powers of s; others need jnp.asarray(s)."""
 
     @abc.abstractmethod
     def static_gain(self) -> ArrayLike:

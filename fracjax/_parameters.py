@@ -68,14 +68,22 @@ class Parameter(eqx.Module):
                 f"expected a lower bound above 0 for a logarithmic parameter, found {lower}"
             )
 
+    @property
+    def _unbounded(self) -> bool:
+        """Whether there are no bounds: a gain has none, whatever its value."""
+        return self.gain
+
     def _scale(self, x: Any) -> Any:
         return jnp.log(x) if self.logarithmic else x
 
     def to_unconstrained(self, value: ArrayLike) -> Array:
         """The real number that stands for `value` during a fit: lower + range·(1 + sin z)/2.
 
-        A bound lies at finite z, so that a fit which ends there converges.
+        A bound lies at finite z, so that a fit which ends there converges.  Without bounds, which
+        is how a gain stands that something nonlinear or another gain follows, value = sinh z.
         """
+        if self._unbounded:
+            return jnp.arcsinh(value)
         low, high = self._scale(self.lower), self._scale(self.upper)
         share = 2 * (self._scale(value) - low) / (high - low) - 1
         # A start on a bound, where the derivative vanishes, would never leave it.
@@ -83,6 +91,8 @@ class Parameter(eqx.Module):
 
     def from_unconstrained(self, z: ArrayLike) -> Array:
         """The value that `z` stands for."""
+        if self._unbounded:
+            return jnp.sinh(z)
         low, high = self._scale(self.lower), self._scale(self.upper)
         scaled = low + (high - low) * (1 + jnp.sin(z)) / 2
         return jnp.exp(scaled) if self.logarithmic else scaled

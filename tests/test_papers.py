@@ -295,7 +295,7 @@ def test_creep_has_one_phase_and_falls_steadily():
 def test_the_coupled_model_s_amplitude_falls_with_frequency():
     """[F Fig. 13]: after a hysteresis that does not see the rate, the stroke falls as f^-μ."""
     drive = 50 - 50 * np.cos(2 * np.pi * np.arange(400) / 400)
-    model = BoucWen(0.0021924, -0.0, 0.19028, 1.288, 1.6504) >> Creep(mu=0.0072, fixed_gain=True)
+    model = BoucWen(1.0, -2.0) >> Creep(mu=0.0072, fixed_gain=True)
     strokes = [np.ptp(respond(model, drive, "periodic", 1 / (400 * f))) for f in (1.0, 2.0, 5.0)]
     falls = np.array(strokes[1:]) / strokes[0]
     np.testing.assert_allclose(falls, np.array([2.0, 5.0]) ** -0.0072, rtol=1e-9)

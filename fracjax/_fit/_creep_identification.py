@@ -9,7 +9,6 @@ Source: Xu, Luo, Luo, Chen, Liu, Fractal Fract. 8 (2024) 3, section 4.3.
 from __future__ import annotations
 
 from dataclasses import asdict, dataclass, replace
-from itertools import product
 from typing import Literal
 
 import equinox as eqx
@@ -31,9 +30,15 @@ from ._uncertainty import _at_bound
 SCHEMA = "fracjax.creep/1"
 _DECIBEL = 20 / np.log(10)
 _BOUNDED = ("mu", "frequency", "damping")
-_FIRST_STEPS = 12
+_MODES = 48
+_DAMPINGS = np.array([0.003, 0.02, 0.1, 0.5])
+_CURVATURES = np.array([-0.7, -0.3, -0.1, 0.1, 0.3, 0.7])
+_SLOPES = np.array([-0.3, -0.08, -0.02, 0.0, 0.02, 0.08, 0.3])
+_STARTS = 24
+_FIRST_STEPS = 30
 _STEPS = 200
-_SOLVER = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
+_ROUGH = optx.LevenbergMarquardt(rtol=1e-3, atol=1e-3)
+_EXACT = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
 
 
 @dataclass(frozen=True)
@@ -144,17 +149,17 @@ def ofocim(
     [F 11] of the same slope at the geometric centre of the table, which is known even where g, g_μ
     and μ are only known together, as they are where the interval of μ holds 0.  Of a mode
     that the table does not show (F-test, 1 %) the intervals are the whole of its bounds.
-    Levenberg–Marquardt from 12 starts; standard errors from the Jacobian and the residual's
-    scatter, 95 % intervals from Student's t (on a logarithmic scale for f_0 and ζ).  Arguments as
-    of `tfocim`.
+    Levenberg–Marquardt from the best of a grid; standard errors from the Jacobian and the
+    residual's scatter, 95 % intervals from Student's t (on a logarithmic scale for f_0 and ζ).
+    Arguments as of `tfocim`.
     Raises InputError for fewer than 6 frequencies, or numbers that are not positive.
     """
     frequencies, ratio, weights = _table("OFOCIM", frequencies_Hz, ratios, standard_errors, 6)
     with jax.enable_x64(True):
         table = (jnp.asarray(frequencies), jnp.asarray(np.log(ratio)), jnp.asarray(weights))
-        starts = _starts(frequencies, ratio)
-        shape, cost, success = _solve(starts, *table)
-        without_mode = _solve(starts[::6, :3], *table)[1]
+        creeps, modes = _candidates(frequencies)
+        shape, cost, success = _solve(creeps, modes, *table)
+        without_mode = _solve(creeps, jnp.zeros((1, 1, 0)), *table)[1]
         amplitude, values, along = jax.tree_util.tree_map(np.asarray, _derivatives(shape, table[0]))
         centre = float(_centre(table[0]))
     freedom = frequencies.size - amplitude.shape[1]
@@ -234,19 +239,18 @@ def _shape_of(coordinates: Array) -> _Shape:
     return _Shape(coordinates[0], coordinates[1], mu, jnp.log(frequency), jnp.log(damping))
 
 
-def _starts(frequencies: np.ndarray, ratio: np.ndarray) -> Array:
-    """Coordinates (12, 5): creep of two orders, a mode at the highest ratio or above the table."""
+def _candidates(frequencies: np.ndarray) -> tuple[Array, Array]:
+    """Coordinates to start from, of creep (C, 3), its level 0, and of modes (R, D, 2): a row per
+    frequency, from the table's lowest to ten times its highest."""
     parameters = named_parameters(PEADynamics())
-    level = np.log(np.median(ratio))
-    places = (frequencies[np.argmax(ratio)], 2 * frequencies.max(), 10 * frequencies.max())
-    ranges = product((-0.3, 0.3), places, (0.01, 0.2))
-    return jnp.array(
-        [
-            [level, 0.0]
-            + [parameters[n].to_unconstrained(v) for n, v in zip(_BOUNDED, values, strict=True)]
-            for values in ranges
-        ]
+    places = np.geomspace(frequencies.min(), 10 * frequencies.max(), _MODES)
+    mu, frequency, damping = (
+        parameters[name].to_unconstrained(values)
+        for name, values in zip(_BOUNDED, (_CURVATURES, places, _DAMPINGS), strict=True)
     )
+    slopes, mu = (jnp.ravel(axis) for axis in jnp.meshgrid(_SLOPES, mu))
+    creeps = jnp.stack([jnp.zeros_like(mu), slopes, mu], axis=1)
+    return creeps, jnp.stack(jnp.meshgrid(frequency, damping, indexing="ij"), axis=2)
 
 
 def _centre(frequencies: Array) -> Array:
@@ -255,24 +259,42 @@ def _centre(frequencies: Array) -> Array:
 
 @eqx.filter_jit
 def _solve(
-    starts: Array, frequencies: Array, target: Array, weights: Array
+    creeps: Array, modes: Array, frequencies: Array, target: Array, weights: Array
 ) -> tuple[_Shape, Array, Array]:
-    """Shape, weighted sum of squares of ln |G|, and whether more steps gain nothing: a few steps
-    from every start (S, n), then the best of them to convergence."""
+    """Shape, weighted sum of squares of ln |G|, and whether more steps gain nothing.
+
+    Of every row of modes (R, D, 2) the best is taken, with any creep (C, 3); of those the 24 best
+    a few steps on, and the best of them to convergence.  Modes (1, 1, 0) stand for none.
+    """
+
+    def amplitude(coordinates: Array) -> Array:
+        return _shape_of(coordinates).log_amplitude(frequencies, _centre(frequencies))
 
     def residual(coordinates: Array, _) -> Array:
-        amplitude = _shape_of(coordinates).log_amplitude(frequencies, _centre(frequencies))
-        return weights * (target - amplitude)
+        return weights * (target - amplitude(coordinates))
 
     def cost(coordinates: Array) -> Array:
         return jnp.nan_to_num(jnp.sum(residual(coordinates, None) ** 2), nan=jnp.inf)
 
-    def search(start: Array, steps: int) -> Array:
-        return optx.least_squares(residual, _SOLVER, start, max_steps=steps, throw=False).value
+    def search(start: Array, solver: optx.LevenbergMarquardt, steps: int) -> Array:
+        return optx.least_squares(residual, solver, start, max_steps=steps, throw=False).value
 
-    trials = jax.lax.map(lambda start: search(start, _FIRST_STEPS), starts)
-    nearly = search(trials[jnp.argmin(jax.vmap(cost)(trials))], _STEPS)
-    found = search(nearly, _FIRST_STEPS)
+    of_creeps = jax.vmap(amplitude)(creeps)
+
+    def best(row: Array) -> Array:
+        # Creep and mode multiply, so that their logarithms add.
+        of_modes = jax.vmap(lambda mode: amplitude(jnp.append(jnp.zeros(3), mode)))(row)
+        rest = target - of_modes[:, None] - of_creeps
+        level = rest @ weights**2 / jnp.sum(weights**2)
+        costs = (rest - level[..., None]) ** 2 @ weights**2
+        mode, creep = jnp.unravel_index(jnp.argmin(costs), costs.shape)
+        return jnp.append(creeps[creep].at[0].set(level[mode, creep]), row[mode])
+
+    starts = jax.vmap(best)(modes)
+    starts = starts[jnp.argsort(jax.vmap(cost)(starts))[:_STARTS]]
+    trials = jax.lax.map(lambda start: search(start, _ROUGH, _FIRST_STEPS), starts)
+    nearly = search(trials[jnp.argmin(jax.vmap(cost)(trials))], _EXACT, _STEPS)
+    found = search(nearly, _EXACT, _FIRST_STEPS)
     # At an optimum reached to rounding no step is taken, which the solver does not call success.
     settled = cost(found) >= cost(nearly) * (1 - 1e-6)
     return _shape_of(found), cost(found), settled

@@ -21,7 +21,7 @@ class Parameter(eqx.Module):
     """One physical parameter of a block.
 
     - `value`: its present value, in `unit` (scalar, or a vector of like quantities).
-    - `lower`, `upper`: physical bounds, never left by a fit.
+    - `lower`, `upper`: physical bounds, never left by a fit; both or neither.
     - `plausible`: the range expected from the literature; starts are drawn from it, and a fit that
       ends outside it says so.
     - `unit`: text in which `drive` and `response` stand for the recording's units.
@@ -40,6 +40,7 @@ class Parameter(eqx.Module):
     logarithmic: bool = eqx.field(static=True)
     gain: bool = eqx.field(static=True)
     fixed: bool = eqx.field(static=True)
+    bounded: bool = eqx.field(static=True)
 
     def __init__(
         self,
@@ -58,6 +59,13 @@ class Parameter(eqx.Module):
         low, high = (lower, upper) if plausible is None else plausible
         self.plausible = (_array(low), _array(high))
         self.unit, self.logarithmic, self.gain, self.fixed = unit, logarithmic, gain, fixed
+        finite = np.isfinite(self.lower), np.isfinite(self.upper)
+        self.bounded = bool(np.all(finite))
+        if np.any(finite) and not self.bounded:
+            raise ValueError(
+                f"expected two finite bounds or none, found [{lower}, {upper}] {unit}; "
+                "give the widest range that makes sense"
+            )
         if not (np.all(self.lower <= self.value) and np.all(self.value <= self.upper)):
             raise ValueError(
                 f"expected a value within [{lower}, {upper}] {unit}, found {value}; "
@@ -68,11 +76,6 @@ class Parameter(eqx.Module):
                 f"expected a lower bound above 0 for a logarithmic parameter, found {lower}"
             )
 
-    @property
-    def _unbounded(self) -> bool:
-        """Whether there are no bounds: a gain has none, whatever its value."""
-        return self.gain
-
     def _scale(self, x: Any) -> Any:
         return jnp.log(x) if self.logarithmic else x
 
@@ -82,7 +85,7 @@ class Parameter(eqx.Module):
         A bound lies at finite z, so that a fit which ends there converges.  Without bounds, which
         is how a gain stands that something nonlinear or another gain follows, value = sinh z.
         """
-        if self._unbounded:
+        if not self.bounded:
             return jnp.arcsinh(value)
         low, high = self._scale(self.lower), self._scale(self.upper)
         share = 2 * (self._scale(value) - low) / (high - low) - 1
@@ -91,7 +94,7 @@ class Parameter(eqx.Module):
 
     def from_unconstrained(self, z: ArrayLike) -> Array:
         """The value that `z` stands for."""
-        if self._unbounded:
+        if not self.bounded:
             return jnp.sinh(z)
         low, high = self._scale(self.lower), self._scale(self.upper)
         scaled = low + (high - low) * (1 + jnp.sin(z)) / 2
@@ -103,8 +106,10 @@ class Parameter(eqx.Module):
         return eqx.tree_at(lambda p: p.value, self, value if traced else _array(value))
 
     def draw(self, generator: np.random.Generator) -> Any:
-        """A start, uniform in the plausible range on the parameter's scale."""
+        """A start, uniform in the plausible range on the parameter's scale; as it is without one."""
         low, high = self.plausible
+        if not np.all(np.isfinite(np.subtract(high, low))):
+            return np.asarray(self.value)
         share = generator.uniform(size=np.shape(self.value))
         if self.logarithmic:
             return np.exp(np.log(low) + share * (np.log(high) - np.log(low)))

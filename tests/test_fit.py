@@ -281,3 +281,17 @@ def test_programs_are_forgotten_before_the_process_runs_out_of_maps(tmp_path, mo
     assert compiled._cache_size() == 0  # type: ignore[attr-defined]
     monkeypatch.setattr(_programs, "_MAPS", tmp_path / "no such system")
     make_room()
+
+
+def test_a_second_gain_in_a_row_is_fitted_too():
+    """It can no longer be eliminated, and has no bounds; the data know only its product with the
+    first, which the fit says."""
+    found = fj.fit(fj.parse_model("foh >> lfdh"), record(5), noise=KNOWN, starts=1)
+    assert found.scores.rmse == pytest.approx(SIGMA, rel=0.1)
+    assert "second.k_0" in {e.name for e in found.estimates}
+    assert "first.k_l" in {e.name for e in found.estimates if not e.identified}
+
+
+def test_a_bound_on_one_side_is_refused():
+    with pytest.raises(ValueError, match="expected two finite bounds or none"):
+        fj.Parameter(1.0, "V", lower=0.0)

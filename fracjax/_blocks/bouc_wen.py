@@ -63,25 +63,24 @@ class BoucWen(AbstractBlock):
             # where |h|^n has no derivative in n.
             h = jnp.clip(h, -1.0, 1.0)
             size = jnp.maximum(jnp.abs(h), 1e-12)
-            loss = sigma * jnp.sign(increment) * size ** (n - 1) * h
-            return rho * increment * (1 - loss + (sigma - 1) * size**n)
+            power = size ** (n - 1)
+            loss = sigma * jnp.sign(increment) * power * h
+            return rho * increment * (1 - loss + (sigma - 1) * power * size)
 
         def step(h, increment):
-            part = increment / _SUBSTEPS
-            for _ in range(_SUBSTEPS):
-                a = slope(h, part)
-                b = slope(h + a / 2, part)
-                c = slope(h + b / 2, part)
-                d = slope(h + c, part)
-                h = jnp.clip(h + (a + 2 * b + 2 * c + d) / 6, -1.0, 1.0)
+            a = slope(h, increment)
+            b = slope(h + a / 2, increment)
+            c = slope(h + b / 2, increment)
+            d = slope(h + c, increment)
+            h = jnp.clip(h + (a + 2 * b + 2 * c + d) / 6, -1.0, 1.0)
             return h, h
 
         before = {"rest": 0.0, "constant": drive[0], "periodic": drive[-1]}[grid.history]
-        increments = jnp.diff(drive, prepend=before)
+        increments = jnp.repeat(jnp.diff(drive, prepend=before) / _SUBSTEPS, _SUBSTEPS)
         start = jnp.zeros(())
         if grid.history == "periodic":
             # The state before the record, once further cycles no longer change it.
             cycles = jnp.tile(increments, _RUN_IN)
             start, _ = jax.lax.scan(step, start, cycles)
         _, state = jax.lax.scan(step, start, increments)
-        return self.k_u.value * drive + self.k_h.value * state
+        return self.k_u.value * drive + self.k_h.value * state[_SUBSTEPS - 1 :: _SUBSTEPS]

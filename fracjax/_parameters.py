@@ -106,7 +106,7 @@ class Parameter(eqx.Module):
         return eqx.tree_at(lambda p: p.value, self, value if traced else _array(value))
 
     def draw(self, generator: np.random.Generator) -> Any:
-        """A start, uniform in the plausible range on the parameter's scale; as it is without one."""
+        """A start, uniform in the plausible range on its scale; without one as it is."""
         low, high = self.plausible
         if not np.all(np.isfinite(np.subtract(high, low))):
             return np.asarray(self.value)

@@ -47,24 +47,31 @@ def on_cluster(address: str, jobs: list[Job], work: Work) -> Rows:
 
 def _rows_from(client: Client, where: str, jobs: list[Job], work: Work) -> Rows:
     """A task whose worker dies is given to another.  One that has cost several workers is taken
-    apart, and the recording that still does becomes a row with that reason."""
+    apart; its recordings are tried one after the other, and the one that still does becomes a row
+    with that reason."""
     import cloudpickle
     from distributed import KilledWorker
 
     tasks = (jobs[at : at + _TASK] for at in range(0, len(jobs), _TASK))
     under_way: dict[Hashable, list[Job]] = {}
+    suspects: list[Job] = []
+    on_trial: set[Hashable] = set()
     done: Queue[Future] = Queue()
 
-    def submit(task: list[Job]) -> None:
+    def submit(task: list[Job]) -> Hashable:
         call = cloudpickle.dumps(_Call(task, work))
         future = client.submit(pickle.loads, call, pure=False, retries=_RETRIES)
         under_way[future.key] = task
         future.add_done_callback(done.put)
+        return future.key
 
     def refill() -> None:
         # Twice what runs at once: no worker waits, and what is held here stays small.
         for task in islice(tasks, max(2 * max(_threads(client), 1) - len(under_way), 0)):
             submit(task)
+        # One at a time: two suspects on one worker would be taken for each other.
+        if suspects and not on_trial:
+            on_trial.add(submit([suspects.pop(0)]))
 
     refill()
     while under_way:
@@ -75,6 +82,7 @@ def _rows_from(client: Client, where: str, jobs: list[Job], work: Work) -> Rows:
                 raise _without_worker(where) from None
             continue
         task, error = under_way.pop(future.key), future.exception()
+        on_trial.discard(future.key)
         if error is None:
             yield future.result()
         elif not isinstance(error, KilledWorker):
@@ -85,8 +93,7 @@ def _rows_from(client: Client, where: str, jobs: list[Job], work: Work) -> Rows:
                 "install it there",
             )
         elif len(task) > 1:
-            for job in task:
-                submit([job])
+            suspects.extend(task)
         else:
             yield [lost_row(task[0], work, "every worker that took it died.")]
         refill()

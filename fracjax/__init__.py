@@ -13,9 +13,11 @@ if TYPE_CHECKING:
     from ._blocks import Effect as Effect
     from ._diagnose import Diagnosis as Diagnosis
     from ._diagnose import diagnose as diagnose
+    from ._fit import Crosscheck as Crosscheck
     from ._fit import Estimate as Estimate
     from ._fit import Fit as Fit
     from ._fit import Noise as Noise
+    from ._fit import crosscheck as crosscheck
     from ._fit import fit as fit
     from ._fit import load_model as load_model
     from ._io import read as read
@@ -39,7 +41,7 @@ _HOMES = {
     "_batch": ("fit_batch",),
     "_blocks": ("EFFECTS", "AbstractBlock", "AbstractLinearBlock", "Effect"),
     "_diagnose": ("Diagnosis", "diagnose"),
-    "_fit": ("Estimate", "Fit", "Noise", "fit", "load_model"),
+    "_fit": ("Crosscheck", "Estimate", "Fit", "Noise", "crosscheck", "fit", "load_model"),
     "_io": ("read", "write"),
     "_models": ("MODELS", "Model", "parse_model"),
     "_operators": ("Grid", "derivative"),
@@ -55,6 +57,7 @@ __all__ = [
     "MODELS",
     "AbstractBlock",
     "AbstractLinearBlock",
+    "Crosscheck",
     "Diagnosis",
     "Effect",
     "Estimate",
@@ -67,6 +70,7 @@ __all__ = [
     "Recording",
     "Simulation",
     "blocks",
+    "crosscheck",
     "derivative",
     "diagnose",
     "fit",

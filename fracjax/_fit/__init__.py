@@ -1,5 +1,8 @@
 """Fitting: least squares with gains eliminated, from several starts, with standard errors."""
 
+from ._crosscheck import Crosscheck as Crosscheck
+from ._crosscheck import Optimum as Optimum
+from ._crosscheck import crosscheck as crosscheck
 from ._fit import Fit as Fit
 from ._fit import Progress as Progress
 from ._fit import Scores as Scores

@@ -157,8 +157,8 @@ def crosscheck(
         if layout_of(block).gains:
             spaces["all parameters"] = freed
         searches: dict[str, Search] = {
-            "particle swarm": ParticleSwarm(population, iterations),
-            "differential evolution": DifferentialEvolution(population, iterations),
+            "PSO": ParticleSwarm(population, iterations),
+            "DE": DifferentialEvolution(population, iterations),
         }
         keys = iter(jax.random.split(jax.random.key(seed), len(searches) * len(spaces)))
         for name, search in searches.items():
@@ -214,7 +214,7 @@ def _by_search(
 ) -> _Way:
     make_room()
     arguments = (search, block, preparation.problems(), key)
-    program = searched.lower(*arguments).compile()
+    program = searched.lower(*arguments).compile()  # type: ignore[attr-defined]
     found, seconds = _timed(lambda: jax.block_until_ready(program(*arguments)))
     return _Way(method, _solved(block, found, preparation), False, seconds)
 

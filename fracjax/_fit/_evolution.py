@@ -36,13 +36,13 @@ class DifferentialEvolution(eqx.Module):
         def challenger(x: Array, index: Array, key: Array) -> Array:
             choose, bounce, cross, always = jax.random.split(key, 4)
             others = jax.random.choice(choose, self.members - 1, (3,), replace=False)
-            a, b, c = x[others + (others >= index)]
+            a, b, c = jnp.unstack(x[others + (others >= index)])
             mutant = a + _SCALE * (b - c)
             share = jax.random.uniform(bounce, (size,))
             mutant = jnp.where(mutant < 0, share * a, mutant)
             mutant = jnp.where(mutant > 1, a + share * (1 - a), mutant)
-            taken = jax.random.uniform(cross, (size,)) < _CROSSOVER
-            taken |= jnp.arange(size) == jax.random.randint(always, (), 0, size)
+            always_taken = jnp.arange(size) == jax.random.randint(always, (), 0, size)
+            taken = always_taken | (jax.random.uniform(cross, (size,)) < _CROSSOVER)
             return jnp.where(taken, mutant, x[index])
 
         def generation(state: tuple, key: Array) -> tuple[tuple, None]:

@@ -199,9 +199,11 @@ def moved(starts: AbstractBlock, angles: np.ndarray) -> AbstractBlock:
 
 
 @eqx.filter_jit
-def finish(block: AbstractBlock, angles: Array, problems: tuple[Problem, ...]) -> tuple:
+def finish(
+    block: AbstractBlock, angles: Array | np.ndarray, problems: tuple[Problem, ...]
+) -> tuple:
     """The fitted block, the recordings' own coefficients (Σq,), and their simulations (L,)."""
-    shaped = with_shapes(block, angles)
+    shaped = with_shapes(block, jnp.asarray(angles))
     solution, _, _ = project(shaped, problems)
     fitted, terms = _at(shaped, solution, problems)
     simulations = tuple(p.simulate(fitted) + t for p, t in zip(problems, terms, strict=True))

@@ -18,7 +18,7 @@ _TOLERANCE = 1e-10
 _STEPS = 200
 
 
-def jaxopt() -> ModuleType:
+def require_jaxopt() -> ModuleType:
     """jaxopt, which warns on import that nobody maintains it.  Raises InputError without it."""
     try:
         with warnings.catch_warnings():
@@ -38,7 +38,7 @@ def bounded(starts: Sequence[AbstractBlock], problems: tuple[Problem, ...]) -> F
     χ² is in units of the noise already, so that its relative change is what ends a run.
     Source: Byrd, Lu, Nocedal & Zhu, SIAM J. Sci. Comput. 16 (1995) 1190.
     """
-    solver = jaxopt().ScipyBoundedMinimize(
+    solver = require_jaxopt().ScipyBoundedMinimize(
         fun=lambda position, block: with_gradient(block, problems, position),
         value_and_grad=True,
         jit=False,

@@ -22,6 +22,7 @@ from ._problem import Problem
 
 Objective = Callable[[Array], Array]
 
+AT_ONCE = 8  # of a population, evaluated side by side
 _ROOM = 3.0
 
 

@@ -11,13 +11,12 @@ from pathlib import Path
 import equinox as eqx
 import jax
 import numpy as np
-from jax import Array
 
 from .._blocks import AbstractBlock
 from .._models import Model
 from .._parameters import named_parameters, replace_parameters
 from .._recording import InputError, Recording
-from ._bounded import bounded, jaxopt
+from ._bounded import bounded, require_jaxopt
 from ._box import Found, angles_of, dimension, objective, with_bounded_gains
 from ._evolution import DifferentialEvolution
 from ._fit import (
@@ -136,7 +135,7 @@ def crosscheck(
     Arguments as in `fit`.  Raises InputError where jaxopt is not installed, and as `fit` does.
     """
     listed = [recordings] if isinstance(recordings, Recording) else list(recordings)
-    jaxopt()  # before minutes are spent
+    require_jaxopt()  # before minutes are spent
     with jax.enable_x64(True):
         block = replace_parameters(
             model.block, constrained(model.parameters, fixed or {}, bounds or {})
@@ -160,12 +159,12 @@ def crosscheck(
             "PSO": ParticleSwarm(population, iterations),
             "DE": DifferentialEvolution(population, iterations),
         }
-        keys = iter(jax.random.split(jax.random.key(seed), len(searches) * len(spaces)))
+        generator = np.random.default_rng(seed)
         for name, search in searches.items():
             for space, searched in spaces.items():
                 method = f"{name}, {space}"
                 progress(f"searching by {method}")
-                ways.append(_by_search(method, search, searched, preparation, next(keys)))
+                ways.append(_by_search(method, search, searched, preparation, generator))
         return _compared(model, ways, layout_of(block), freed, preparation)
 
 
@@ -203,17 +202,22 @@ def _by_bounded(
 
 @eqx.filter_jit
 def searched(
-    search: Search, block: AbstractBlock, problems: tuple[Problem, ...], key: Array
+    search: Search, block: AbstractBlock, problems: tuple[Problem, ...], draws: tuple
 ) -> Found:
     """A search over the block's shapes, as one compiled program."""
-    return search(objective(block, problems), dimension(block), key)
+    return search(objective(block, problems), draws)
 
 
 def _by_search(
-    method: str, search: Search, block: AbstractBlock, preparation: Preparation, key: Array
+    method: str,
+    search: Search,
+    block: AbstractBlock,
+    preparation: Preparation,
+    generator: np.random.Generator,
 ) -> _Way:
     make_room()
-    arguments = (search, block, preparation.problems(), key)
+    draws = search.draw(dimension(block), generator)
+    arguments = (search, block, preparation.problems(), draws)
     program = searched.lower(*arguments).compile()  # type: ignore[attr-defined]
     found, seconds = _timed(lambda: jax.block_until_ready(program(*arguments)))
     return _Way(method, _solved(block, found, preparation), False, seconds)

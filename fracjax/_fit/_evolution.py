@@ -2,16 +2,28 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
-from ._box import Found, Objective
+from ._box import AT_ONCE, Found, Objective
 
 _SCALE = 0.5
 _CROSSOVER = 0.9
-_AT_ONCE = 8
+
+
+class _Draws(NamedTuple):
+    """First members (P, n), and of every generation each member's three others (G, P, 3), what it
+    takes from its mutant (G, P, n) and how far back from a face that one falls (G, P, n)."""
+
+    members: Array | np.ndarray
+    others: Array | np.ndarray
+    taken: Array | np.ndarray
+    back: Array | np.ndarray
 
 
 class DifferentialEvolution(eqx.Module):
@@ -28,35 +40,46 @@ class DifferentialEvolution(eqx.Module):
     members: int = eqx.field(default=40, static=True)
     generations: int = eqx.field(default=200, static=True)
 
-    def __call__(self, objective: Objective, size: int, key: Array) -> Found:
-        """The least of `objective` that was seen over the unit cube of so many dimensions."""
-        draw, walk = jax.random.split(key)
-        indices = jnp.arange(self.members)
+    def draw(self, size: int, generator: np.random.Generator) -> _Draws:
+        """All chance of a search over so many dimensions."""
+        shape = (self.generations, self.members, size)
+        always = np.arange(size) == generator.integers(size, size=(*shape[:2], 1))
+        return _Draws(
+            members=generator.uniform(size=shape[1:]),
+            others=self._others(generator),
+            taken=always | (generator.uniform(size=shape) < _CROSSOVER),
+            back=generator.uniform(size=shape),
+        )
 
-        def challenger(x: Array, index: Array, key: Array) -> Array:
-            choose, bounce, cross, always = jax.random.split(key, 4)
-            others = jax.random.choice(choose, self.members - 1, (3,), replace=False)
-            a, b, c = jnp.unstack(x[others + (others >= index)])
-            mutant = a + _SCALE * (b - c)
-            share = jax.random.uniform(bounce, (size,))
-            mutant = jnp.where(mutant < 0, share * a, mutant)
-            mutant = jnp.where(mutant > 1, a + share * (1 - a), mutant)
-            always_taken = jnp.arange(size) == jax.random.randint(always, (), 0, size)
-            taken = always_taken | (jax.random.uniform(cross, (size,)) < _CROSSOVER)
-            return jnp.where(taken, mutant, x[index])
+    def _others(self, generator: np.random.Generator) -> np.ndarray:
+        """For every member of every generation three others, all different."""
+        shape = (self.generations, self.members)
+        chosen = np.broadcast_to(np.arange(self.members), (1, *shape))
+        for k in range(1, 4):
+            drawn = generator.integers(self.members - k, size=shape)
+            for taken in np.sort(chosen, axis=0):
+                drawn = drawn + (drawn >= taken)
+            chosen = np.concatenate([chosen, drawn[None]])
+        return np.moveaxis(chosen[1:], 0, -1)
 
-        def generation(state: tuple, key: Array) -> tuple[tuple, None]:
+    def __call__(self, objective: Objective, draws: _Draws) -> Found:
+        """The least of `objective` that was seen over the unit cube."""
+
+        def generation(state: tuple, drawn: tuple) -> tuple[tuple, None]:
             x, cost, trial = state
-            found = jax.lax.map(objective, trial, batch_size=_AT_ONCE)
+            others, taken, back = drawn
+            found = jax.lax.map(objective, trial, batch_size=AT_ONCE)
             better = found <= cost
             x, cost = jnp.where(better[:, None], trial, x), jnp.where(better, found, cost)
-            keys = jax.random.split(key, self.members)
-            return (x, cost, jax.vmap(challenger, (None, 0, 0))(x, indices, keys)), None
+            a, b, c = jnp.unstack(x[others], axis=1)
+            mutant = a + _SCALE * (b - c)
+            mutant = jnp.where(mutant < 0, back * a, mutant)
+            mutant = jnp.where(mutant > 1, a + back * (1 - a), mutant)
+            return (x, cost, jnp.where(taken, mutant, x)), None
 
         # Nothing has been seen yet, so that the first generation is the drawn one.
-        unseen = jnp.full(self.members, jnp.inf)
-        x = jax.random.uniform(draw, (self.members, size))
-        keys = jax.random.split(walk, self.generations)
-        (x, cost, _), _ = jax.lax.scan(generation, (x, unseen, x), keys)
+        x, unseen = jnp.asarray(draws.members), jnp.full(self.members, jnp.inf)
+        drawn = (draws.others, draws.taken, draws.back)
+        (x, cost, _), _ = jax.lax.scan(generation, (x, unseen, x), drawn)
         best = jnp.argmin(cost)
         return Found(x[best], cost[best], jnp.asarray(self.members * self.generations))

@@ -2,16 +2,27 @@
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
-from ._box import Found, Objective
+from ._box import AT_ONCE, Found, Objective
 
 _INERTIA = 0.7298
 _ATTRACTION = 1.49618
-_AT_ONCE = 8
+
+
+class _Draws(NamedTuple):
+    """First places and velocities (P, n); both attractions' weights, (T, P, n) each."""
+
+    places: Array | np.ndarray
+    velocities: Array | np.ndarray
+    own: Array | np.ndarray
+    common: Array | np.ndarray
 
 
 class ParticleSwarm(eqx.Module):
@@ -19,35 +30,39 @@ class ParticleSwarm(eqx.Module):
 
         v ← w v + c r₁ (p - x) + c r₂ (g - x),     x ← x + v,     r₁, r₂ uniform in [0, 1]ⁿ
 
-    A particle that would leave the cube stops at its face.  The 2024 paper [F §4.2] names the
-    search and prints neither its constants nor its size: w = χ and c = χ φ/2 are Clerc & Kennedy's
-    constriction at φ = 4.1 (IEEE Trans. Evol. Comput. 6 (2002) 58); the size is ours.
+    A particle that would leave the cube stops at its face and turns back with half its velocity
+    (Clerc, Standard Particle Swarm Optimisation, 2012); one that only stopped would often stay.
+    The 2024 paper [F §4.2] names the search and prints neither its constants nor its size: w = χ
+    and c = χ φ/2 are Clerc & Kennedy's constriction at φ = 4.1 (IEEE Trans. Evol. Comput. 6 (2002)
+    58); the size is ours.
     """
 
     particles: int = eqx.field(default=40, static=True)
     iterations: int = eqx.field(default=200, static=True)
 
-    def __call__(self, objective: Objective, size: int, key: Array) -> Found:
-        """The least of `objective` that was seen over the unit cube of so many dimensions."""
-        draw, aim, walk = jax.random.split(key, 3)
-        shape = (self.particles, size)
-        x = jax.random.uniform(draw, shape)
-        v = (jax.random.uniform(aim, shape) - x) / 2
+    def draw(self, size: int, generator: np.random.Generator) -> _Draws:
+        """All chance of a search over so many dimensions."""
+        places, aims = generator.uniform(size=(2, self.particles, size))
+        own, common = generator.uniform(size=(2, self.iterations, self.particles, size))
+        return _Draws(places, (aims - places) / 2, own, common)
 
-        def step(state: tuple, key: Array) -> tuple[tuple, None]:
+    def __call__(self, objective: Objective, draws: _Draws) -> Found:
+        """The least of `objective` that was seen over the unit cube."""
+
+        def step(state: tuple, weights: tuple) -> tuple[tuple, None]:
             x, v, best, cost = state
-            found = jax.lax.map(objective, x, batch_size=_AT_ONCE)
+            own, common = weights
+            found = jax.lax.map(objective, x, batch_size=AT_ONCE)
             better = found < cost
             best, cost = jnp.where(better[:, None], x, best), jnp.where(better, found, cost)
             leader = best[jnp.argmin(cost)]
-            own, common = jax.random.uniform(key, (2, *shape))
             v = _INERTIA * v + _ATTRACTION * (own * (best - x) + common * (leader - x))
             inside = jnp.clip(x + v, 0, 1)
-            return (inside, jnp.where(inside == x + v, v, 0), best, cost), None
+            return (inside, jnp.where(inside == x + v, v, -v / 2), best, cost), None
 
         # Nothing has been seen yet, so that the first step looks at the points as drawn.
+        x, v = jnp.asarray(draws.places), jnp.asarray(draws.velocities)
         unseen = jnp.full(self.particles, jnp.inf)
-        keys = jax.random.split(walk, self.iterations)
-        (_, _, best, cost), _ = jax.lax.scan(step, (x, v, x, unseen), keys)
+        (_, _, best, cost), _ = jax.lax.scan(step, (x, v, x, unseen), (draws.own, draws.common))
         leader = jnp.argmin(cost)
         return Found(best[leader], cost[leader], jnp.asarray(self.particles * self.iterations))

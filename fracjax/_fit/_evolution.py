@@ -65,7 +65,7 @@ class DifferentialEvolution(eqx.Module):
     def __call__(self, objective: Objective, draws: _Draws) -> Found:
         """The least of `objective` that was seen over the unit cube."""
 
-        def generation(state: tuple, drawn: tuple) -> tuple[tuple, None]:
+        def generation(state: tuple, drawn: tuple[Array, Array, Array]) -> tuple[tuple, None]:
             x, cost, trial = state
             others, taken, back = drawn
             found = jax.lax.map(objective, trial, batch_size=AT_ONCE)

@@ -49,7 +49,7 @@ class ParticleSwarm(eqx.Module):
     def __call__(self, objective: Objective, draws: _Draws) -> Found:
         """The least of `objective` that was seen over the unit cube."""
 
-        def step(state: tuple, weights: tuple) -> tuple[tuple, None]:
+        def step(state: tuple, weights: tuple[Array, Array]) -> tuple[tuple, None]:
             x, v, best, cost = state
             own, common = weights
             found = jax.lax.map(objective, x, batch_size=AT_ONCE)

@@ -310,6 +310,15 @@ def test_the_report_holds_the_table_and_the_warning(checked, sabotaged, tmp_path
     assert "not at the optimum" not in (tmp_path / "report.html").read_text(encoding="utf-8")
 
 
+def test_the_report_tells_of_an_estimated_past(checked, tmp_path):
+    (take,) = checked.fit.preparation.takes
+    preparation = replace(checked.fit.preparation, takes=(replace(take, history="estimated"),))
+    fit = replace(checked.fit, preparation=preparation)
+    write_report(replace(checked, fit=fit), tmp_path / "report.html")
+    page = (tmp_path / "report.html").read_text(encoding="utf-8")
+    assert "before the first sample another drive, whose memory the fit estimates" in page
+
+
 def test_saved_as_plain_data(checked, tmp_path):
     checked.save(tmp_path / "crosscheck.json")
     told = json.loads((tmp_path / "crosscheck.json").read_text(encoding="utf-8"))

@@ -7,6 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -202,9 +203,9 @@ def _by_bounded(
 
 @eqx.filter_jit
 def searched(
-    search: Search, block: AbstractBlock, problems: tuple[Problem, ...], draws: tuple
+    search: Search, block: AbstractBlock, problems: tuple[Problem, ...], draws: Any
 ) -> Found:
-    """A search over the block's shapes, as one compiled program."""
+    """A search over the block's shapes, with its own draws, as one compiled program."""
     return search(objective(block, problems), draws)
 
 

@@ -20,10 +20,10 @@ class _Draws(NamedTuple):
     """First members (P, n), and of every generation each member's three others (G, P, 3), what it
     takes from its mutant (G, P, n) and how far back from a face that one falls (G, P, n)."""
 
-    members: Array | np.ndarray
-    others: Array | np.ndarray
-    taken: Array | np.ndarray
-    back: Array | np.ndarray
+    members: Array
+    others: Array
+    taken: Array
+    back: Array
 
 
 class DifferentialEvolution(eqx.Module):
@@ -45,10 +45,10 @@ class DifferentialEvolution(eqx.Module):
         shape = (self.generations, self.members, size)
         always = np.arange(size) == generator.integers(size, size=(*shape[:2], 1))
         return _Draws(
-            members=generator.uniform(size=shape[1:]),
-            others=self._others(generator),
-            taken=always | (generator.uniform(size=shape) < _CROSSOVER),
-            back=generator.uniform(size=shape),
+            members=jnp.asarray(generator.uniform(size=shape[1:])),
+            others=jnp.asarray(self._others(generator)),
+            taken=jnp.asarray(always | (generator.uniform(size=shape) < _CROSSOVER)),
+            back=jnp.asarray(generator.uniform(size=shape)),
         )
 
     def _others(self, generator: np.random.Generator) -> np.ndarray:
@@ -78,7 +78,7 @@ class DifferentialEvolution(eqx.Module):
             return (x, cost, jnp.where(taken, mutant, x)), None
 
         # Nothing has been seen yet, so that the first generation is the drawn one.
-        x, unseen = jnp.asarray(draws.members), jnp.full(self.members, jnp.inf)
+        x, unseen = draws.members, jnp.full(self.members, jnp.inf)
         drawn = (draws.others, draws.taken, draws.back)
         (x, cost, _), _ = jax.lax.scan(generation, (x, unseen, x), drawn)
         best = jnp.argmin(cost)

@@ -19,10 +19,10 @@ _ATTRACTION = 1.49618
 class _Draws(NamedTuple):
     """First places and velocities (P, n); both attractions' weights, (T, P, n) each."""
 
-    places: Array | np.ndarray
-    velocities: Array | np.ndarray
-    own: Array | np.ndarray
-    common: Array | np.ndarray
+    places: Array
+    velocities: Array
+    own: Array
+    common: Array
 
 
 class ParticleSwarm(eqx.Module):
@@ -42,8 +42,9 @@ class ParticleSwarm(eqx.Module):
 
     def draw(self, size: int, generator: np.random.Generator) -> _Draws:
         """All chance of a search over so many dimensions."""
-        places, aims = generator.uniform(size=(2, self.particles, size))
-        own, common = generator.uniform(size=(2, self.iterations, self.particles, size))
+        places, aims = jnp.asarray(generator.uniform(size=(2, self.particles, size)))
+        weights = generator.uniform(size=(2, self.iterations, self.particles, size))
+        own, common = jnp.asarray(weights)
         return _Draws(places, (aims - places) / 2, own, common)
 
     def __call__(self, objective: Objective, draws: _Draws) -> Found:
@@ -61,7 +62,7 @@ class ParticleSwarm(eqx.Module):
             return (inside, jnp.where(inside == x + v, v, -v / 2), best, cost), None
 
         # Nothing has been seen yet, so that the first step looks at the points as drawn.
-        x, v = jnp.asarray(draws.places), jnp.asarray(draws.velocities)
+        x, v = draws.places, draws.velocities
         unseen = jnp.full(self.particles, jnp.inf)
         (_, _, best, cost), _ = jax.lax.scan(step, (x, v, x, unseen), (draws.own, draws.common))
         leader = jnp.argmin(cost)

@@ -166,6 +166,7 @@ def _assumptions(fit: Fit) -> list[str]:
         "rest": "at zero drive",
         "constant": "the first value of the drive, held for ever",
         "periodic": "the same steady cycles",
+        "estimated": "another drive, whose memory the fit estimates",
     }
     found = []
     for take in fit.preparation.takes:

@@ -19,10 +19,12 @@ if TYPE_CHECKING:
     from ._diagnose import diagnose as diagnose
     from ._fit import AmplitudeRatios as AmplitudeRatios
     from ._fit import CreepIdentification as CreepIdentification
+    from ._fit import Crosscheck as Crosscheck
     from ._fit import Estimate as Estimate
     from ._fit import Fit as Fit
     from ._fit import Noise as Noise
     from ._fit import amplitude_ratios as amplitude_ratios
+    from ._fit import crosscheck as crosscheck
     from ._fit import fit as fit
     from ._fit import load_model as load_model
     from ._fit import ofocim as ofocim
@@ -60,10 +62,12 @@ _HOMES = {
     "_fit": (
         "AmplitudeRatios",
         "CreepIdentification",
+        "Crosscheck",
         "Estimate",
         "Fit",
         "Noise",
         "amplitude_ratios",
+        "crosscheck",
         "fit",
         "load_model",
         "ofocim",
@@ -86,6 +90,7 @@ __all__ = [
     "AbstractLinearBlock",
     "AmplitudeRatios",
     "CreepIdentification",
+    "Crosscheck",
     "Diagnosis",
     "Effect",
     "Estimate",
@@ -100,6 +105,7 @@ __all__ = [
     "amplitude_ratios",
     "blocks",
     "bode",
+    "crosscheck",
     "derivative",
     "diagnose",
     "fit",

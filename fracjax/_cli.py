@@ -15,7 +15,7 @@ import threading
 import time
 import warnings
 from collections.abc import Callable, Iterator, Sequence
-from contextlib import contextmanager, suppress
+from contextlib import contextmanager, nullcontext, suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -213,6 +213,61 @@ def _fits_as_data(fits: Sequence[tuple[Fit, float]]) -> dict:
         return best
     rows = [{"bic": bic, **found.to_dict()} for found, bic in fits]
     return {"schema": "fracjax.comparison/1", "best": best["model"], "fits": rows}
+
+
+# crosscheck ---------------------------------------------------------------------------------------
+
+
+@cli.command("crosscheck")
+@_recordings
+@click.option("--model", "name", required=True, help="See `models`.")
+@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="For the results.")
+@_options(_reading, _history, _settle, _seed, _quiet, _json)
+@click.pass_obj
+def crosscheck_command(
+    saved: list[Path],
+    recordings: tuple[str, ...],
+    name: str,
+    out: Path | None,
+    history: str,
+    settle: str | None,
+    seed: int,
+    quiet: bool,
+    as_json: bool,
+    **columns: str | None,
+) -> int:
+    """Fit a model by gradients, bounded L-BFGS, particle swarm and evolution, side by side.
+
+    PSO and DE search with gains eliminated, as the gradient fit does, and over all parameters, as
+    the papers do: there each gain stays within 3 times what spans the response alone.  With --out
+    it writes crosscheck.json, report.html and fit.json, the gradient fit.
+    """
+    taken, (model,) = _understood(recordings, [name], columns)
+    settling = _samples(settle, taken)
+    from ._fit import crosscheck
+    from ._report import write_report
+    from ._report._text import crosscheck_figures, crosscheck_sentence
+
+    _prepare_jax()
+    with nullcontext() if out is None else _folder(out), _stages(quiet) as progress:
+        found = crosscheck(
+            model,
+            taken,
+            history=_known(history),
+            settling=settling,
+            seed=seed,
+            progress=progress,
+        )
+        if out is not None:
+            progress("writing the report")
+            _save(found.save, out / "crosscheck.json", saved)
+            _save(found.fit.save, out / "fit.json", saved)
+            _save(lambda path: write_report(found, path), out / "report.html", saved)
+    if as_json:
+        print(json.dumps(found.to_dict(), indent=1))
+    elif not quiet:
+        _summary(crosscheck_sentence(found), crosscheck_figures(found), _doubts(found.fit), saved)
+    return _status([found.fit], out)
 
 
 # batch --------------------------------------------------------------------------------------------
@@ -866,10 +921,10 @@ def _bar(quiet: bool) -> Iterator[Count]:
 
 
 def _doubts(fit: Fit) -> list[str]:
-    """What the data do not determine, by name."""
+    """What the data do not determine, by name, and what was held against the fit."""
     unknown = [e.name for e in fit.estimates if not e.identified]
     bound = [e.name for e in fit.estimates if e.at_bound]
-    return [
+    return [f"Warning: {warning}" for warning in fit.warnings] + [
         f"{fit.model.name}: {text}."
         for text, found in (
             (f"this recording does not identify {', '.join(unknown)}", unknown),
@@ -894,7 +949,8 @@ def _summary(
         _table(*table)
     for note in notes:
         print(note)
-    print("Written: " + ", ".join(map(str, saved)))
+    if saved:
+        print("Written: " + ", ".join(map(str, saved)))
 
 
 def _table(heads: list[str], rows: list[list[str]]) -> None:
@@ -912,12 +968,13 @@ def _table(heads: list[str], rows: list[list[str]]) -> None:
     Console(markup=False, emoji=False, highlight=False, width=width).print(table)
 
 
-def _status(fits: Sequence[Fit], out: Path) -> int:
+def _status(fits: Sequence[Fit], out: Path | None) -> int:
     """0, or 3 and a sentence where a fit did not converge."""
     failed = [fit.model.name for fit in fits if not fit.converged]
     if not failed:
         return 0
+    kept = "is in the table, and nothing was saved" if out is None else f"was saved in {out}"
     return _fail(
-        f"The fit of {' and '.join(failed)} did not converge; its best point was saved in {out}.",
+        f"The fit of {' and '.join(failed)} did not converge; its best point {kept}.",
         NOT_CONVERGED,
     )

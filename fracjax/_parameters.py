@@ -87,17 +87,24 @@ class Parameter(eqx.Module):
         """
         if not self.bounded:
             return jnp.arcsinh(value)
-        low, high = self._scale(self.lower), self._scale(self.upper)
-        share = 2 * (self._scale(value) - low) / (high - low) - 1
         # A start on a bound, where the derivative vanishes, would never leave it.
-        return jnp.arcsin(jnp.clip(share, -0.999999, 0.999999))
+        return jnp.arcsin(jnp.clip(2 * self.to_share(value) - 1, -0.999999, 0.999999))
 
     def from_unconstrained(self, z: ArrayLike) -> Array:
         """The value that `z` stands for."""
         if not self.bounded:
             return jnp.sinh(z)
+        return self.from_share((1 + jnp.sin(z)) / 2)
+
+    def to_share(self, value: ArrayLike) -> Array:
+        """How much of the way from `lower` to `upper` a value is, on the parameter's scale."""
         low, high = self._scale(self.lower), self._scale(self.upper)
-        scaled = low + (high - low) * (1 + jnp.sin(z)) / 2
+        return (self._scale(value) - low) / (high - low)
+
+    def from_share(self, share: ArrayLike) -> Array:
+        """The value that lies this share of the way from `lower` to `upper`."""
+        low, high = self._scale(self.lower), self._scale(self.upper)
+        scaled = low + (high - low) * share
         return jnp.exp(scaled) if self.logarithmic else scaled
 
     def with_value(self, value: ArrayLike) -> Parameter:

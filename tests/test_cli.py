@@ -1,8 +1,8 @@
 """The command line: what it writes and prints, and the one sentence it fails with."""
 
 import json
-import subprocess
 import signal
+import subprocess
 import sys
 import time
 from dataclasses import replace

@@ -6,6 +6,9 @@ from ._creep_identification import CreepEstimate as CreepEstimate
 from ._creep_identification import CreepIdentification as CreepIdentification
 from ._creep_identification import ofocim as ofocim
 from ._creep_identification import tfocim as tfocim
+from ._crosscheck import Crosscheck as Crosscheck
+from ._crosscheck import Optimum as Optimum
+from ._crosscheck import crosscheck as crosscheck
 from ._fit import Fit as Fit
 from ._fit import Progress as Progress
 from ._fit import Scores as Scores

@@ -17,6 +17,7 @@ from .._recording import InputError, Recording
 from ._least_squares import finish, layout_of, moved, solve, stack
 from ._noise import Noise, measured_noise, residual_noise
 from ._preparation import Past, Preparation, Take, coarse_oversampling, other_histories, take_of
+from ._problem import Problem
 from ._programs import make_room
 from ._uncertainty import Estimate, estimates
 
@@ -50,6 +51,7 @@ class Solved:
     """A block at its optimum, χ² and convergence.
 
     `own`: each recording's own coefficients (q,), its offset first; `simulations` (N,) hold them.
+    `evaluations` counts how often the objective was computed, over all starts.
     """
 
     block: AbstractBlock
@@ -59,6 +61,7 @@ class Solved:
     converged: bool
     start_costs: tuple[float, ...]
     samples: int
+    evaluations: int
 
     @property
     def bic(self) -> float:
@@ -73,7 +76,8 @@ class Fit:
     """A fitted model with its uncertainty, scores and the assumptions it rests on.
 
     `simulations` are the model's responses at the recordings' samples, offset included, in the
-    response's unit; `correlated` names parameters that the data only know together.
+    response's unit; `correlated` names parameters that the data only know together; `warnings` are
+    what later checks held against it.
     """
 
     model: Model
@@ -85,6 +89,7 @@ class Fit:
     scores: Scores
     converged: bool
     start_costs: tuple[float, ...]
+    warnings: tuple[str, ...] = ()
 
     @property
     def residuals(self) -> tuple[np.ndarray, ...]:
@@ -129,6 +134,7 @@ class Fit:
             ],
             "oversampling": self.preparation.oversampling,
             "converged": self.converged,
+            "warnings": list(self.warnings),
         }
 
     def save(self, path: str | Path) -> None:
@@ -180,7 +186,7 @@ def solve_from(
     samples = int(sum(p.weights.sum() for p in problems))
     solution = solve(stack(starts), np.ones(len(starts), bool), problems)
     costs, converged = np.array(solution.cost), np.array(solution.success)
-    angles = np.array(solution.angles)
+    angles, steps = np.array(solution.angles), int(solution.steps.sum())
     for _ in range(_ROUNDS):
         order = np.argsort(costs)
         active = np.zeros(len(starts), bool)
@@ -189,24 +195,47 @@ def solve_from(
             break
         before = costs[order[0]]
         solution = solve(moved(stack(starts), angles), active, problems)
+        steps += int(solution.steps.sum())
         costs = np.where(active, np.minimum(costs, solution.cost), costs)
         angles = np.where(active[:, None], solution.angles, angles)
         converged = np.where(active, solution.success, converged)
         if before - costs.min() < max(0.1, 1e-4 * (before - samples)):
             converged[np.argmin(costs)] = True
     best = int(np.argmin(costs))
-    block, own, simulations = finish(starts[best], angles[best], problems)
-    block = jax.tree_util.tree_map(np.asarray, block)
+    return solved_at(
+        starts[best],
+        angles[best],
+        problems,
+        preparation,
+        converged=bool(converged[best]) and bool(np.isfinite(costs[best])),
+        costs=costs,
+        evaluations=steps,
+    )
+
+
+def solved_at(
+    block: AbstractBlock,
+    angles: np.ndarray,
+    problems: tuple[Problem, ...],
+    preparation: Preparation,
+    *,
+    converged: bool,
+    costs: np.ndarray,
+    evaluations: int,
+) -> Solved:
+    """The block at the best shapes that were found, finished; `costs` (S,) of all starts."""
+    finished, own, simulations = finish(block, angles, problems)
     ends = np.cumsum([p.own.shape[1] for p in problems])
     lengths = [len(take.recording) for take in preparation.takes]
     return Solved(
-        block=block,
+        block=jax.tree_util.tree_map(np.asarray, finished),
         own=tuple(np.split(np.asarray(own), ends[:-1])),
         simulations=tuple(np.asarray(s)[:n] for s, n in zip(simulations, lengths, strict=True)),
-        cost=float(costs[best]),
-        converged=bool(converged[best]) and bool(np.isfinite(costs[best])),
+        cost=float(costs.min()),
+        converged=converged,
         start_costs=tuple(float(c) for c in costs),
-        samples=samples,
+        samples=int(sum(p.weights.sum() for p in problems)),
+        evaluations=evaluations,
     )
 
 
@@ -357,18 +386,19 @@ def fit(
     with jax.enable_x64(True):
         progress(f"fitting {model.name}")
         block = replace_parameters(
-            model.block, _constrained(model.parameters, fixed or {}, bounds or {})
+            model.block, constrained(model.parameters, fixed or {}, bounds or {})
         )
         preparation = prepare(listed, noise=noise, history=history, settling=settling)
         solved, preparation = settle(block, preparation, history=history, starts=starts, seed=seed)
         return fit_of(model, solved, preparation)
 
 
-def _constrained(
+def constrained(
     parameters: dict[str, Parameter],
     fixed: dict[str, float],
     bounds: dict[str, tuple[float, float]],
 ) -> dict[str, Parameter]:
+    """The parameters that a call fixes or bounds, as it wants them.  Raises InputError."""
     for name in (*fixed, *bounds):
         if name not in parameters:
             raise InputError(

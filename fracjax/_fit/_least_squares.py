@@ -55,7 +55,7 @@ def layout_of(block: AbstractBlock) -> Layout:
     )
 
 
-def _split(block: AbstractBlock, names: tuple[tuple[str, int], ...], vector: Array) -> dict:
+def split(block: AbstractBlock, names: tuple[tuple[str, int], ...], vector: Array) -> dict:
     parameters = named_parameters(block)
     values, at = {}, 0
     for name, size in names:
@@ -77,12 +77,12 @@ def unconstrained(block: AbstractBlock) -> Array:
 
 def with_shapes(block: AbstractBlock, angles: Array) -> AbstractBlock:
     parameters = named_parameters(block)
-    values = _split(block, layout_of(block).shapes, angles)
+    values = split(block, layout_of(block).shapes, angles)
     return set_values(block, {n: parameters[n].from_unconstrained(z) for n, z in values.items()})
 
 
 def with_gains(block: AbstractBlock, gains: Array) -> AbstractBlock:
-    return set_values(block, _split(block, layout_of(block).gains, gains))
+    return set_values(block, split(block, layout_of(block).gains, gains))
 
 
 def _own_columns(problems: tuple[Problem, ...]) -> list[Array]:
@@ -122,7 +122,7 @@ def project(block: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[Array,
     return solution, target - columns @ solution, basis
 
 
-def _projected_residual(block: AbstractBlock, problems: tuple[Problem, ...]) -> Array:
+def projected_residual(block: AbstractBlock, problems: tuple[Problem, ...]) -> Array:
     """The residual of `project`, with Kaufman's derivative: -(1 - QQᵀ) (∂Φ/∂θ) c.
 
     Gains and basis are held while differentiating; the term left out is of the order of the
@@ -169,10 +169,10 @@ def solve(starts: AbstractBlock, active: np.ndarray, problems: tuple[Problem, ..
         start = unconstrained(block)
         # In units of the start's own residual the damping of Levenberg–Marquardt begins at a
         # sensible size, whatever the signals' units and length.
-        size = jnp.linalg.norm(_projected_residual(with_shapes(block, start), problems)) + 1e-300
+        size = jnp.linalg.norm(projected_residual(with_shapes(block, start), problems)) + 1e-300
 
         def residual(angles, _):
-            return _projected_residual(with_shapes(block, angles), problems) / size
+            return projected_residual(with_shapes(block, angles), problems) / size
 
         if start.size == 0:
             return Solution(start, size**2, jnp.zeros((), int), jnp.ones((), bool))
@@ -199,9 +199,11 @@ def moved(starts: AbstractBlock, angles: np.ndarray) -> AbstractBlock:
 
 
 @eqx.filter_jit
-def finish(block: AbstractBlock, angles: Array, problems: tuple[Problem, ...]) -> tuple:
+def finish(
+    block: AbstractBlock, angles: Array | np.ndarray, problems: tuple[Problem, ...]
+) -> tuple:
     """The fitted block, the recordings' own coefficients (Σq,), and their simulations (L,)."""
-    shaped = with_shapes(block, angles)
+    shaped = with_shapes(block, jnp.asarray(angles))
     solution, _, _ = project(shaped, problems)
     fitted, terms = _at(shaped, solution, problems)
     simulations = tuple(p.simulate(fitted) + t for p, t in zip(problems, terms, strict=True))
@@ -223,7 +225,7 @@ def jacobian(block: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[Array
     values = _concatenate([parameters[n].value for n, _ in names])
 
     def simulate(vector: Array) -> tuple[Array, ...]:
-        moved = set_values(block, _split(block, names, vector))
+        moved = set_values(block, split(block, names, vector))
         return tuple(p.simulate(moved) for p in problems)
 
     raw = [

@@ -14,9 +14,11 @@ from markupsafe import Markup
 
 from .._blocks import EFFECTS
 from .._diagnose import Candidate, Diagnosis
-from .._fit import Fit
+from .._fit import Crosscheck, Fit
 from . import _figures
 from ._text import (
+    crosscheck_figures,
+    crosscheck_sentence,
     estimate_row,
     figure,
     file_name,
@@ -42,8 +44,8 @@ _BADGES = {
 }
 
 
-def write_report(result: Fit | Diagnosis | Sequence[Fit], path: str | Path) -> None:
-    """Write a fit, a comparison of fits or a diagnosis as one HTML file, readable offline."""
+def write_report(result: Fit | Diagnosis | Crosscheck | Sequence[Fit], path: str | Path) -> None:
+    """Write a fit, several compared, a cross-check or a diagnosis as one HTML file."""
     environment = jinja2.Environment(
         autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
     )
@@ -51,6 +53,8 @@ def write_report(result: Fit | Diagnosis | Sequence[Fit], path: str | Path) -> N
     template = files("fracjax._report").joinpath("report.html.jinja").read_text(encoding="utf-8")
     if isinstance(result, Diagnosis):
         content = _of_diagnosis(result)
+    elif isinstance(result, Crosscheck):
+        content = _of_crosscheck(result)
     else:
         content = _of_fits([result] if isinstance(result, Fit) else list(result))
     page = environment.from_string(template).render(content)
@@ -74,6 +78,23 @@ def _of_fits(fits: Sequence[Fit]) -> dict[str, Any]:
         "diagnosis": None,
         "downloads": downloads,
     }
+
+
+def _of_crosscheck(crosscheck: Crosscheck) -> dict[str, Any]:
+    """The report of the gradient fit, the methods' table in place of its key figures."""
+    content = _of_fits([crosscheck.fit])
+    heads, rows = crosscheck_figures(crosscheck)
+    download = _download("crosscheck.json", crosscheck.to_dict())
+    told = {
+        "title": f"Cross-check of {sources(crosscheck.fit)}",
+        "sentence": crosscheck_sentence(crosscheck),
+        "heads": heads,
+        "rows": rows,
+        "downloads": [download, *content["downloads"]],
+    }
+    if crosscheck.warning is not None:
+        told |= {"badge": "not at the optimum", "verdict": "unexplained"}
+    return content | told
 
 
 def _of_diagnosis(diagnosis: Diagnosis) -> dict[str, Any]:
@@ -145,6 +166,7 @@ def _assumptions(fit: Fit) -> list[str]:
         "rest": "at zero drive",
         "constant": "the first value of the drive, held for ever",
         "periodic": "the same steady cycles",
+        "estimated": "another drive, whose memory the fit estimates",
     }
     found = []
     for take in fit.preparation.takes:
@@ -162,7 +184,7 @@ def _warnings(fits: Sequence[Fit]) -> list[str]:
     takes = fits[0].preparation.takes
     noted = [w for take in takes for w in (*take.recording.warnings, *take.recording.checks())]
     failed = [f"The fit of {fit.model.name} did not converge." for fit in fits if not fit.converged]
-    return noted + failed
+    return [*noted, *failed, *(warning for fit in fits for warning in fit.warnings)]
 
 
 def _groups(diagnosis: Diagnosis) -> list[tuple[bool, list[Candidate]]]:

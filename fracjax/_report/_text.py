@@ -10,7 +10,7 @@ from pathlib import Path
 import numpy as np
 
 from .._diagnose import Diagnosis
-from .._fit import Estimate, Fit, Noise
+from .._fit import Crosscheck, Estimate, Fit, Noise
 
 _METHODS = {
     "repeats": "from repeats",
@@ -164,3 +164,41 @@ def key_figures(result: Diagnosis | Sequence[Fit]) -> tuple[list[str], list[list
         ["BIC", *(f"{bic:.1f}" for bic in bics)],
     ]
     return ["", *(fit.model.name for fit in fits)], rows
+
+
+def crosscheck_sentence(crosscheck: Crosscheck) -> str:
+    """Whether other methods end where the gradient fit does."""
+    fit = crosscheck.fit
+    unit = fit.preparation.takes[0].recording.response_unit
+    best, others = crosscheck.best, crosscheck.rows[1:]
+    agree = sum(row.agrees for row in others)
+    name = f"{fit.model.name} on {sources(fit)}"
+    if crosscheck.warning is not None:
+        return (
+            f"{name}: the gradient fit is not at the optimum; the least error, "
+            f"{quantity(best.rmse, unit)} rms, is that of {best.method}."
+        )
+    return (
+        f"{name}: no method finds less than the gradient fit's error of "
+        f"{quantity(best.rmse, unit)} rms, and {agree} of {len(others)} others end at it."
+    )
+
+
+def crosscheck_figures(crosscheck: Crosscheck) -> tuple[list[str], list[list[str]]]:
+    """Heads and rows of the cross-check's table: a column for each method, and the unit."""
+    ways = crosscheck.rows
+    unit = crosscheck.fit.preparation.takes[0].recording.response_unit
+    rows = [
+        ["e_RMS", *(f"{row.rmse:.5g}" for row in ways), pretty_unit(unit)],
+        ["e_r", *(f"{row.e_r:.5g}" for row in ways), ""],
+        ["over the best", *(f"{row.over_best:.6g}" for row in ways), ""],
+        ["agrees", *("yes" if row.agrees else "no" for row in ways), ""],
+        *(
+            [name, *(f"{row.parameters[name]:.4g}" for row in ways), pretty_unit(unit)]
+            for name, unit in crosscheck.units.items()
+        ),
+        ["evaluations", *(str(row.evaluations) for row in ways), ""],
+        ["derivatives", *("yes" if row.derivatives else "no" for row in ways), ""],
+        ["seconds", *(figure(row.seconds, 2) for row in ways), "s"],
+    ]
+    return ["", *(row.method for row in ways), "unit"], rows

@@ -1,0 +1,108 @@
+"""A model's objective over the unit cube, where searches between bounds move.
+
+Each coordinate is a parameter's share of the way between its bounds, on the parameter's own scale;
+a logarithmic one moves evenly in its logarithm.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from .._blocks import AbstractBlock
+from .._parameters import Parameter, named_parameters, replace_parameters, set_values
+from ._least_squares import jacobian, layout_of, project, projected_residual, split
+from ._problem import Problem
+
+Objective = Callable[[Array], Array]
+
+AT_ONCE = 8  # of a population, evaluated side by side
+_ROOM = 3.0
+
+
+class Found(NamedTuple):
+    """Where a search ended in the unit cube (n,), the objective there, and how often it looked."""
+
+    position: Array
+    cost: Array
+    evaluations: Array
+
+
+def dimension(block: AbstractBlock) -> int:
+    """How many numbers a search over the block's shapes moves."""
+    return sum(size for _, size in layout_of(block).shapes)
+
+
+def placed(block: AbstractBlock, position: Array) -> AbstractBlock:
+    """The block with its shapes at a point (n,) of the unit cube."""
+    parameters = named_parameters(block)
+    shares = split(block, layout_of(block).shapes, position)
+    return set_values(block, {n: parameters[n].from_share(s) for n, s in shares.items()})
+
+
+def position_of(block: AbstractBlock) -> np.ndarray:
+    """The point (n,) of the unit cube where the block's shapes stand."""
+    parameters = named_parameters(block)
+    shapes = layout_of(block).shapes
+    return np.concatenate(
+        [np.ravel(parameters[n].to_share(parameters[n].value)) for n, _ in shapes]
+    )
+
+
+def angles_of(position: np.ndarray) -> np.ndarray:
+    """The angles of `Parameter.from_unconstrained` that stand for a point of the unit cube."""
+    return np.arcsin(2 * position - 1)
+
+
+def objective(block: AbstractBlock, problems: tuple[Problem, ...]) -> Objective:
+    """χ² over the unit cube, gains and own terms at their best; ∞ where the model breaks down."""
+
+    def cost(position: Array) -> Array:
+        _, residual, _ = project(placed(block, position), problems)
+        return jnp.nan_to_num(jnp.sum(residual**2), nan=jnp.inf, posinf=jnp.inf)
+
+    return cost
+
+
+@eqx.filter_jit
+def with_gradient(
+    block: AbstractBlock, problems: tuple[Problem, ...], position: Array
+) -> tuple[Array, Array]:
+    """χ² and its gradient (n,) at a point of the unit cube.
+
+    The residual is orthogonal to what Kaufman's derivative leaves out: the gradient is exact.
+    """
+
+    def residual(position: Array) -> tuple[Array, Array]:
+        found = projected_residual(placed(block, position), problems)
+        return found, found
+
+    derivative, found = jax.jacfwd(residual, has_aux=True)(position)
+    return jnp.sum(found**2), 2 * derivative.T @ found
+
+
+def with_bounded_gains(block: AbstractBlock, problems: tuple[Problem, ...]) -> AbstractBlock:
+    """The block with its gains bounded and searched for, no longer eliminated, as in the papers.
+
+    The bounds are ±3 times the gain with which its own column alone would span the response, or
+    ±3 times the block's own gain where that is larger.
+    """
+    layout = layout_of(block)
+    columns = np.asarray(jacobian(block, problems)[0])
+    response = np.concatenate([p.response for p in problems])
+    counts = np.concatenate([p.weights for p in problems]) > 0
+    parameters, bounded = named_parameters(block), {}
+    at = dimension(block)
+    for name, size in layout.gains:
+        p = parameters[name]
+        ratio = np.ptp(response[counts]) / np.ptp(columns[counts, at : at + size], axis=0)
+        reach = _ROOM * np.maximum(ratio.reshape(np.shape(p.value)), np.abs(p.value))
+        bounded[name] = Parameter(p.value, p.unit, lower=-reach, upper=reach)
+        at += size
+    return replace_parameters(block, bounded)

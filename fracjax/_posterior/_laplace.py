@@ -37,6 +37,14 @@ def _derivatives(target: Target, standard: Array) -> tuple[Array, Array]:
     return gradient(standard), jax.jacfwd(gradient)(standard)
 
 
+def _newton(target: Target, mode: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+    """Factor (D, D) of H⁻¹, gradient (D,) and Newton's step (D,) at a point."""
+    gradient, hessian = (np.asarray(d) for d in _derivatives(target, jnp.asarray(mode)))
+    curvatures, axes = np.linalg.eigh(-(hessian + hessian.T) / 2)
+    factor = axes / np.sqrt(np.maximum(curvatures, 1.0))
+    return factor, gradient, factor @ (factor.T @ gradient)
+
+
 def laplace(target: Target, start: np.ndarray) -> Laplace:
     """Newton's method from `start` (D,), each step the best of twelve lengths.
 
@@ -45,17 +53,15 @@ def laplace(target: Target, start: np.ndarray) -> Laplace:
     """
     mode = np.asarray(start, float)
     for _ in range(_ROUNDS):
-        gradient, hessian = (np.asarray(d) for d in _derivatives(target, jnp.asarray(mode)))
-        curvatures, axes = np.linalg.eigh(-(hessian + hessian.T) / 2)
-        factor = axes / np.sqrt(np.maximum(curvatures, 1.0))
-        step = factor @ (factor.T @ gradient)
+        factor, gradient, step = _newton(target, mode)
         trials = mode + np.concatenate([[0.0], _HALVINGS])[:, None] * step
         heights = np.asarray(log_posteriors(target, jnp.asarray(trials)))
         best = int(np.argmax(heights))
         if step @ gradient < _EXACT or best == 0:
             break
         mode = trials[best]
+    factor, gradient, step = _newton(target, mode)
     # Triangular: of all factors the one that does not turn with the rounding of an eigenvector.
-    triangle = np.linalg.qr(factor.T, mode="r")
+    _, triangle = np.linalg.qr(factor.T)
     triangle *= np.sign(np.diag(triangle))[:, None]
     return Laplace(mode, triangle.T, bool(step @ gradient < _ENOUGH))

@@ -15,7 +15,7 @@ from .._fit import Fit, Problem, jacobian, layout_of, physical_unit
 from .._fit._least_squares import _split
 from .._parameters import named_parameters, set_values
 from .._recording import InputError
-from ._noise_models import AbstractNoiseModel, Term
+from ._noise_models import AbstractNoiseModel, Signals, Term
 from ._prior import AbstractPrior, prior_of, values_of
 
 Predict = Callable[[Array], tuple[Array, ...]]
@@ -50,7 +50,7 @@ class Target(eqx.Module):
         """Physical values (D,) at standard coordinates (D,)."""
         return values_of(self.priors, standard)
 
-    def residuals(self, values: Array) -> tuple[Array, ...]:
+    def residuals(self, values: Array) -> Signals:
         """Measured minus predicted (L,), the recordings' own terms still in them."""
         predictions = self.predict(values[: self.size])
         pairs = zip(self.problems, predictions, strict=True)
@@ -62,9 +62,9 @@ class Target(eqx.Module):
 
     def log_posterior(self, standard: Array) -> Array:
         """ln p(data | v) + ln p(v), v standard normal a priori; -∞ where it is no number."""
-        prior = -(standard @ standard + standard.size * np.log(2 * np.pi)) / 2
+        prior = -(jnp.dot(standard, standard) + standard.size * np.log(2 * np.pi)) / 2
         density = self.log_likelihood(self.values(standard)) + prior
-        return jnp.where(jnp.isfinite(density), density, -jnp.inf)
+        return jnp.asarray(jnp.where(jnp.isfinite(density), density, -jnp.inf))
 
 
 @eqx.filter_jit
@@ -74,9 +74,9 @@ def log_posteriors(target: Target, standards: Array) -> Array:
 
 
 @eqx.filter_jit
-def physical(target: Target, standards: Array) -> Array:
+def physical(target: Target, standards: Array | np.ndarray) -> Array:
     """Physical values (K, D) at coordinates (K, D)."""
-    return jax.vmap(target.values)(standards)
+    return jax.vmap(target.values)(jnp.asarray(standards))
 
 
 def target_of(
@@ -100,7 +100,10 @@ def target_of(
     for name in priors:
         if name not in names:
             raise InputError.at(
-                f'prior of "{name}"', f"one of {', '.join(names)}", "none of that name", "correct it"
+                f'prior of "{name}"',
+                f"one of {', '.join(names)}",
+                "none of that name",
+                "correct it",
             )
     terms = tuple(t._replace(prior=priors.get(t.name, t.prior)) for t in terms)
     return Target(predict, noise, problems, tuple(t.prior for t in terms), len(model)), terms

@@ -18,7 +18,6 @@ Source: Box, Jenkins & Reinsel, Time Series Analysis, ch. 7; Bretthorst, Bayesia
 from __future__ import annotations
 
 import abc
-from collections.abc import Sequence
 from typing import NamedTuple
 
 import equinox as eqx
@@ -39,7 +38,7 @@ _TAILS = Logarithmic(
     TruncatedNormal(np.log(120.0) / 2, np.log(30.0) / 2 / 1.96, np.log(1.0), np.log(1e3))
 )
 
-Residuals = tuple[Array, ...]
+Signals = tuple[Array | np.ndarray, ...]
 Problems = tuple[Problem, ...]
 
 
@@ -65,21 +64,21 @@ class AbstractNoiseModel(eqx.Module):
         """The recordings with the filter, and the samples that count, of this noise."""
 
     @abc.abstractmethod
-    def terms(self, fit: Fit, residuals: Residuals, problems: Problems) -> tuple[Term, ...]:
+    def terms(self, fit: Fit, residuals: Signals, problems: Problems) -> tuple[Term, ...]:
         """The noise's own unknowns, common to all recordings; residuals (L,) as `log_density`'s."""
 
     @abc.abstractmethod
-    def scaled(self, values: Array, problem: Problem) -> Problem:
+    def scaled(self, values: Array | np.ndarray, problem: Problem) -> Problem:
         """The problem with the filter that makes this noise white, of unit scale."""
 
     @abc.abstractmethod
-    def log_density(self, values: Array, residuals: Residuals, problems: Problems) -> Array:
+    def log_density(self, values: Array, residuals: Signals, problems: Problems) -> Array:
         """ln p(e | values) of residuals (L,) that still hold the recordings' own terms."""
 
     @abc.abstractmethod
     def own(
-        self, values: Array, residuals: Residuals, problems: Problems, normals: Sequence[Array]
-    ) -> Residuals:
+        self, values: Array, residuals: Signals, problems: Problems, normals: Signals
+    ) -> Signals:
         """A draw of the recordings' own terms (L,), from standard normal numbers (q,) each."""
 
     @abc.abstractmethod
@@ -92,7 +91,7 @@ class AbstractNoiseModel(eqx.Module):
 class AbstractGaussianNoise(AbstractNoiseModel):
     """Normal noise, the recordings' own coefficients integrated out."""
 
-    def log_density(self, values: Array, residuals: Residuals, problems: Problems) -> Array:
+    def log_density(self, values: Array, residuals: Signals, problems: Problems) -> Array:
         total = jnp.zeros(())
         for residual, problem in zip(residuals, problems, strict=True):
             scaled = self.scaled(values, problem)
@@ -104,8 +103,8 @@ class AbstractGaussianNoise(AbstractNoiseModel):
         return total
 
     def own(
-        self, values: Array, residuals: Residuals, problems: Problems, normals: Sequence[Array]
-    ) -> Residuals:
+        self, values: Array, residuals: Signals, problems: Problems, normals: Signals
+    ) -> Signals:
         found = []
         for residual, problem, normal in zip(residuals, problems, normals, strict=True):
             factor, centre, _ = _projected(residual, self.scaled(values, problem))
@@ -119,7 +118,7 @@ class AbstractGaussianNoise(AbstractNoiseModel):
         return generator.standard_normal(size)
 
 
-def _projected(residual: Array, problem: Problem) -> tuple[Array, Array, Array]:
+def _projected(residual: Array | np.ndarray, problem: Problem) -> tuple[Array, Array, Array]:
     """Cholesky factor (q, q) of XᵀX, best coefficients (q,), and what they leave (L,)."""
     columns, target = problem.whiten(problem.own), problem.whiten(residual)
     factor = jnp.linalg.cholesky(columns.T @ columns)
@@ -161,14 +160,14 @@ class WhiteNoise(AbstractGaussianNoise):
     def prepared(self, preparation: Preparation) -> Preparation:
         return _with_filters(preparation, 1)
 
-    def terms(self, fit: Fit, residuals: Residuals, problems: Problems) -> tuple[Term, ...]:
+    def terms(self, fit: Fit, residuals: Signals, problems: Problems) -> tuple[Term, ...]:
         take = fit.preparation.takes[0]
         floor = _noise_of(take.noise).sigma
         prior = within_a_factor(floor, _DECADE)
         left = float(np.sqrt(np.mean(np.concatenate(_series(fit)) ** 2)))
         return (Term("noise.sigma", take.recording.response_unit, prior, left),)
 
-    def scaled(self, values: Array, problem: Problem) -> Problem:
+    def scaled(self, values: Array | np.ndarray, problem: Problem) -> Problem:
         return _refiltered(problem, jnp.asarray(problem.whitening) / values[0])
 
 
@@ -185,10 +184,10 @@ class MeasuredNoise(AbstractGaussianNoise):
     def prepared(self, preparation: Preparation) -> Preparation:
         return preparation
 
-    def terms(self, fit: Fit, residuals: Residuals, problems: Problems) -> tuple[Term, ...]:
+    def terms(self, fit: Fit, residuals: Signals, problems: Problems) -> tuple[Term, ...]:
         return (_scale_term(fit),)
 
-    def scaled(self, values: Array, problem: Problem) -> Problem:
+    def scaled(self, values: Array | np.ndarray, problem: Problem) -> Problem:
         return _refiltered(problem, jnp.asarray(problem.whitening) / values[0])
 
 
@@ -218,7 +217,7 @@ class ARNoise(AbstractGaussianNoise):
     def prepared(self, preparation: Preparation) -> Preparation:
         return _with_filters(preparation, self.order + 1)
 
-    def terms(self, fit: Fit, residuals: Residuals, problems: Problems) -> tuple[Term, ...]:
+    def terms(self, fit: Fit, residuals: Signals, problems: Problems) -> tuple[Term, ...]:
         unit = fit.preparation.takes[0].recording.response_unit
         coefficients, innovation = autoregression(_series(fit))
         start = np.zeros(self.order)
@@ -232,8 +231,8 @@ class ARNoise(AbstractGaussianNoise):
         sigma = Term("noise.sigma", unit, within_a_factor(floor, _DECADE), innovation)
         return (*partials, sigma)
 
-    def scaled(self, values: Array, problem: Problem) -> Problem:
-        taps = jnp.concatenate([jnp.ones(1), -autoregressive(values[:-1])])
+    def scaled(self, values: Array | np.ndarray, problem: Problem) -> Problem:
+        taps = jnp.concatenate([jnp.ones(1), -autoregressive(jnp.asarray(values[:-1]))])
         padding = (0, problem.whitening.shape[0] - taps.size)
         return _refiltered(problem, jnp.pad(taps, padding) / values[-1])
 
@@ -278,7 +277,7 @@ class StudentNoise(AbstractNoiseModel):
     def prepared(self, preparation: Preparation) -> Preparation:
         return preparation
 
-    def terms(self, fit: Fit, residuals: Residuals, problems: Problems) -> tuple[Term, ...]:
+    def terms(self, fit: Fit, residuals: Signals, problems: Problems) -> tuple[Term, ...]:
         freedom = Term("noise.degrees_of_freedom", "1", _TAILS, 10.0)
         unit = fit.preparation.takes[0].recording.response_unit
         own = []
@@ -295,10 +294,10 @@ class StudentNoise(AbstractNoiseModel):
             ]
         return (_scale_term(fit), freedom, *own)
 
-    def scaled(self, values: Array, problem: Problem) -> Problem:
+    def scaled(self, values: Array | np.ndarray, problem: Problem) -> Problem:
         return _refiltered(problem, jnp.asarray(problem.whitening) / values[0])
 
-    def log_density(self, values: Array, residuals: Residuals, problems: Problems) -> Array:
+    def log_density(self, values: Array, residuals: Signals, problems: Problems) -> Array:
         total = jnp.zeros(())
         terms = self.own(values, residuals, problems, ())
         for residual, problem, term in zip(residuals, problems, terms, strict=True):
@@ -309,8 +308,8 @@ class StudentNoise(AbstractNoiseModel):
         return total
 
     def own(
-        self, values: Array, residuals: Residuals, problems: Problems, normals: Sequence[Array]
-    ) -> Residuals:
+        self, values: Array, residuals: Signals, problems: Problems, normals: Signals
+    ) -> Signals:
         found, at = [], 2
         for problem in problems:
             count = problem.own.shape[1]

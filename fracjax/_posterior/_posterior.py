@@ -17,7 +17,7 @@ from .._fit import Fit
 from .._recording import InputError
 from ._laplace import Laplace, laplace
 from ._likelihood import Target, log_posteriors, physical, target_of
-from ._noise_models import AbstractNoiseModel, MeasuredNoise, Term
+from ._noise_models import AbstractNoiseModel, MeasuredNoise, Signals, Term
 from ._prior import AbstractPrior
 from ._result import Band, Posterior, Row, figures_of, inseparable
 from ._sample import Chain, ChainFile, run_ensemble
@@ -210,9 +210,7 @@ def _laplace_figures(target: Target, found: Laplace) -> tuple[np.ndarray, np.nda
 
 
 @eqx.filter_jit
-def _responses(
-    target: Target, values: Array, normals: tuple[Array, ...]
-) -> tuple[tuple[Array, ...], tuple[Array, ...]]:
+def _responses(target: Target, values: Array, normals: Signals) -> tuple[Signals, Signals]:
     """Responses (L,) with the recordings' own terms, and the filter (taps,) of each noise."""
     noise, own_values = target.noise, values[target.size :]
     residuals = target.residuals(values)

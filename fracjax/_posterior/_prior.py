@@ -52,7 +52,7 @@ class Normal(AbstractPrior):
     sd: np.ndarray = eqx.field(converter=_number)
 
     def value(self, standard: ArrayLike) -> Array:
-        return self.mean + self.sd * jnp.asarray(standard)
+        return jnp.asarray(self.mean + self.sd * jnp.asarray(standard))
 
     def standard(self, value: ArrayLike) -> Array:
         return (jnp.asarray(value) - self.mean) / self.sd
@@ -79,21 +79,21 @@ class TruncatedNormal(AbstractPrior):
         below, above = self._tails()
         outer = jnp.where(v < 0, below, above) + (1 - below - above) * ndtr(jnp.where(v < 0, v, -v))
         distance = ndtri(outer)
-        return self.mean + self.sd * jnp.where(v < 0, distance, -distance)
+        return jnp.asarray(self.mean + self.sd * jnp.where(v < 0, distance, -distance))
 
     def standard(self, value: ArrayLike) -> Array:
         x = (jnp.asarray(value) - self.mean) / self.sd
         below, above = self._tails()
         outer = ndtr(jnp.where(x < 0, x, -x)) - jnp.where(x < 0, below, above)
         v = ndtri(outer / (1 - below - above))
-        return jnp.where(x < 0, v, -v)
+        return jnp.asarray(jnp.where(x < 0, v, -v))
 
     def log_density(self, value: ArrayLike) -> Array:
         below, above = self._tails()
         x = (jnp.asarray(value) - self.mean) / self.sd
         inside = (value >= self.lower) & (value <= self.upper)
         density = -(x**2) / 2 - jnp.log(self.sd) - _ROOT_TWO_PI - jnp.log(1 - below - above)
-        return jnp.where(inside, density, -jnp.inf)
+        return jnp.asarray(jnp.where(inside, density, -jnp.inf))
 
 
 class Uniform(AbstractPrior):
@@ -103,7 +103,7 @@ class Uniform(AbstractPrior):
     upper: np.ndarray = eqx.field(converter=_number)
 
     def value(self, standard: ArrayLike) -> Array:
-        return self.lower + (self.upper - self.lower) * ndtr(jnp.asarray(standard))
+        return jnp.asarray(self.lower + (self.upper - self.lower) * ndtr(jnp.asarray(standard)))
 
     def standard(self, value: ArrayLike) -> Array:
         return ndtri((jnp.asarray(value) - self.lower) / (self.upper - self.lower))

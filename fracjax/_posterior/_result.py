@@ -7,10 +7,14 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from itertools import combinations
 from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
 from .._recording import InputError
+
+if TYPE_CHECKING:
+    from xarray import DataArray, DataTree
 
 SCHEMA = "fracjax.posterior/1"
 NETCDF, JSON = "posterior.nc", "posterior.json"
@@ -159,8 +163,8 @@ class Posterior:
         (folder / JSON).write_text(text, encoding="utf-8")
 
 
-def _tree_of(posterior: Posterior):
-    """The groups of ArviZ's schema as a DataTree, which ArviZ 0.23 and 1.x both read from a file."""
+def _tree_of(posterior: Posterior) -> DataTree:
+    """ArviZ's groups as a DataTree, the form that 1.x works on and 0.23 reads from a file."""
     import xarray as xr  # half a second, which other commands need not wait for
 
     units = {row.name: row.unit for row in posterior.summary}
@@ -216,6 +220,10 @@ def load_posterior(folder: str | Path) -> Posterior:
         ) from None
 
 
+def _array(group: DataTree | DataArray, name: str) -> np.ndarray:
+    return np.asarray(group[name])
+
+
 def _loaded(told: dict, path: Path) -> Posterior:
     import xarray as xr
 
@@ -225,13 +233,13 @@ def _loaded(told: dict, path: Path) -> Posterior:
         for at, source in enumerate(told["recordings"]):
             group = tree[f"predictions_{at}"]
             signals = ("drive", "response", "median", "model", "predictive")
-            arrays = {name: group[name].values for name in signals}
-            used = group["used"].values.astype(bool)
-            times = group[f"time_{at}"].values
+            arrays = {name: _array(group, name) for name in signals}
+            used = _array(group, "used").astype(bool)
+            times = _array(group, f"time_{at}")
             bands.append(Band(source=source, times=times, used=used, **arrays))
-        samples = {n: tree["posterior"][n].values for n in names}
-        prior = {n: tree["prior"][n].values[0] for n in names}
-        heights = tree["sample_stats"]["lp"].values
+        samples = {n: _array(tree["posterior"], n) for n in names}
+        prior = {n: _array(tree["prior"], n)[0] for n in names}
+        heights = _array(tree["sample_stats"], "lp")
     return Posterior(
         model=told["model"],
         noise_model=told["noise_model"],
@@ -252,9 +260,10 @@ def _loaded(told: dict, path: Path) -> Posterior:
     )
 
 
-def _row(name: str, told: dict) -> Row:
-    pairs = {"interval": tuple(told["interval"]), "prior": tuple(told["prior"])}
-    return Row(name, **{k: v for k, v in told.items() if k != "agrees_with_laplace"} | pairs)
+def _row(name: str, told: dict[str, Any]) -> Row:
+    fields: dict[str, Any] = {k: v for k, v in told.items() if k != "agrees_with_laplace"}
+    fields |= {"interval": tuple(told["interval"]), "prior": tuple(told["prior"])}
+    return Row(name, **fields)
 
 
 def figures_of(draws: np.ndarray) -> tuple[float, float, tuple[float, float], float]:

@@ -198,10 +198,11 @@ def run_ensemble(
     block.
     """
     whole = in_batches(log_density)
-    if file is None:
-        backend = Backend()
-    else:
-        backend = file.resume(settings) if resume else file.begin()
+    match file:
+        case None:
+            backend = Backend()
+        case ChainFile():
+            backend = file.resume(settings) if resume else file.begin()
     try:
         sampler = emcee.EnsembleSampler(
             walkers, size, whole, moves=_MOVES, backend=backend, vectorize=True

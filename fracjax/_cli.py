@@ -417,8 +417,8 @@ def posterior_command(
     if posterior.converged:
         return 0
     return _fail(
-        f"{posterior.sentence.rstrip('.')}; what it reached was saved in {out}; go on with "
-        "--resume and more --steps.",
+        f"The chain of {name} did not converge in {posterior.steps} steps; what it reached was "
+        f"saved in {out}; go on with --resume and more --steps.",
         NOT_CONVERGED,
     )
 

@@ -18,7 +18,8 @@ from jax import Array
 from ._likelihood import Target, log_posteriors
 
 _ROUNDS = 60
-_HALVINGS = 2.0 ** -np.arange(12)
+# With the point itself eight, the rows that the chain's compiled program takes.
+_LENGTHS = np.array([0.0, *2.0 ** -np.arange(7)])
 _EXACT, _ENOUGH = 1e-9, 1e-3
 
 
@@ -41,12 +42,13 @@ def _newton(target: Target, mode: np.ndarray) -> tuple[np.ndarray, np.ndarray, n
     """Factor (D, D) of H⁻¹, gradient (D,) and Newton's step (D,) at a point."""
     gradient, hessian = (np.asarray(d) for d in _derivatives(target, jnp.asarray(mode)))
     curvatures, axes = np.linalg.eigh(-(hessian + hessian.T) / 2)
-    factor = axes / np.sqrt(np.maximum(curvatures, 1.0))
-    return factor, gradient, factor @ (factor.T @ gradient)
+    # Where the density curves upwards the step is as long as if it curved downwards.
+    step = axes @ (axes.T @ gradient / np.maximum(np.abs(curvatures), 1.0))
+    return axes / np.sqrt(np.maximum(curvatures, 1.0)), gradient, step
 
 
 def laplace(target: Target, start: np.ndarray) -> Laplace:
-    """Newton's method from `start` (D,), each step the best of twelve lengths.
+    """Newton's method from `start` (D,), each step the best of seven lengths.
 
     No direction is taken to be wider than its prior: a likelihood that does not curve, or curves
     the other way, tells nothing there.
@@ -54,7 +56,7 @@ def laplace(target: Target, start: np.ndarray) -> Laplace:
     mode = np.asarray(start, float)
     for _ in range(_ROUNDS):
         factor, gradient, step = _newton(target, mode)
-        trials = mode + np.concatenate([[0.0], _HALVINGS])[:, None] * step
+        trials = mode + _LENGTHS[:, None] * step
         heights = np.asarray(log_posteriors(target, jnp.asarray(trials)))
         best = int(np.argmax(heights))
         if step @ gradient < _EXACT or best == 0:

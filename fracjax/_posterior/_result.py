@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 SCHEMA = "fracjax.posterior/1"
 NETCDF, JSON = "posterior.nc", "posterior.json"
 _INSEPARABLE = 0.995
-_MEAN_LIMIT, _SD_LIMIT = 0.3, 1.25
+_MEAN_LIMIT, _SD_LIMIT = 0.5, 1.25
 _SHARE = 0.95
 
 
@@ -43,7 +43,7 @@ class Row:
 
     @property
     def agrees(self) -> bool:
-        """Means within 0.3 standard deviations, and standard deviations within a factor of 1.25."""
+        """Means within 0.5 standard deviations, and standard deviations within a factor of 1.25."""
         apart = abs(self.mean - self.laplace_mean) / self.laplace_sd
         ratio = self.sd / self.laplace_sd
         return bool(apart <= _MEAN_LIMIT and 1 / _SD_LIMIT <= ratio <= _SD_LIMIT)

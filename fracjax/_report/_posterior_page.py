@@ -75,7 +75,7 @@ def _warnings(posterior: Posterior) -> list[str]:
         found.append("The chain has not converged: go on with --resume and more --steps.")
     if posterior.disagreeing:
         found.append(
-            "The Laplace approximation differs from the chain by more than 0.3 standard deviations "
+            "The Laplace approximation differs from the chain by more than 0.5 standard deviations "
             f"or a factor of 1.25 in {', '.join(posterior.disagreeing)}: take the chain's figures."
         )
     return found

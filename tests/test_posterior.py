@@ -1,7 +1,8 @@
-"""Posteriors: closed forms, densities beside SciPy's, a chain that survives kill -9, calibration."""
+"""Posteriors: closed forms, densities beside SciPy's, chains that survive kill -9, calibration."""
 
 import json
 import os
+import re
 import signal
 import subprocess
 import sys
@@ -362,7 +363,7 @@ def test_the_page_shows_it_all(sampled, tmp_path):
     assert page.count("<svg") == 5
     for text in ("noise.sigma", "What the data tell", "Traces", "split R-hat", sampled.sentence):
         assert text in page
-    assert "http" not in page.replace("http://www.w3.org", "").replace("https://matplotlib.org", "")
+    assert not re.search(r'(src|href)="(?!data:|#)', page.replace("xlink:href", "href"))
 
 
 def test_precision_is_left_alone(cubic, sampled, float32_default):
@@ -475,12 +476,12 @@ def test_a_chain_of_another_call_is_refused(tmp_path):
         run_bowl(tmp_path / "chain.h5", resume=True)
 
 
-def test_an_interrupt_keeps_the_blocks_that_are_done(tmp_path):
+def test_an_interrupt_keeps_the_blocks_that_are_done(tmp_path, capsys):
     calls = []
 
     def interrupted(points):
         calls.append(1)
-        if len(calls) > 500:
+        if len(calls) > 350:
             raise KeyboardInterrupt
         return bowl(points)
 
@@ -489,6 +490,7 @@ def test_an_interrupt_keeps_the_blocks_that_are_done(tmp_path):
     with h5py.File(tmp_path / "chain.h5") as file:
         assert file["mcmc"].attrs["iteration"] == 100
     assert [p.name for p in tmp_path.iterdir()] == ["chain.h5"]
+    assert capsys.readouterr() == ("", "")
 
 
 def test_walkers_do_not_begin_where_the_density_is_nothing(tmp_path):
@@ -551,20 +553,21 @@ def test_the_command_says_when_a_chain_has_not_converged(tmp_path, capsys, monke
 
 
 def test_the_truth_of_a_short_recording_is_within_the_posterior():
-    """FOH simulated by other numerics on a finer grid, 300 samples."""
-    law = {"alpha": 0.14, "beta": -0.13, "k_l": 0.07, "k_h": 0.04, "k_p": 1.5e-4}
-    fine = np.arange(299 * OVER + 1) * STEP / OVER
-    drive = 40 + 15 * np.sin(2 * np.pi * 1.3 * fine) + 10 * np.sin(2 * np.pi * 4.1 * fine + 1)
-    clean = BASES["foh"].response(drive, STEP / OVER, law)[::OVER]
-    noise = np.random.default_rng(1).standard_normal(300)
-    recording = fj.Recording(drive[::OVER], clean + 1 + 0.02 * noise, STEP)
-    fit = fj.fit(fj.parse_model("foh"), recording, noise=known(0.02), starts=1)
-    found = fj.sample_posterior(fit, noise_model=fj.WhiteNoise(), steps=1500)
-    for name, true in (law | {"noise.sigma": 0.02}).items():
-        row = by_name(found)[name]
-        assert abs(row.mean - true) < 3 * row.sd, name
-        assert row.prior[0] < row.interval[0] < row.interval[1] < row.prior[1]
-    assert any("k_l and k_h" in pair for pair in found.known_only_together)
+    """LFDH simulated by other numerics on a finer grid, 240 samples."""
+    law = {"chi": 0.2, "mu": 0.4, "delta": 0.08, "g": 0.03, "g_kappa": 0.12}
+    fine = np.arange((SAMPLES - 1) * OVER + 1) * STEP / OVER
+    drive = 40 + 15 * np.sin(2 * np.pi * 2.3 * fine) + 9 * np.sin(2 * np.pi * 9.1 * fine + 1)
+    clean = BASES["lfdh"].response(drive, STEP / OVER, law)[::OVER]
+    noise = np.random.default_rng(1).standard_normal(SAMPLES)
+    recording = fj.Recording(DRIVE, clean + 1 + 0.02 * noise, STEP)
+    fit = fj.fit(fj.parse_model("lfdh"), recording, noise=known(0.02), fixed={"mu": 0.4}, starts=1)
+    found = fj.sample_posterior(fit, noise_model=fj.WhiteNoise(), steps=800)
+    true = {"chi": 0.2, "delta": 0.08, "k_0": 0.03, "k_delta": 0.12, "noise.sigma": 0.02}
+    assert by_name(found).keys() == true.keys()
+    for name, value in true.items():
+        low, high = np.quantile(found.samples[name], [0.001, 0.999])
+        assert low < value < high, name
+    assert by_name(found)["noise.sigma"].sd == pytest.approx(0.02 / np.sqrt(2 * SAMPLES), rel=0.2)
 
 
 def test_ranks_are_uniform_where_truths_are_drawn_from_the_prior():

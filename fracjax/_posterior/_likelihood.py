@@ -18,6 +18,8 @@ from .._recording import InputError
 from ._noise_models import AbstractNoiseModel, Signals, Term
 from ._prior import AbstractPrior, prior_of, values_of
 
+_PART = 512
+
 Predict = Callable[[Array], tuple[Array, ...]]
 """Physical parameters (d,) → the response (L,) of every recording, without its own terms.
 
@@ -74,9 +76,16 @@ def log_posteriors(target: Target, standards: Array) -> Array:
 
 
 @eqx.filter_jit
-def physical(target: Target, standards: Array | np.ndarray) -> Array:
-    """Physical values (K, D) at coordinates (K, D)."""
+def _physical(target: Target, standards: np.ndarray) -> Array:
     return jax.vmap(target.values)(jnp.asarray(standards))
+
+
+def physical(target: Target, standards: np.ndarray) -> np.ndarray:
+    """Physical values (K, D) at coordinates (K, D)."""
+    # In parts of one size, for which one program is compiled whatever K is.
+    padded = np.pad(standards, ((0, -len(standards) % _PART), (0, 0)))
+    parts = [_physical(target, part) for part in padded.reshape(-1, _PART, standards.shape[1])]
+    return np.concatenate([np.asarray(part) for part in parts])[: len(standards)]
 
 
 def target_of(

@@ -73,15 +73,15 @@ def sample_posterior(
         approximation = laplace(target, _starts(terms))
         names = [term.name for term in terms]
 
-        def standards(coordinates: np.ndarray) -> Array:
-            return jnp.asarray(approximation.mode + coordinates @ approximation.factor.T)
+        def standards(coordinates: np.ndarray) -> np.ndarray:
+            return approximation.mode + coordinates @ approximation.factor.T
 
         def log_density(coordinates: np.ndarray) -> np.ndarray:
-            return np.asarray(log_posteriors(target, standards(coordinates)))
+            return np.asarray(log_posteriors(target, jnp.asarray(standards(coordinates))))
 
         def watch(running: Chain) -> None:
             last = running.kept[-min(len(running.kept), 500) :].reshape(-1, size)
-            values = np.asarray(physical(target, standards(last)))
+            values = physical(target, standards(last))
             progress(len(running.coordinates), steps, _estimate(names, values, running))
 
         found = run_ensemble(
@@ -150,7 +150,7 @@ def _posterior_of(
     terms: Sequence[Term],
     approximation: Laplace,
     chain: Chain,
-    standards: Callable[[np.ndarray], Array],
+    standards: Callable[[np.ndarray], np.ndarray],
     seed: int,
 ) -> Posterior:
     generator = np.random.default_rng(seed)
@@ -158,11 +158,11 @@ def _posterior_of(
     slowest = float(chain.autocorrelation.max())
     thinned = max(1, int(slowest / 2))
     kept = chain.kept[::thinned]
-    values = np.asarray(physical(target, standards(kept.reshape(-1, size))))
+    values = physical(target, standards(kept.reshape(-1, size)))
     walking = np.moveaxis(values.reshape(*kept.shape[:2], size), 1, 0)
     means, sds = _laplace_figures(target, approximation)
-    prior = np.asarray(physical(target, generator.standard_normal((_PRIOR_DRAWS, size))))
-    ends = np.asarray(physical(target, 1.96 * np.array([[-1.0], [1.0]]) * np.ones(size)))
+    prior = physical(target, generator.standard_normal((_PRIOR_DRAWS, size)))
+    ends = physical(target, 1.96 * np.array([[-1.0], [1.0]]) * np.ones(size))
     rows = []
     for k, term in enumerate(terms):
         mean, sd, interval, ess = figures_of(walking[:, :, k])
@@ -203,10 +203,14 @@ def _posterior_of(
 
 def _laplace_figures(target: Target, found: Laplace) -> tuple[np.ndarray, np.ndarray]:
     """Values (D,) at the mode, and standard deviations (D,) to first order."""
-    mode = jnp.asarray(found.mode)
-    slopes = jax.jacfwd(target.values)(mode)
+    values, slopes = _values_and_slopes(target, jnp.asarray(found.mode))
     spread = np.asarray(slopes) @ found.factor
-    return np.asarray(target.values(mode)), np.sqrt(np.sum(spread**2, axis=1))
+    return np.asarray(values), np.sqrt(np.sum(spread**2, axis=1))
+
+
+@eqx.filter_jit
+def _values_and_slopes(target: Target, standard: Array) -> tuple[Array, Array]:
+    return target.values(standard), jax.jacfwd(target.values)(standard)
 
 
 @eqx.filter_jit

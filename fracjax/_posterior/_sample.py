@@ -198,6 +198,16 @@ def run_ensemble(
     block.
     """
     whole = in_batches(log_density)
+    interrupts: list[KeyboardInterrupt] = []
+
+    def guarded(points: np.ndarray) -> np.ndarray:
+        try:
+            return whole(points)
+        except KeyboardInterrupt as interrupt:
+            # emcee would print it, with the points and a traceback.
+            interrupts.append(interrupt)
+            return np.full(len(points), -np.inf)
+
     match file:
         case None:
             backend = Backend()
@@ -205,9 +215,8 @@ def run_ensemble(
             backend = file.resume(settings) if resume else file.begin()
     try:
         sampler = emcee.EnsembleSampler(
-            walkers, size, whole, moves=_MOVES, backend=backend, vectorize=True
+            walkers, size, guarded, moves=_MOVES, backend=backend, vectorize=True
         )
-        state = None
         if not backend.iteration:
             points, heights = first_walkers(whole, walkers, size, np.random.default_rng(seed))
             numbers = np.random.RandomState(seed).get_state()
@@ -216,11 +225,15 @@ def run_ensemble(
             chain = judged(backend)
             if chain.converged or backend.iteration >= steps:
                 return chain
+            state = backend.get_last_sample()
         while True:
             done = backend.iteration
             block = min(max(_BLOCK, done // 10), steps - done)
-            sampler.run_mcmc(state, block, skip_initial_state_check=True)
-            state = None
+            # Whitened walkers are never flat; emcee's check would cost a step at every block.
+            for following in sampler.sample(state, iterations=block, skip_initial_state_check=True):
+                if interrupts:
+                    raise interrupts[0]
+                state = following
             if file is not None:
                 file.checkpoint(settings)
             chain = judged(backend)

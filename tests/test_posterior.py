@@ -197,12 +197,15 @@ def test_normal_noise_is_the_multivariate_normal_with_its_offset_integrated(cubi
     coefficients = np.asarray(autoregressive(jnp.asarray(values[2:-1])))
     residual = cubic.preparation.takes[0].recording.response - 0.1 * DRIVE - 1e-6 * DRIVE**3
     covariance = ar_covariance(coefficients, values[-1], SAMPLES)
-    whole = stats.multivariate_normal(cov=covariance)
-    first = stats.multivariate_normal(cov=covariance[:order, :order]) if order else None
+
+    def log_density(left: np.ndarray) -> float:
+        if left.size == 0:
+            return 0.0
+        part = covariance[: left.size, : left.size]
+        return stats.multivariate_normal.logpdf(left, cov=part)  # type: ignore[arg-type]
 
     def given_first(offset: float) -> float:
-        left = residual - offset
-        return whole.logpdf(left) - (first.logpdf(left[:order]) if first else 0.0)
+        return log_density(residual - offset) - log_density((residual - offset)[:order])
 
     wanted = log_integral(given_first, residual.mean(), 0.01)
     assert float(target.log_likelihood(jnp.asarray(values))) == pytest.approx(wanted, abs=1e-6)
@@ -227,7 +230,7 @@ def test_student_noise_is_that_of_scipy(cubic):
     assert [t.name for t in terms[2:]] == ["noise.scale", "noise.degrees_of_freedom", "offset"]
     assert terms[-1].start == pytest.approx(2.0, abs=0.1)
     residual = cubic.preparation.takes[0].recording.response - 0.1 * DRIVE - 1.9
-    wanted = stats.t(4.0, scale=0.05 * 1.5).logpdf(residual).sum()
+    wanted = stats.t.logpdf(residual, 4.0, scale=0.05 * 1.5).sum()
     found = target.log_likelihood(jnp.array([0.1, 0.0, 1.5, 4.0, 1.9]))
     assert float(found) == pytest.approx(wanted, rel=1e-12)
 
@@ -343,7 +346,7 @@ def test_arviz_reads_it(sampled, tmp_path):
     assert found.dims == ("chain", "draw")
     assert found.attrs["units"] == "um/V"
     assert float(found.mean()) == pytest.approx(by_name(sampled)["a"].mean, rel=1e-12)
-    groups.close()
+    groups.close()  # type: ignore[call-arg]
 
 
 @pytest.mark.parametrize("content", [None, "", "{}", '{"schema": "fracjax.posterior/99"}'])
@@ -582,7 +585,7 @@ def test_ranks_are_uniform_where_truths_are_drawn_from_the_prior():
         block = eqx.tree_at(lambda b: b.gamma.value, Exponential(), np.asarray(truth["gamma"]))
         fit = fit_of(Exponential(), recording_of(block, truth["noise.sigma"], seed), 0.05)
         found = fj.sample_posterior(
-            fit, noise_model=fj.WhiteNoise(), priors=priors, walkers=16, steps=300, seed=seed
+            fit, noise_model=fj.WhiteNoise(), priors=priors, walkers=16, steps=200, seed=seed
         )
         ranks.append([np.mean(found.samples[name] < truth[name]) for name in priors])
     for column in np.array(ranks).T:

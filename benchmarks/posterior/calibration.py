@@ -30,7 +30,16 @@ SAMPLES = 400
 NOISE = 0.02  # of the response, in the middle of its prior
 MODELS = ("foh", "lfdh", "coupled", "bouc_wen")
 NOISES = {"white": fj.WhiteNoise(), "ar1": fj.ARNoise(1)}
-FIELDS = ("model", "noise", "draw", "parameter", "truth", "rank", "covered", "converged")
+FIELDS: tuple[str, ...] = (
+    "model",
+    "noise",
+    "draw",
+    "parameter",
+    "truth",
+    "rank",
+    "covered",
+    "converged",
+)
 
 
 def drive() -> np.ndarray:

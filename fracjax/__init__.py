@@ -37,6 +37,13 @@ if TYPE_CHECKING:
     from ._operators import Grid as Grid
     from ._operators import derivative as derivative
     from ._parameters import Parameter as Parameter
+    from ._posterior import ARNoise as ARNoise
+    from ._posterior import MeasuredNoise as MeasuredNoise
+    from ._posterior import Posterior as Posterior
+    from ._posterior import StudentNoise as StudentNoise
+    from ._posterior import WhiteNoise as WhiteNoise
+    from ._posterior import load_posterior as load_posterior
+    from ._posterior import sample_posterior as sample_posterior
     from ._recording import InputError as InputError
     from ._recording import Recording as Recording
     from ._report import write_report as write_report
@@ -77,6 +84,15 @@ _HOMES = {
     "_models": ("MODELS", "Model", "parse_model"),
     "_operators": ("Grid", "derivative"),
     "_parameters": ("Parameter",),
+    "_posterior": (
+        "ARNoise",
+        "MeasuredNoise",
+        "Posterior",
+        "StudentNoise",
+        "WhiteNoise",
+        "load_posterior",
+        "sample_posterior",
+    ),
     "_recording": ("InputError", "Recording"),
     "_report": ("write_report",),
     "_simulate": ("Simulation", "simulate"),
@@ -86,6 +102,7 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = [
     "EFFECTS",
     "MODELS",
+    "ARNoise",
     "AbstractBlock",
     "AbstractLinearBlock",
     "AmplitudeRatios",
@@ -97,11 +114,15 @@ __all__ = [
     "Fit",
     "Grid",
     "InputError",
+    "MeasuredNoise",
     "Model",
     "Noise",
     "Parameter",
+    "Posterior",
     "Recording",
     "Simulation",
+    "StudentNoise",
+    "WhiteNoise",
     "amplitude_ratios",
     "blocks",
     "bode",
@@ -112,11 +133,13 @@ __all__ = [
     "fit_batch",
     "frequency_response",
     "load_model",
+    "load_posterior",
     "ofocim",
     "operators",
     "parse_model",
     "poles",
     "read",
+    "sample_posterior",
     "simulate",
     "step_response",
     "tfocim",

@@ -33,6 +33,7 @@ if TYPE_CHECKING:
     from ._fit import Fit, Past
     from ._models import Model
     from ._operators._grid import History
+    from ._posterior import AbstractNoiseModel, Posterior
     from ._recording import Recording
 
 UNUSABLE, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
@@ -383,6 +384,115 @@ def _batch_status(told: dict[str, Any]) -> int:
             NOT_CONVERGED,
         )
     return 0
+
+
+# posterior ----------------------------------------------------------------------------------------
+
+
+@cli.command("posterior")
+@click.argument("recording")
+@click.option("--model", "name", required=True, help="See `models`.")
+@_folder_option
+@click.option("--resume", is_flag=True, help="Go on from the chain in DIR.")
+@click.option(
+    "--noise-model",
+    type=click.Choice(["white", "ar", "measured", "student"]),
+    default="measured",
+    show_default=True,
+    help="Its parameters are sampled too; `student` lets outliers weigh little.",
+)
+@click.option("--repeat", metavar="FILE", help="The same drive again, for the measured noise.")
+@click.option("--walkers", type=int, help="An even number; by default as many as suit the model.")
+@click.option("--steps", type=int, default=10_000, show_default=True, help="At most.")
+@_options(_reading, _history, _settle, _seed, _quiet, _json)
+@click.pass_obj
+def posterior_command(
+    saved: list[Path],
+    recording: str,
+    name: str,
+    out: Path,
+    resume: bool,
+    noise_model: str,
+    repeat: str | None,
+    walkers: int | None,
+    steps: int,
+    history: str,
+    settle: str | None,
+    seed: int,
+    quiet: bool,
+    as_json: bool,
+    **columns: str | None,
+) -> int:
+    """Sample the posterior of a model's parameters and of the noise's.
+
+    Writes posterior.nc (which ArviZ reads), posterior.json, report.html and fit.json; chain.h5
+    grows meanwhile, and a run that was killed goes on from it by --resume.
+    """
+    from ._fit import fit, measured_noise
+    from ._io import read
+
+    taken, (model,) = _understood([recording], [name], columns)
+    settling = _samples(settle, taken)
+    again = repeat and read(repeat, **columns)
+    noise = measured_noise(taken[0], again) if again else None
+    from ._posterior import sample_posterior
+    from ._report import write_report
+
+    _prepare_jax()
+    chain = out / "chain.h5"
+    with _folder(out):
+        try:
+            with _chain_bar(quiet, steps) as progress:
+                found = fit(
+                    model, taken, noise=noise, history=_known(history), settling=settling, seed=seed
+                )
+                _save(found.save, out / "fit.json", saved)
+                posterior = sample_posterior(
+                    found,
+                    noise_model=_noise_model(noise_model, found),
+                    walkers=walkers,
+                    steps=steps,
+                    seed=seed,
+                    chain=chain,
+                    resume=resume,
+                    progress=progress,
+                )
+        finally:
+            if chain.exists():
+                saved.append(chain)
+        posterior.save(out)
+        saved += [out / "posterior.nc", out / "posterior.json"]
+        _save(lambda path: write_report(posterior, path), out / "report.html", saved)
+    if as_json:
+        print(json.dumps(posterior.to_dict(), indent=1))
+    elif not quiet:
+        together = posterior.known_only_together
+        notes = [f"Known only together: {'; '.join(together)}."] if together else []
+        _summary(posterior.sentence, _posterior_figures(posterior), notes, saved)
+    if posterior.converged:
+        return 0
+    return _fail(
+        f"The chain of {name} did not converge in {posterior.steps} steps; what it reached was "
+        f"saved in {out}; go on with --resume and more --steps.",
+        NOT_CONVERGED,
+    )
+
+
+def _noise_model(name: str, found: Fit) -> AbstractNoiseModel:
+    from ._posterior import MeasuredNoise, StudentNoise, WhiteNoise, ar_noise_of
+
+    if name == "ar":
+        return ar_noise_of(found)
+    return {"white": WhiteNoise, "measured": MeasuredNoise, "student": StudentNoise}[name]()
+
+
+def _posterior_figures(posterior: Posterior) -> tuple[list[str], list[list[str]]]:
+    from ._report._posterior_page import cells
+
+    heads = ["", "mean", "sd", "95 % interval", "unit", "draws", "R-hat", "Laplace"]
+    fields = ("name", "mean", "sd", "interval", "unit", "ess", "r_hat", "laplace")
+    rows = [cells(row) for row in posterior.summary]
+    return heads, [[row[field] for field in fields] for row in rows]
 
 
 # diagnose -----------------------------------------------------------------------------------------
@@ -918,6 +1028,27 @@ def _bar(quiet: bool) -> Iterator[Count]:
             bars.update(task, completed=done, total=total)
 
         yield count
+
+
+@contextmanager
+def _chain_bar(quiet: bool, steps: int) -> Iterator[Callable[[int, int, str], None]]:
+    """A bar of steps with the running estimate, where someone watches stderr."""
+    if quiet or not sys.stderr.isatty():
+        yield lambda done, most, estimate: None
+        return
+    from rich.console import Console
+    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import Progress as Bars
+
+    text = TextColumn("{task.description}", markup=False)
+    columns = BarColumn(20), MofNCompleteColumn(), TimeElapsedColumn(), text
+    with Bars(*columns, console=Console(stderr=True)) as bars:
+        task = bars.add_task("fitting", total=steps)
+
+        def told(done: int, most: int, estimate: str) -> None:
+            bars.update(task, completed=done, total=most, description=estimate)
+
+        yield told
 
 
 def _doubts(fit: Fit) -> list[str]:

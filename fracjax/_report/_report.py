@@ -2,23 +2,23 @@
 
 from __future__ import annotations
 
-import base64
-import json
 from collections.abc import Sequence
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
 
 import jinja2
-from markupsafe import Markup
 
 from .._blocks import EFFECTS
 from .._diagnose import Candidate, Diagnosis
 from .._fit import Crosscheck, Fit
+from .._posterior import Posterior
 from . import _figures
+from ._posterior_page import of_posterior
 from ._text import (
     crosscheck_figures,
     crosscheck_sentence,
+    download,
     estimate_row,
     figure,
     file_name,
@@ -44,27 +44,41 @@ _BADGES = {
 }
 
 
-def write_report(result: Fit | Diagnosis | Crosscheck | Sequence[Fit], path: str | Path) -> None:
-    """Write a fit, several compared, a cross-check or a diagnosis as one HTML file."""
-    environment = jinja2.Environment(
-        autoescape=True, undefined=jinja2.StrictUndefined, trim_blocks=True, lstrip_blocks=True
-    )
-    environment.filters.update(figure=figure, opening=opening, percent=percent, quantity=quantity)
-    template = files("fracjax._report").joinpath("report.html.jinja").read_text(encoding="utf-8")
+Reported = Fit | Diagnosis | Crosscheck | Posterior | Sequence[Fit]
+
+
+def write_report(result: Reported, path: str | Path) -> None:
+    """Write a fit, several compared, a cross-check, a diagnosis or a posterior as one HTML file."""
+    template = "report.html.jinja"
     if isinstance(result, Diagnosis):
         content = _of_diagnosis(result)
     elif isinstance(result, Crosscheck):
         content = _of_crosscheck(result)
+    elif isinstance(result, Posterior):
+        template, content = "posterior.html.jinja", of_posterior(result)
     else:
         content = _of_fits([result] if isinstance(result, Fit) else list(result))
-    page = environment.from_string(template).render(content)
+    page = _environment().get_template(template).render(content)
     Path(path).write_text(page, encoding="utf-8")
+
+
+def _environment() -> jinja2.Environment:
+    folder = files("fracjax._report")
+    environment = jinja2.Environment(
+        loader=jinja2.FunctionLoader(lambda name: folder.joinpath(name).read_text("utf-8")),
+        autoescape=True,
+        undefined=jinja2.StrictUndefined,
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters.update(figure=figure, opening=opening, percent=percent, quantity=quantity)
+    return environment
 
 
 def _of_fits(fits: Sequence[Fit]) -> dict[str, Any]:
     best_first = [fit for fit, _ in ranked(fits)]
     downloads = [
-        _download(f"fit_{file_name(fit.model.name)}.json", fit.to_dict()) for fit in best_first
+        download(f"fit_{file_name(fit.model.name)}.json", fit.to_dict()) for fit in best_first
     ]
     converged = all(fit.converged for fit in fits)
     return {
@@ -84,13 +98,13 @@ def _of_crosscheck(crosscheck: Crosscheck) -> dict[str, Any]:
     """The report of the gradient fit, the methods' table in place of its key figures."""
     content = _of_fits([crosscheck.fit])
     heads, rows = crosscheck_figures(crosscheck)
-    download = _download("crosscheck.json", crosscheck.to_dict())
+    attached = download("crosscheck.json", crosscheck.to_dict())
     told = {
         "title": f"Cross-check of {sources(crosscheck.fit)}",
         "sentence": crosscheck_sentence(crosscheck),
         "heads": heads,
         "rows": rows,
-        "downloads": [download, *content["downloads"]],
+        "downloads": [attached, *content["downloads"]],
     }
     if crosscheck.warning is not None:
         told |= {"badge": "not at the optimum", "verdict": "unexplained"}
@@ -124,8 +138,8 @@ def _of_diagnosis(diagnosis: Diagnosis) -> dict[str, Any]:
         "held_out": _figures.held_out(diagnosis.held_out, names, diagnosis.noise),
         "unit": diagnosis.noise.unit,
         "downloads": [
-            _download("diagnosis.json", diagnosis.to_dict()),
-            *(_download(f"fit_{file_name(fit.model.name)}.json", fit.to_dict()) for fit in fits),
+            download("diagnosis.json", diagnosis.to_dict()),
+            *(download(f"fit_{file_name(fit.model.name)}.json", fit.to_dict()) for fit in fits),
         ],
     }
 
@@ -195,9 +209,3 @@ def _groups(diagnosis: Diagnosis) -> list[tuple[bool, list[Candidate]]]:
         together = [by_name.pop(n) for n in (effect.name, *effect.confusable_with) if n in by_name]
         groups.append((len(together) > 1, together))
     return [*groups, (False, list(by_name.values()))]
-
-
-def _download(name: str, content: dict) -> dict[str, str]:
-    """A file that the page carries with it."""
-    encoded = base64.b64encode(json.dumps(content, indent=1).encode()).decode()
-    return {"name": name, "href": Markup(f"data:application/json;base64,{encoded}")}

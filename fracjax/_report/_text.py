@@ -2,12 +2,15 @@
 
 from __future__ import annotations
 
+import base64
+import json
 import re
 from collections.abc import Sequence
 from math import floor, isfinite, log, log10
 from pathlib import Path
 
 import numpy as np
+from markupsafe import Markup
 
 from .._diagnose import Diagnosis
 from .._fit import Crosscheck, Estimate, Fit, Noise
@@ -118,10 +121,10 @@ def estimate_row(estimate: Estimate) -> dict[str, str]:
     if not estimate.identified:
         value, remark = f"about {estimate.value:.1g}", "not identified by this recording"
     else:
-        value, remark = _rounded(estimate.value, estimate.standard_error), ""
+        value, remark = rounded(estimate.value, estimate.standard_error), ""
     if estimate.at_bound:
         remark = "; ".join(filter(None, (remark, "ended on its bound")))
-    low, high = (_rounded(end, estimate.standard_error) for end in estimate.interval)
+    low, high = (rounded(end, estimate.standard_error) for end in estimate.interval)
     return {
         "name": estimate.name,
         "value": value,
@@ -131,7 +134,7 @@ def estimate_row(estimate: Estimate) -> dict[str, str]:
     }
 
 
-def _rounded(value: float, error: float) -> str:
+def rounded(value: float, error: float) -> str:
     """A value with as many digits as leave two of its error."""
     if not (isfinite(value) and 0 < error < np.inf) or value == 0:
         return figure(value)
@@ -202,3 +205,9 @@ def crosscheck_figures(crosscheck: Crosscheck) -> tuple[list[str], list[list[str
         ["seconds", *(figure(row.seconds, 2) for row in ways), "s"],
     ]
     return ["", *(row.method for row in ways), "unit"], rows
+
+
+def download(name: str, content: dict) -> dict[str, str]:
+    """A file that the page carries with it."""
+    encoded = base64.b64encode(json.dumps(content, indent=1).encode()).decode()
+    return {"name": name, "href": Markup(f"data:application/json;base64,{encoded}")}

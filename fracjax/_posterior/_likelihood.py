@@ -1,0 +1,148 @@
+"""The posterior's density: prediction, noise and priors, over standard normal coordinates."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from .._blocks import AbstractBlock
+from .._fit import Fit, Problem, jacobian, layout_of, physical_unit
+from .._fit._least_squares import split
+from .._parameters import named_parameters, set_values
+from .._recording import InputError
+from ._noise_models import AbstractNoiseModel, Signals, Term
+from ._prior import AbstractPrior, prior_of, values_of
+
+_PART = 512
+
+Predict = Callable[[Array], tuple[Array, ...]]
+"""Physical parameters (d,) → the response (L,) of every recording, without its own terms.
+
+All the cost of a posterior lies in it: whatever has this signature can take its place.
+"""
+
+
+class FullPrediction(eqx.Module):
+    """The full simulation as a `Predict`, in the order of `layout_of`: shapes, then gains."""
+
+    block: AbstractBlock
+    problems: tuple[Problem, ...]
+
+    def __call__(self, values: Array) -> tuple[Array, ...]:
+        layout = layout_of(self.block)
+        moved = set_values(self.block, split(self.block, layout.shapes + layout.gains, values))
+        return tuple(problem.simulate(moved) for problem in self.problems)
+
+
+class Target(eqx.Module):
+    """What is sampled.  `size`: how many of the numbers are the model's; the noise's follow."""
+
+    predict: Predict
+    noise: AbstractNoiseModel
+    problems: tuple[Problem, ...]
+    priors: tuple[AbstractPrior, ...]
+    size: int = eqx.field(static=True)
+
+    def values(self, standard: Array) -> Array:
+        """Physical values (D,) at standard coordinates (D,)."""
+        return values_of(self.priors, standard)
+
+    def residuals(self, values: Array) -> Signals:
+        """Measured minus predicted (L,), the recordings' own terms still in them."""
+        predictions = self.predict(values[: self.size])
+        pairs = zip(self.problems, predictions, strict=True)
+        return tuple(problem.response - prediction for problem, prediction in pairs)
+
+    def log_likelihood(self, values: Array) -> Array:
+        """ln p(data | values) at physical values (D,)."""
+        return self.noise.log_density(values[self.size :], self.residuals(values), self.problems)
+
+    def log_posterior(self, standard: Array) -> Array:
+        """ln p(data | v) + ln p(v), v standard normal a priori; -∞ where it is no number."""
+        prior = -(jnp.dot(standard, standard) + standard.size * np.log(2 * np.pi)) / 2
+        density = self.log_likelihood(self.values(standard)) + prior
+        return jnp.asarray(jnp.where(jnp.isfinite(density), density, -jnp.inf))
+
+
+@eqx.filter_jit
+def log_posteriors(target: Target, standards: Array) -> Array:
+    """`log_posterior` (K,) of coordinates (K, D), in one call."""
+    return jax.vmap(target.log_posterior)(standards)
+
+
+@eqx.filter_jit
+def _physical(target: Target, standards: np.ndarray) -> Array:
+    return jax.vmap(target.values)(jnp.asarray(standards))
+
+
+def physical(target: Target, standards: np.ndarray) -> np.ndarray:
+    """Physical values (K, D) at coordinates (K, D)."""
+    # In parts of one size, for which one program is compiled whatever K is.
+    padded = np.pad(standards, ((0, -len(standards) % _PART), (0, 0)))
+    parts = [_physical(target, part) for part in padded.reshape(-1, _PART, standards.shape[1])]
+    return np.concatenate([np.asarray(part) for part in parts])[: len(standards)]
+
+
+def target_of(
+    fit: Fit, noise: AbstractNoiseModel, priors: Mapping[str, AbstractPrior]
+) -> tuple[Target, tuple[Term, ...]]:
+    """The posterior of a fit's free parameters and the noise's, and what is sampled, in order.
+
+    `priors` take the place of the standing ones, by name.
+    Raises InputError for names that are not sampled.
+    """
+    problems = tuple(_orthonormal(p) for p in noise.prepared(fit.preparation).problems())
+    model = _model_terms(fit)
+    predict = FullPrediction(fit.model.block, problems)
+    values = jnp.array([term.start for term in model])
+    left = tuple(
+        p.response - prediction
+        for p, prediction in zip(problems, eqx.filter_jit(predict)(values), strict=True)
+    )
+    terms = (*model, *noise.terms(fit, left, problems))
+    names = [term.name for term in terms]
+    for name in priors:
+        if name not in names:
+            raise InputError.at(
+                f'prior of "{name}"',
+                f"one of {', '.join(names)}",
+                "none of that name",
+                "correct it",
+            )
+    terms = tuple(t._replace(prior=priors.get(t.name, t.prior)) for t in terms)
+    return Target(predict, noise, problems, tuple(t.prior for t in terms), len(model)), terms
+
+
+def _orthonormal(problem: Problem) -> Problem:
+    """The problem with its own columns made orthogonal, the first a constant of 1 as before."""
+    columns, factor = np.linalg.qr(problem.own)
+    scaled = np.sqrt(len(columns)) * columns * np.sign(np.diag(factor))
+    return eqx.tree_at(lambda p: p.own, problem, scaled)
+
+
+def _model_terms(fit: Fit) -> tuple[Term, ...]:
+    """The model's free parameters, gains with priors of the data's size."""
+    block = fit.model.block
+    problems = fit.preparation.problems()
+    used = np.concatenate([np.asarray(p.weights) > 0 for p in problems])
+    response = np.concatenate([np.asarray(p.response) for p in problems])[used]
+    layout, parameters = layout_of(block), named_parameters(block)
+    columns = np.asarray(jacobian(block, problems)[0])[used][:, : len(layout.labels)]
+    sizes = response.std() / np.maximum(columns.std(axis=0), 1e-300)
+    recording = fit.preparation.takes[0].recording
+    units = (recording.drive_unit, recording.response_unit)
+    components = [(n, k) for n, size in layout.shapes + layout.gains for k in range(size)]
+    return tuple(
+        Term(
+            label,
+            physical_unit(parameters[name].unit, units),
+            prior_of(parameters[name], k, size),
+            float(np.ravel(parameters[name].value)[k]),
+        )
+        for label, (name, k), size in zip(layout.labels, components, sizes, strict=True)
+    )

@@ -1,0 +1,258 @@
+"""Sampling the posterior of a fit."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Mapping, Sequence
+from pathlib import Path
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from scipy.signal import lfilter
+
+from .._fit import Fit
+from .._recording import InputError
+from ._laplace import Laplace, laplace
+from ._likelihood import Target, log_posteriors, physical, target_of
+from ._noise_models import AbstractNoiseModel, MeasuredNoise, Signals, Term
+from ._prior import AbstractPrior
+from ._result import Band, Posterior, Row, figures_of, inseparable
+from ._sample import Chain, ChainFile, run_ensemble
+
+_FARTHEST_START = 4.0
+_LEAST_WALKERS = 32
+_PRIOR_DRAWS = 2000
+_BAND_DRAWS = 200
+_CENTRAL = (2.5, 97.5)
+
+Watch = Callable[[int, int, str], None]
+"""Told steps done, steps at most, and the estimate so far."""
+
+
+def unwatched(done: int, most: int, estimate: str) -> None:
+    """Report no progress."""
+
+
+def sample_posterior(
+    fit: Fit,
+    *,
+    noise_model: AbstractNoiseModel | None = None,
+    priors: Mapping[str, AbstractPrior] | None = None,
+    walkers: int | None = None,
+    steps: int = 10_000,
+    seed: int = 0,
+    chain: str | Path | None = None,
+    resume: bool = False,
+    progress: Watch = unwatched,
+) -> Posterior:
+    """The posterior of a fit's free parameters, and of the noise's, by an ensemble of walkers.
+
+    The chain starts from the Laplace approximation and runs in its coordinates until it has 50
+    autocorrelation times after burn-in and split R-hat below 1.01, at most `steps`.
+
+    - `noise_model`: `MeasuredNoise` where none is given.
+    - `priors`: by name, in place of the parameters' own.
+    - `walkers`: an even number, at least twice that of what is sampled; by default four times,
+      and at least 32.
+    - `chain`: an HDF5 file that grows with the run; with `resume` the steps in it are gone on from.
+
+    Raises InputError for unknown names, too few walkers or steps, and a chain of another call.  A
+    chain that has not converged says so in `converged`.
+    Source: Foreman-Mackey et al., Publ. Astron. Soc. Pac. 125 (2013) 306; Goodman & Weare, Commun.
+    Appl. Math. Comput. Sci. 5 (2010) 65.
+    """
+    with jax.enable_x64(True):
+        noise = MeasuredNoise() if noise_model is None else noise_model
+        target, terms = target_of(fit, noise, priors or {})
+        size = len(terms)
+        count = max(_LEAST_WALKERS, 4 * size) if walkers is None else walkers
+        _check(count, size, steps)
+        approximation = laplace(target, _starts(terms))
+        names = [term.name for term in terms]
+
+        def standards(coordinates: np.ndarray) -> np.ndarray:
+            return approximation.mode + coordinates @ approximation.factor.T
+
+        def log_density(coordinates: np.ndarray) -> np.ndarray:
+            return np.asarray(log_posteriors(target, jnp.asarray(standards(coordinates))))
+
+        def watch(running: Chain) -> None:
+            last = running.kept[-min(len(running.kept), 500) :].reshape(-1, size)
+            values = physical(target, standards(last))
+            progress(len(running.coordinates), steps, _estimate(names, values, running))
+
+        found = run_ensemble(
+            log_density,
+            walkers=count,
+            size=size,
+            steps=steps,
+            seed=seed,
+            file=None if chain is None else ChainFile(Path(chain)),
+            resume=resume,
+            settings=_settings(fit, noise, terms, count, seed),
+            watch=watch,
+        )
+        return _posterior_of(fit, target, terms, approximation, found, standards, seed)
+
+
+def _check(walkers: int, size: int, steps: int) -> None:
+    if walkers % 2 or walkers < 2 * size:
+        raise InputError.at(
+            "walkers", f"an even number of at least {2 * size}", f"{walkers}", "give more"
+        )
+    if steps < 40:
+        raise InputError.at("steps", "at least 40", f"{steps}", "give more")
+
+
+def _starts(terms: Sequence[Term]) -> np.ndarray:
+    """Where the search for the mode begins, (D,) in standard coordinates."""
+    starts = np.array([float(term.prior.standard(term.start)) for term in terms])
+    return np.clip(starts, -_FARTHEST_START, _FARTHEST_START)
+
+
+def _estimate(names: Sequence[str], values: np.ndarray, running: Chain) -> str:
+    """The first few numbers as they stand, and how long the chain is."""
+    told = [
+        f"{name} {column.mean():.4g} ± {column.std():.1g}"
+        for name, column in zip(names, values.T[:3], strict=False)
+    ]
+    times = len(running.kept) / running.autocorrelation.max()
+    return f"{times:.0f} autocorrelation times; {', '.join(told)}"
+
+
+def _settings(
+    fit: Fit, noise: AbstractNoiseModel, terms: Sequence[Term], walkers: int, seed: int
+) -> dict[str, str]:
+    """All that a chain depends on beside its length, as text, by name."""
+    data = hashlib.sha256()
+    for take in fit.preparation.takes:
+        for signal in (take.recording.drive, take.recording.response, take.used):
+            data.update(np.ascontiguousarray(signal).tobytes())
+    with np.printoptions(precision=5):
+        priors = [eqx.tree_pformat(term.prior, short_arrays=False) for term in terms]
+    return {
+        "model": fit.model.name,
+        "noise model": noise.name,
+        "parameters": ", ".join(term.name for term in terms),
+        "priors": hashlib.sha256("".join(priors).encode()).hexdigest()[:12],
+        "data": data.hexdigest()[:12],
+        "walkers": str(walkers),
+        "seed": str(seed),
+    }
+
+
+def _posterior_of(
+    fit: Fit,
+    target: Target,
+    terms: Sequence[Term],
+    approximation: Laplace,
+    chain: Chain,
+    standards: Callable[[np.ndarray], np.ndarray],
+    seed: int,
+) -> Posterior:
+    generator = np.random.default_rng(seed)
+    names, size = [term.name for term in terms], len(terms)
+    slowest = float(chain.autocorrelation.max())
+    thinned = max(1, int(slowest / 2))
+    kept = chain.kept[::thinned]
+    values = physical(target, standards(kept.reshape(-1, size)))
+    walking = np.moveaxis(values.reshape(*kept.shape[:2], size), 1, 0)
+    means, sds = _laplace_figures(target, approximation)
+    prior = physical(target, generator.standard_normal((_PRIOR_DRAWS, size)))
+    ends = physical(target, 1.96 * np.array([[-1.0], [1.0]]) * np.ones(size))
+    rows = []
+    for k, term in enumerate(terms):
+        mean, sd, interval, ess = figures_of(walking[:, :, k])
+        rows.append(
+            Row(
+                name=term.name,
+                unit=term.unit,
+                mean=mean,
+                sd=sd,
+                interval=interval,
+                ess=ess,
+                r_hat=float(chain.r_hat[k]),
+                laplace_mean=float(means[k]),
+                laplace_sd=float(sds[k]),
+                prior=(float(ends[0, k]), float(ends[1, k])),
+            )
+        )
+    first = fit.preparation.takes[0].recording
+    return Posterior(
+        model=fit.model.name,
+        noise_model=target.noise.name,
+        units=(first.drive_unit, first.response_unit),
+        samples={name: walking[:, :, k] for k, name in enumerate(names)},
+        log_posterior=chain.log_density[chain.burn_in :][::thinned].T,
+        prior={name: prior[:, k] for k, name in enumerate(names)},
+        summary=tuple(rows),
+        known_only_together=inseparable(names, values.T),
+        bands=_bands(fit, target, values, generator),
+        steps=len(chain.coordinates),
+        burn_in=chain.burn_in,
+        thinned=thinned,
+        autocorrelation=slowest,
+        acceptance=chain.acceptance,
+        seed=seed,
+        converged=chain.converged,
+    )
+
+
+def _laplace_figures(target: Target, found: Laplace) -> tuple[np.ndarray, np.ndarray]:
+    """Values (D,) at the mode, and standard deviations (D,) to first order."""
+    values, slopes = _values_and_slopes(target, jnp.asarray(found.mode))
+    spread = np.asarray(slopes) @ found.factor
+    return np.asarray(values), np.sqrt(np.sum(spread**2, axis=1))
+
+
+@eqx.filter_jit
+def _values_and_slopes(target: Target, standard: Array) -> tuple[Array, Array]:
+    return target.values(standard), jax.jacfwd(target.values)(standard)
+
+
+@eqx.filter_jit
+def _responses(target: Target, values: Array, normals: Signals) -> tuple[Signals, Signals]:
+    """Responses (L,) with the recordings' own terms, and the filter (taps,) of each noise."""
+    noise, own_values = target.noise, values[target.size :]
+    residuals = target.residuals(values)
+    own = noise.own(own_values, residuals, target.problems, normals)
+    trios = zip(target.problems, residuals, own, strict=True)
+    simulated = tuple(p.response - residual + term for p, residual, term in trios)
+    filters = tuple(jnp.asarray(noise.scaled(own_values, p).whitening) for p in target.problems)
+    return simulated, filters
+
+
+def _bands(
+    fit: Fit, target: Target, values: np.ndarray, generator: np.random.Generator
+) -> tuple[Band, ...]:
+    """What draws of the posterior predict of each recording, without and with noise."""
+    takes = fit.preparation.takes
+    model: list[list[np.ndarray]] = [[] for _ in takes]
+    noisy: list[list[np.ndarray]] = [[] for _ in takes]
+    for row in values[generator.integers(len(values), size=_BAND_DRAWS)]:
+        normals = tuple(generator.standard_normal(p.own.shape[1]) for p in target.problems)
+        simulated, filters = _responses(target, jnp.asarray(row), normals)
+        for at, take in enumerate(takes):
+            count = len(take.recording)
+            clean = np.asarray(simulated[at])[:count]
+            white = target.noise.innovations(row[target.size :], generator, 2 * count)
+            # The first half runs the filter in.
+            noise = np.asarray(lfilter([1.0], np.asarray(filters[at]), white))[count:]
+            model[at].append(clean)
+            noisy[at].append(clean + noise)
+    return tuple(
+        Band(
+            source=take.recording.source,
+            times=take.recording.times,
+            drive=take.recording.drive,
+            response=take.recording.response,
+            used=take.used,
+            median=np.median(model[at], axis=0),
+            model=np.percentile(model[at], _CENTRAL, axis=0),
+            predictive=np.percentile(noisy[at], _CENTRAL, axis=0),
+        )
+        for at, take in enumerate(takes)
+    )

@@ -1,0 +1,190 @@
+r"""Priors: each a monotone map of a standard normal number, so that one scale serves all.
+
+A value x = Q(Φ(v)), with Q the prior's quantile function, has that prior exactly when v is standard
+normal.  Chains run over v: no bound is ever met, and one unit of v is one prior width.
+"""
+
+from __future__ import annotations
+
+import abc
+from collections.abc import Sequence
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from jax.scipy.special import ndtr, ndtri
+from jax.typing import ArrayLike
+
+from .._parameters import Parameter
+
+# Half the width of a normal density's central 95 %, in standard deviations.
+_HALF_WIDTH = 1.959963984540054
+_GAIN_SPANS = 10.0
+_ROOT_TWO_PI = np.log(2 * np.pi) / 2
+
+
+def _number(value: ArrayLike) -> np.ndarray:
+    # An array, not a float: compiled programs then serve any prior of the same kind.
+    return np.asarray(value, dtype=np.float64)
+
+
+class AbstractPrior(eqx.Module):
+    """The density of one number in its physical unit."""
+
+    @abc.abstractmethod
+    def value(self, standard: ArrayLike) -> Array:
+        """The value x = Q(Φ(v)) that a standard normal v stands for."""
+
+    @abc.abstractmethod
+    def standard(self, value: ArrayLike) -> Array:
+        """The v that stands for a value; infinite on a bound."""
+
+    @abc.abstractmethod
+    def log_density(self, value: ArrayLike) -> Array:
+        """ln p(x), x in its unit; -∞ outside the bounds."""
+
+
+class Normal(AbstractPrior):
+    """p(x) = exp(-(x - mean)²/2 sd²) / (sd √2π)."""
+
+    mean: np.ndarray = eqx.field(converter=_number)
+    sd: np.ndarray = eqx.field(converter=_number)
+
+    def value(self, standard: ArrayLike) -> Array:
+        return jnp.asarray(self.mean + self.sd * jnp.asarray(standard))
+
+    def standard(self, value: ArrayLike) -> Array:
+        return (jnp.asarray(value) - self.mean) / self.sd
+
+    def log_density(self, value: ArrayLike) -> Array:
+        return -(self.standard(value) ** 2) / 2 - jnp.log(self.sd) - _ROOT_TWO_PI
+
+
+@jax.custom_jvp
+def _truncated(v: Array, below: Array, above: Array) -> Array:
+    """z with Φ(z) = below + (1 - below - above) Φ(v)."""
+    # From the nearer end: far out in a tail 1 - Φ(v) would leave no digits.
+    outer = jnp.where(v < 0, below, above) + (1 - below - above) * ndtr(jnp.where(v < 0, v, -v))
+    distance = ndtri(outer)
+    return jnp.asarray(jnp.where(v < 0, distance, -distance))
+
+
+@_truncated.defjvp
+def _truncated_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
+    """dz/dv = (1 - below - above) φ(v)/φ(z), the tails being constants.
+
+    Unlike the derivative of ndtri's polynomials it costs nothing to compile.
+    """
+    v, below, above = primals
+    z = _truncated(v, below, above)
+    return z, (1 - below - above) * jnp.exp((z**2 - v**2) / 2) * tangents[0]
+
+
+class TruncatedNormal(AbstractPrior):
+    """A normal density cut at `lower` and `upper`, between which its mean lies."""
+
+    mean: np.ndarray = eqx.field(converter=_number)
+    sd: np.ndarray = eqx.field(converter=_number)
+    lower: np.ndarray = eqx.field(converter=_number)
+    upper: np.ndarray = eqx.field(converter=_number)
+
+    def _tails(self) -> tuple[Array, Array]:
+        """What is cut off below and above, as shares of the whole normal density."""
+        return ndtr((self.lower - self.mean) / self.sd), ndtr((self.mean - self.upper) / self.sd)
+
+    def value(self, standard: ArrayLike) -> Array:
+        return jnp.asarray(self.mean + self.sd * _truncated(jnp.asarray(standard), *self._tails()))
+
+    def standard(self, value: ArrayLike) -> Array:
+        x = (jnp.asarray(value) - self.mean) / self.sd
+        below, above = self._tails()
+        outer = ndtr(jnp.where(x < 0, x, -x)) - jnp.where(x < 0, below, above)
+        v = ndtri(outer / (1 - below - above))
+        return jnp.asarray(jnp.where(x < 0, v, -v))
+
+    def log_density(self, value: ArrayLike) -> Array:
+        below, above = self._tails()
+        x = (jnp.asarray(value) - self.mean) / self.sd
+        inside = (value >= self.lower) & (value <= self.upper)
+        density = -(x**2) / 2 - jnp.log(self.sd) - _ROOT_TWO_PI - jnp.log(1 - below - above)
+        return jnp.asarray(jnp.where(inside, density, -jnp.inf))
+
+
+class Uniform(AbstractPrior):
+    """p(x) = 1/(upper - lower) between the two."""
+
+    lower: np.ndarray = eqx.field(converter=_number)
+    upper: np.ndarray = eqx.field(converter=_number)
+
+    def value(self, standard: ArrayLike) -> Array:
+        return jnp.asarray(self.lower + (self.upper - self.lower) * ndtr(jnp.asarray(standard)))
+
+    def standard(self, value: ArrayLike) -> Array:
+        return ndtri((jnp.asarray(value) - self.lower) / (self.upper - self.lower))
+
+    def log_density(self, value: ArrayLike) -> Array:
+        inside = (value >= self.lower) & (value <= self.upper)
+        return jnp.where(inside, -jnp.log(self.upper - self.lower), -jnp.inf)
+
+
+class Logarithmic(AbstractPrior):
+    """ln x has the density `of_logarithm`; p(x) = that / x."""
+
+    of_logarithm: AbstractPrior
+
+    def value(self, standard: ArrayLike) -> Array:
+        return jnp.exp(self.of_logarithm.value(standard))
+
+    def standard(self, value: ArrayLike) -> Array:
+        return self.of_logarithm.standard(jnp.log(value))
+
+    def log_density(self, value: ArrayLike) -> Array:
+        positive = jnp.where(jnp.asarray(value) > 0, value, 1.0)
+        density = self.of_logarithm.log_density(jnp.log(positive)) - jnp.log(positive)
+        return jnp.where(jnp.asarray(value) > 0, density, -jnp.inf)
+
+
+def within_a_factor(centre: float, factor: float) -> AbstractPrior:
+    """Log-normal, with 95 % between centre/factor and centre·factor."""
+    return Logarithmic(Normal(np.log(centre), np.log(factor) / _HALF_WIDTH))
+
+
+def prior_of(parameter: Parameter, component: int, size: float) -> AbstractPrior:
+    """The prior of one component of a parameter.
+
+    Normal, or log-normal where it is fitted on a logarithmic scale, with 95 % within its plausible
+    range, truncated to its bounds.  Where no range is stated, as of gains: normal about 0 with a
+    standard deviation of ten times `size`, the value at which its share of the response is as large
+    as the response itself.
+    """
+    bounds = (*parameter.plausible, parameter.lower, parameter.upper)
+    shape = np.shape(parameter.value)
+    low, high, lower, upper = (
+        float(np.ravel(np.broadcast_to(bound, shape))[component]) for bound in bounds
+    )
+    if not np.isfinite(high - low):
+        wide = _GAIN_SPANS * size
+        if np.isinf(lower) and np.isinf(upper):
+            return Normal(0.0, wide)
+        return TruncatedNormal(np.clip(0.0, lower, upper), wide, lower, upper)
+    if parameter.logarithmic:
+        low, high, lower, upper = np.log([low, high, lower, upper])
+    middle, half = (low + high) / 2, (high - low) / 2
+    prior = TruncatedNormal(middle, half / _HALF_WIDTH, lower, upper)
+    return Logarithmic(prior) if parameter.logarithmic else prior
+
+
+def values_of(priors: Sequence[AbstractPrior], standard: Array) -> Array:
+    """Values (n,) at standard numbers (n,); priors of one kind are evaluated together."""
+    kinds: dict[object, list[int]] = {}
+    for k, prior in enumerate(priors):
+        kinds.setdefault(jax.tree_util.tree_structure(prior), []).append(k)
+    found = jnp.zeros_like(standard)
+    for members in kinds.values():
+        at = np.array(members)
+        alike = jax.tree_util.tree_map(lambda *x: jnp.stack(x), *[priors[k] for k in members])
+        values = jax.vmap(lambda prior, v: prior.value(v))(alike, standard[at])
+        found = found.at[at].set(values)
+    return found

@@ -1,0 +1,81 @@
+"""What the page of a posterior holds."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+from .._posterior import Posterior, Row
+from . import _posterior_figures as figures
+from ._text import download, figure, pretty_unit, rounded
+
+_MOST_RECORDINGS = 3
+
+
+def of_posterior(posterior: Posterior) -> dict[str, Any]:
+    """The template's content."""
+    names = ", ".join(Path(band.source).name for band in posterior.bands)
+    drawn = posterior.bands[:_MOST_RECORDINGS]
+    return {
+        "title": f"Posterior of {names}",
+        "sentence": posterior.sentence,
+        "badge": "converged" if posterior.converged else "not converged",
+        "verdict": "none" if posterior.converged else "unexplained",
+        "facts": _facts(posterior),
+        "rows": [cells(row) for row in posterior.summary],
+        "together": posterior.known_only_together,
+        "warnings": _warnings(posterior),
+        "corner": figures.corner_plot(posterior),
+        "overlay": figures.prior_and_posterior(posterior),
+        "traces": figures.traces(posterior),
+        "recordings": [
+            {
+                "source": band.source,
+                "loops": figures.loop_band(band, posterior.units),
+                "series": figures.series_band(band, posterior.units),
+            }
+            for band in drawn
+        ],
+        "undrawn": len(posterior.bands) - len(drawn),
+        "downloads": [download("posterior.json", posterior.to_dict())],
+    }
+
+
+def _facts(posterior: Posterior) -> list[tuple[str, str]]:
+    walkers, draws = posterior.log_posterior.shape
+    return [
+        ("Model", posterior.model),
+        ("Noise model", posterior.noise_model),
+        ("Walkers", str(walkers)),
+        ("Steps", f"{posterior.steps}, of which {posterior.burn_in} burn-in"),
+        ("Draws kept", f"{walkers * draws}, one step in {posterior.thinned}"),
+        ("Autocorrelation time", f"{figure(posterior.autocorrelation)} steps"),
+        ("Moves accepted", f"{100 * posterior.acceptance:.0f} %"),
+    ]
+
+
+def cells(row: Row) -> dict[str, str]:
+    """A parameter as the table prints it, without digits that its uncertainty does not bear."""
+    return {
+        "name": row.name,
+        "mean": rounded(row.mean, row.sd),
+        "sd": figure(row.sd, 2),
+        "interval": " to ".join(rounded(end, row.sd) for end in row.interval),
+        "unit": pretty_unit(row.unit),
+        "ess": f"{row.ess:.0f}",
+        "r_hat": f"{row.r_hat:.3f}",
+        "laplace": f"{rounded(row.laplace_mean, row.laplace_sd)} ± {figure(row.laplace_sd, 2)}",
+        "remark": "" if row.agrees else "sampling and Laplace approximation differ",
+    }
+
+
+def _warnings(posterior: Posterior) -> list[str]:
+    found = []
+    if not posterior.converged:
+        found.append("The chain has not converged: go on with --resume and more --steps.")
+    if posterior.disagreeing:
+        found.append(
+            "The Laplace approximation differs from the chain by more than 0.5 standard deviations "
+            f"or a factor of 1.25 in {', '.join(posterior.disagreeing)}: take the chain's figures."
+        )
+    return found

@@ -40,9 +40,11 @@ class Problem(eqx.Module):
 
     def whiten(self, signals: Array | np.ndarray) -> Array:
         """Signals (L, …) through the whitening filter, unit variance where the weight is 1."""
-        filtered = self.whitening[0] * jnp.asarray(signals)
-        for k in range(1, _FILTER_TAPS):
-            filtered = filtered.at[k:].add(self.whitening[k] * signals[:-k])
+        length, others = signals.shape[0], [(0, 0)] * (signals.ndim - 1)
+        padded = jnp.pad(jnp.asarray(signals), [(_FILTER_TAPS - 1, 0), *others])
+        starts = range(_FILTER_TAPS - 1, -1, -1)
+        delayed = [padded[start : start + length] for start in starts]
+        filtered = sum(self.whitening[k] * signal for k, signal in enumerate(delayed))
         return filtered * self.weights.reshape(-1, *([1] * (signals.ndim - 1)))
 
 

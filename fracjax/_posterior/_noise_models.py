@@ -21,7 +21,6 @@ import abc
 from typing import NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -121,18 +120,12 @@ class AbstractGaussianNoise(AbstractNoiseModel):
 
 def _projected(residual: Array | np.ndarray, problem: Problem) -> tuple[Array, Array, Array]:
     """Cholesky factor (q, q) of XᵀX, best coefficients (q,), and what they leave (L,)."""
-    columns = jax.vmap(_whitened, (None, 1), 1)(problem, jnp.asarray(problem.own))
-    target = _whitened(problem, residual)
+    columns = problem.whiten(jnp.asarray(problem.own))
+    target = problem.whiten(residual)
     factor = jnp.linalg.cholesky(columns.T @ columns)
     half = solve_triangular(factor, columns.T @ target, lower=True)
     centre = solve_triangular(factor, half, lower=True, trans=1)
     return factor, centre, target - columns @ centre
-
-
-def _whitened(problem: Problem, signal: Array | np.ndarray) -> Array:
-    """`Problem.whiten` of one signal (L,), as a single operation: it compiles in less time."""
-    filtered = jnp.convolve(jnp.asarray(signal), jnp.asarray(problem.whitening))
-    return filtered[: signal.shape[0]] * problem.weights
 
 
 def _refiltered(problem: Problem, whitening: Array) -> Problem:
@@ -310,7 +303,7 @@ class StudentNoise(AbstractNoiseModel):
         terms = self.own(values, residuals, problems, ())
         for residual, problem, term in zip(residuals, problems, terms, strict=True):
             scaled = self.scaled(values, problem)
-            white = _whitened(scaled, residual - term)
+            white = scaled.whiten(residual - term)
             each = student_t.logpdf(white, values[1]) + jnp.log(scaled.whitening[0])
             total += jnp.sum(each * scaled.weights)
         return total

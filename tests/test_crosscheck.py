@@ -19,7 +19,14 @@ from benchmarks.concealed.truth import BASES, OVER
 from fracjax._blocks import LFDH
 from fracjax._cli import run
 from fracjax._fit import Crosscheck, _crosscheck
-from fracjax._fit._box import objective, placed, position_of, with_bounded_gains, with_gradient
+from fracjax._fit._box import (
+    objective,
+    placed,
+    position_of,
+    with_bounded_gains,
+    with_bounded_shapes,
+    with_gradient,
+)
 from fracjax._fit._evolution import DifferentialEvolution
 from fracjax._fit._least_squares import layout_of
 from fracjax._fit._swarm import ParticleSwarm
@@ -459,3 +466,17 @@ def test_jaxopt_is_met_in_one_place_and_silently():
     package = Path(fj.__file__).parent
     files = [p for p in package.rglob("*.py") if "import jaxopt" in p.read_text(encoding="utf-8")]
     assert [path.name for path in files] == ["_bounded.py"]
+
+
+def test_a_second_gain_in_a_row_is_searched_between_bounds():
+    """No bounds are physical for it, and without any there is no cube to search."""
+    block = fj.parse_model("foh >> lfdh").block
+    fitted = set_values(block, {"second.k_0": 2.0})
+    bounded = named_parameters(with_bounded_shapes(block, fitted))
+    assert all(bounded[name].bounded for name, _ in layout_of(block).shapes)
+    assert float(bounded["second.k_0"].upper) == 6.0
+    own = abs(float(named_parameters(block)["second.k_delta"].value))
+    assert float(bounded["second.k_delta"].lower) == pytest.approx(-3 * own)
+    assert float(bounded["first.alpha"].upper) == float(
+        named_parameters(block)["first.alpha"].upper
+    )

@@ -87,6 +87,19 @@ def with_gradient(
     return jnp.sum(found**2), 2 * derivative.T @ found
 
 
+def with_bounded_shapes(block: AbstractBlock, fitted: AbstractBlock) -> AbstractBlock:
+    """The block with bounds for the gains that are not eliminated, because another stands before
+    them or something nonlinear after: ±3 times the fitted value, or the block's own if larger."""
+    parameters, found = named_parameters(block), named_parameters(fitted)
+    bounded = {}
+    for name, _ in layout_of(block).shapes:
+        p = parameters[name]
+        if not p.bounded:
+            reach = _ROOM * np.maximum(np.abs(found[name].value), np.abs(p.value))
+            bounded[name] = Parameter(p.value, p.unit, lower=-reach, upper=reach)
+    return replace_parameters(block, bounded)
+
+
 def with_bounded_gains(block: AbstractBlock, problems: tuple[Problem, ...]) -> AbstractBlock:
     """The block with its gains bounded and searched for, no longer eliminated, as in the papers.
 

@@ -18,7 +18,7 @@ from .._models import Model
 from .._parameters import named_parameters, replace_parameters
 from .._recording import InputError, Recording
 from ._bounded import bounded, require_jaxopt
-from ._box import Found, angles_of, dimension, objective, with_bounded_gains
+from ._box import Found, angles_of, dimension, objective, with_bounded_gains, with_bounded_shapes
 from ._evolution import DifferentialEvolution
 from ._fit import (
     Fit,
@@ -144,7 +144,8 @@ def crosscheck(
         _require_searchable(model.name, block, population, iterations)
         progress(f"fitting {model.name}")
         preparation = prepare(listed, noise=noise, history=history, settling=settling)
-        _, preparation = settle(block, preparation, history=history, starts=starts, seed=seed)
+        first, preparation = settle(block, preparation, history=history, starts=starts, seed=seed)
+        block = with_bounded_shapes(block, first.block)
         # Once more on what was settled, as the others will: its programs are compiled by now.
         began = time.perf_counter()
         solved = fit_block(block, preparation, starts, seed)

@@ -186,6 +186,18 @@ def require_samples(count: int, where: str) -> None:
         )
 
 
+def require_units_of(first: Recording, other: Recording) -> None:
+    """Raise `InputError` unless two recordings are written in the same units."""
+    expected, found = ((r.drive_unit, r.response_unit) for r in (first, other))
+    if found != expected:
+        raise InputError.at(
+            other.source,
+            f"the units of {first.source} ({', '.join(expected)})",
+            f"({', '.join(found)})",
+            "convert one of them",
+        )
+
+
 def _signal(samples, where: str) -> np.ndarray:
     """A read-only float64 copy of `samples`, shape (N,), once it is a usable signal."""
     try:

@@ -34,7 +34,7 @@ from .._fit import (
 )
 from .._models import Model
 from .._parameters import named_parameters
-from .._recording import InputError, Recording
+from .._recording import Recording, require_units_of
 from ._held_out import Gain, Prediction, gain, predict_recording, predict_stretches
 from ._locate import locate
 from ._refit import Refit, refit
@@ -190,15 +190,7 @@ class _Procedure:
     def _take(self, holdout: Recording) -> Take:
         """The held-out recording under the assumptions of the first training recording."""
         first = self.base.preparation.takes[0]
-        if (holdout.drive_unit, holdout.response_unit) != (
-            first.recording.drive_unit,
-            first.recording.response_unit,
-        ):
-            raise InputError(
-                f"{holdout.source}: expected the units of {first.recording.source} "
-                f"({first.recording.drive_unit}, {first.recording.response_unit}), found "
-                f"({holdout.drive_unit}, {holdout.response_unit}); convert one of them"
-            )
+        require_units_of(first.recording, holdout)
         history = first.history if first.history != "periodic" else None
         return take_of(holdout, measured_noise(holdout) or first.noise, history, None)
 

@@ -13,7 +13,7 @@ import numpy as np
 from .._blocks import AbstractBlock, Setting
 from .._models import Model, parse_model
 from .._parameters import Parameter, named_parameters, replace_parameters, set_values
-from .._recording import InputError, Recording
+from .._recording import InputError, Recording, require_units_of
 from ._least_squares import finish, layout_of, moved, solve, stack
 from ._noise import Noise, measured_noise, residual_noise
 from ._preparation import Past, Preparation, Take, coarse_oversampling, other_histories, take_of
@@ -273,14 +273,8 @@ def prepare(
     """Decide noise, history, settling and grid for recordings that are to be fitted together."""
     if not recordings:
         raise InputError("expected at least one recording, found none; give one")
-    first = recordings[0]
     for other in recordings[1:]:
-        if (other.drive_unit, other.response_unit) != (first.drive_unit, first.response_unit):
-            raise InputError(
-                f"{other.source}: expected the units of {first.source} ({first.drive_unit}, "
-                f"{first.response_unit}), found ({other.drive_unit}, {other.response_unit}); "
-                "convert one of them"
-            )
+        require_units_of(recordings[0], other)
     takes = tuple(
         take_of(
             recording,

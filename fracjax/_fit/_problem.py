@@ -44,7 +44,7 @@ class Problem(eqx.Module):
         padded = jnp.pad(jnp.asarray(signals), [(_FILTER_TAPS - 1, 0), *others])
         starts = range(_FILTER_TAPS - 1, -1, -1)
         delayed = [padded[start : start + length] for start in starts]
-        filtered = sum(self.whitening[k] * signal for k, signal in enumerate(delayed))
+        filtered = jnp.asarray(sum(w * d for w, d in zip(self.whitening, delayed, strict=True)))
         return filtered * self.weights.reshape(-1, *([1] * (signals.ndim - 1)))
 
 

@@ -14,12 +14,10 @@ from __future__ import annotations
 import argparse
 import csv
 import importlib
-import platform
 import time
 import warnings
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import jax
@@ -29,6 +27,7 @@ from scipy.optimize import differential_evolution, least_squares
 
 import fracjax as fj
 from benchmarks.concealed.truth import BASES, OVER
+from benchmarks.versions import versions
 
 STEP = 2e-3  # s
 LAW = {"alpha": 0.14, "beta": -0.13, "k_l": 0.07, "k_h": 0.04, "k_p": 1.5e-6}
@@ -255,13 +254,7 @@ def main() -> None:
     parser.add_argument("--swarm", type=int, nargs=2, default=(40, 200), metavar=("P", "T"))
     options = parser.parse_args()
     with options.out.open("w", newline="") as file:
-        found = []
-        for name in PACKAGES:
-            try:
-                found.append(f"{name} {version(name)}")
-            except PackageNotFoundError:
-                found.append(f"{name} not installed")
-        file.write(f"# Python {platform.python_version()}; {', '.join(found)}\n")
+        file.write(versions(PACKAGES))
         table = csv.DictWriter(file, COLUMNS)
         table.writeheader()
         for case in CASES:

@@ -9,11 +9,9 @@ from __future__ import annotations
 import argparse
 import csv
 import importlib
-import platform
 import time
 import warnings
 from collections.abc import Callable
-from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 
 import jax
@@ -22,6 +20,7 @@ import numpy as np
 import scipy.fft
 from scipy.special import gamma
 
+from benchmarks.versions import versions
 from fracjax import Grid, derivative
 from fracjax._operators import generating_function
 from fracjax._operators._convolution_quadrature import _circle
@@ -205,13 +204,7 @@ def main() -> None:
     parser.add_argument("--out", type=Path, required=True)
     options = parser.parse_args()
     with jax.enable_x64(True), options.out.open("w", newline="") as file:
-        found = []
-        for name in PACKAGES:
-            try:
-                found.append(f"{name} {version(name)}")
-            except PackageNotFoundError:
-                found.append(f"{name} not installed")
-        file.write(f"# Python {platform.python_version()}; {', '.join(found)}\n")
+        file.write(versions(PACKAGES))
         table = csv.DictWriter(file, COLUMNS)
         table.writeheader()
         for count in LENGTHS:

@@ -79,33 +79,28 @@ class Parameter(eqx.Module):
     def _scale(self, x: Any) -> Any:
         return jnp.log(x) if self.logarithmic else x
 
-    def to_unconstrained(self, value: ArrayLike) -> Array:
-        """The real number that stands for `value` during a fit: lower + range·(1 + sin z)/2.
-
-        A bound lies at finite z, so that a fit which ends there converges.  Without bounds, which
-        is how a gain stands that something nonlinear or another gain follows, value = sinh z.
-        """
-        if not self.bounded:
-            return jnp.arcsinh(value)
-        # A start on a bound, where the derivative vanishes, would never leave it.
-        return jnp.arcsin(jnp.clip(2 * self.to_share(value) - 1, -0.999999, 0.999999))
-
-    def from_unconstrained(self, z: ArrayLike) -> Array:
-        """The value that `z` stands for."""
-        if not self.bounded:
-            return jnp.sinh(z)
-        return self.from_share((1 + jnp.sin(z)) / 2)
-
     def to_share(self, value: ArrayLike) -> Array:
-        """How much of the way from `lower` to `upper` a value is, on the parameter's scale."""
+        """How much of the way from `lower` to `upper` a value is, on the parameter's scale; of one
+        without bounds the value itself."""
+        if not self.bounded:
+            return jnp.asarray(value)
         low, high = self._scale(self.lower), self._scale(self.upper)
         return (self._scale(value) - low) / (high - low)
 
     def from_share(self, share: ArrayLike) -> Array:
         """The value that lies this share of the way from `lower` to `upper`."""
+        if not self.bounded:
+            return jnp.asarray(share)
         low, high = self._scale(self.lower), self._scale(self.upper)
         scaled = low + (high - low) * share
         return jnp.exp(scaled) if self.logarithmic else scaled
+
+    def slope(self) -> Any:
+        """Derivative of the value with respect to its share, at the present value."""
+        if not self.bounded:
+            return np.ones_like(self.value)
+        low, high = self._scale(self.lower), self._scale(self.upper)
+        return (high - low) * (self.value if self.logarithmic else np.ones_like(self.value))
 
     def with_value(self, value: ArrayLike) -> Parameter:
         """The same parameter at another value."""

@@ -21,14 +21,12 @@ from fracjax._cli import run
 from fracjax._fit import Crosscheck, _crosscheck
 from fracjax._fit._box import (
     objective,
-    placed,
-    position_of,
     with_bounded_gains,
     with_bounded_shapes,
     with_gradient,
 )
 from fracjax._fit._evolution import DifferentialEvolution
-from fracjax._fit._least_squares import layout_of
+from fracjax._fit._layout import layout_of, placed, position_of
 from fracjax._fit._swarm import ParticleSwarm
 from fracjax._parameters import named_parameters, set_values
 from fracjax._report import write_report

@@ -3,14 +3,20 @@
 from __future__ import annotations
 
 import abc
+from collections.abc import Sequence
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 from jax import Array
+from jax.flatten_util import ravel_pytree
 from jax.typing import ArrayLike
 
 from .._operators import Grid, convolve
-from .._parameters import named_parameters
+from .._parameters import named_parameters, set_values
+
+Columns = dict[str, Array]
+"""Per parameter the derivative (N, size) of a response (N,) with respect to it."""
 
 
 class AbstractBlock(eqx.Module):
@@ -24,6 +30,34 @@ class AbstractBlock(eqx.Module):
     @abc.abstractmethod
     def __call__(self, drive: Array, grid: Grid) -> Array: ...
 
+    def respond(self, drive: Array, grid: Grid) -> Array:
+        """The response (N,), each law in it compiled on its own.
+
+        A law then compiles once and serves every model it is part of: for models that are put
+        together while one looks for what is missing, compilation would cost far more than running.
+        """
+        return _respond(self, drive, grid)
+
+    def linearise(
+        self, drive: Array, grid: Grid, names: Sequence[str], along: Sequence[Array]
+    ) -> tuple[Array, Columns, list[Array]]:
+        """Response (N,), its derivatives with respect to the named parameters, and along each of
+        the changes `along` (N,) of the drive; compiled law by law, as in `respond`."""
+        if names:
+            columns, response = _columns(self, tuple(names), drive, grid)
+        else:
+            columns, response = jnp.zeros((0, 0)), _respond(self, drive, grid)
+        parameters, found, at = named_parameters(self), {}, 0
+        for name in names:
+            size = jnp.size(parameters[name].value)
+            found[name] = columns[:, at : at + size]
+            at += size
+        if self.linear:
+            changes = [_respond(self, change, grid) for change in along]
+        else:
+            changes = [_passed(self, drive, change, grid) for change in along]
+        return response, found, changes
+
     def __rshift__(self, other: AbstractBlock) -> AbstractBlock:
         if isinstance(self, AbstractLinearBlock) and isinstance(other, AbstractLinearBlock):
             return LinearSeries(self, other)
@@ -33,6 +67,42 @@ class AbstractBlock(eqx.Module):
         if isinstance(self, AbstractLinearBlock) and isinstance(other, AbstractLinearBlock):
             return LinearParallel(self, other)
         return Parallel(self, other)
+
+
+@eqx.filter_jit
+def _respond(block: AbstractBlock, drive: Array, grid: Grid) -> Array:
+    return block(jnp.asarray(drive), grid)
+
+
+@eqx.filter_jit
+def _passed(block: AbstractBlock, drive: Array, change: Array, grid: Grid) -> Array:
+    return jax.jvp(lambda d: block(d, grid), (jnp.asarray(drive),), (jnp.asarray(change),))[1]
+
+
+@eqx.filter_jit
+def _columns(
+    block: AbstractBlock, names: tuple[str, ...], drive: Array, grid: Grid
+) -> tuple[Array, Array]:
+    """Derivatives (N, Σ size) with respect to the named parameters, in order, and the response."""
+    parameters = named_parameters(block)
+    values = {name: jnp.asarray(parameters[name].value) for name in names}
+    flat, unravel = ravel_pytree(list(values.values()))
+
+    def response(vector: Array) -> tuple[Array, Array]:
+        moved = set_values(block, dict(zip(names, unravel(vector), strict=True)))
+        found = moved(jnp.asarray(drive), grid)
+        return found, found
+
+    return jax.jacfwd(response, has_aux=True)(flat)
+
+
+def _within(names: Sequence[str], part: str) -> list[str]:
+    """The names that lie in one part of a composed block, as that part calls them."""
+    return [name.removeprefix(f"{part}.") for name in names if name.startswith(f"{part}.")]
+
+
+def _outside(columns: Columns, part: str) -> Columns:
+    return {f"{part}.{name}": column for name, column in columns.items()}
 
 
 class AbstractLinearBlock(AbstractBlock):
@@ -139,6 +209,24 @@ class Series(AbstractBlock):
     def __call__(self, drive: Array, grid: Grid) -> Array:
         return self.second(self.first(drive, grid), grid)
 
+    def respond(self, drive: Array, grid: Grid) -> Array:
+        return self.second.respond(self.first.respond(drive, grid), grid)
+
+    def linearise(
+        self, drive: Array, grid: Grid, names: Sequence[str], along: Sequence[Array]
+    ) -> tuple[Array, Columns, list[Array]]:
+        between, first, changes = self.first.linearise(drive, grid, _within(names, "first"), along)
+        moved = [column for columns in first.values() for column in columns.T]
+        response, second, changes = self.second.linearise(
+            between, grid, _within(names, "second"), [*moved, *changes]
+        )
+        passed = iter(changes)
+        first = {
+            name: jnp.stack([next(passed) for _ in columns.T], axis=1)
+            for name, columns in first.items()
+        }
+        return response, _outside(first, "first") | _outside(second, "second"), list(passed)
+
 
 class Parallel(AbstractBlock):
     """Both blocks see the same drive; their responses add."""
@@ -152,6 +240,17 @@ class Parallel(AbstractBlock):
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
         return self.first(drive, grid) + self.second(drive, grid)
+
+    def respond(self, drive: Array, grid: Grid) -> Array:
+        return self.first.respond(drive, grid) + self.second.respond(drive, grid)
+
+    def linearise(
+        self, drive: Array, grid: Grid, names: Sequence[str], along: Sequence[Array]
+    ) -> tuple[Array, Columns, list[Array]]:
+        one, first, changes = self.first.linearise(drive, grid, _within(names, "first"), along)
+        other, second, more = self.second.linearise(drive, grid, _within(names, "second"), along)
+        columns = _outside(first, "first") | _outside(second, "second")
+        return one + other, columns, [a + b for a, b in zip(changes, more, strict=True)]
 
 
 def linear_gains(block: AbstractBlock) -> tuple[str, ...]:

@@ -29,7 +29,6 @@ from .._fit import (
     silent,
     simulate_all,
     solve_from,
-    stack,
     take_of,
 )
 from .._models import Model
@@ -102,8 +101,8 @@ def numerical_error(block: AbstractBlock, preparation: Preparation, basis: np.nd
     The order of the quadrature is four, so that the change is the coarser grid's error to 7 %.
     """
     fine = replace(preparation, oversampling=2 * preparation.oversampling)
-    coarse = np.asarray(simulate_all(stack([block]), preparation.problems())[1])[0]
-    halved = np.asarray(simulate_all(stack([block]), fine.problems())[1])[0]
+    coarse = simulate_all([block], preparation.problems())[1][0]
+    halved = simulate_all([block], fine.problems())[1][0]
     change = halved - coarse
     return float(np.linalg.norm(change - basis @ (basis.T @ change)))
 
@@ -117,8 +116,8 @@ def residual_of(solved: Solved, preparation: Preparation) -> Residual:
     ):
         error = np.zeros(problem.response.shape[0])
         error[: len(take.recording)] = take.recording.response - simulation
-        whitened.append(np.asarray(problem.whiten(error)))
-    basis = orthonormal(np.asarray(jacobian(solved.block, problems)[1]))
+        whitened.append(problem.whiten(error))
+    basis = orthonormal(jacobian(solved.block, problems)[1])
     residual = np.concatenate(whitened)
     return Residual(residual - basis @ (basis.T @ residual), basis)
 

@@ -21,7 +21,7 @@ from scipy.special import logsumexp
 from scipy.stats import norm
 
 from .._blocks import AbstractBlock, Effect, Setting
-from .._fit import Problem, simulate_all, stack
+from .._fit import Problem, simulate_all
 
 _DRAWS = 20_000
 _DETECTION = 5.0
@@ -83,9 +83,9 @@ def score_effect(
 ) -> EffectScore:
     """Score one effect at all its trials."""
     trials = list(effect.trials(setting))
-    blocks = stack([effect.insert(base, trial) for trial in trials])
-    raw, whitened = (np.asarray(a) for a in simulate_all(blocks, problems))
-    base_raw, base_whitened = (np.asarray(a)[0] for a in simulate_all(stack([base]), problems))
+    blocks = [effect.insert(base, trial) for trial in trials]
+    raw, whitened = simulate_all(blocks, problems)
+    base_raw, base_whitened = (simulations[0] for simulations in simulate_all([base], problems))
     counted = np.concatenate([np.asarray(p.weights) for p in problems]) > 0
     columns = whitened - base_whitened
     sizes = np.sqrt(np.mean((raw - base_raw)[:, counted] ** 2, axis=1))

@@ -21,11 +21,11 @@ from ._fit import scores_of as scores_of
 from ._fit import settle as settle
 from ._fit import silent as silent
 from ._fit import solve_from as solve_from
-from ._least_squares import finish as finish
+from ._layout import layout_of as layout_of
+from ._layout import split as split
 from ._least_squares import jacobian as jacobian
-from ._least_squares import layout_of as layout_of
+from ._least_squares import simulate as simulate
 from ._least_squares import simulate_all as simulate_all
-from ._least_squares import stack as stack
 from ._noise import Noise as Noise
 from ._noise import autoregression as autoregression
 from ._noise import measured_noise as measured_noise

@@ -11,7 +11,8 @@ import numpy as np
 
 from .._blocks import AbstractBlock
 from .._recording import InputError
-from ._box import Found, position_of, with_gradient
+from ._box import Found, with_gradient
+from ._layout import position_of
 from ._problem import Problem
 
 _TOLERANCE = 1e-10

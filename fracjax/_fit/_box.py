@@ -16,9 +16,11 @@ import numpy as np
 from jax import Array
 
 from .._blocks import AbstractBlock
-from .._parameters import Parameter, named_parameters, replace_parameters, set_values
-from ._least_squares import jacobian, layout_of, project, projected_residual, split
+from .._parameters import Parameter, named_parameters, replace_parameters
+from ._layout import layout_of, placed
+from ._least_squares import jacobian
 from ._problem import Problem
+from ._variable_projection import project, projected_residual
 
 Objective = Callable[[Array], Array]
 
@@ -37,27 +39,6 @@ class Found(NamedTuple):
 def dimension(block: AbstractBlock) -> int:
     """How many numbers a search over the block's shapes moves."""
     return sum(size for _, size in layout_of(block).shapes)
-
-
-def placed(block: AbstractBlock, position: Array) -> AbstractBlock:
-    """The block with its shapes at a point (n,) of the unit cube."""
-    parameters = named_parameters(block)
-    shares = split(block, layout_of(block).shapes, position)
-    return set_values(block, {n: parameters[n].from_share(s) for n, s in shares.items()})
-
-
-def position_of(block: AbstractBlock) -> np.ndarray:
-    """The point (n,) of the unit cube where the block's shapes stand."""
-    parameters = named_parameters(block)
-    shapes = layout_of(block).shapes
-    return np.concatenate(
-        [np.ravel(parameters[n].to_share(parameters[n].value)) for n, _ in shapes]
-    )
-
-
-def angles_of(position: np.ndarray) -> np.ndarray:
-    """The angles of `Parameter.from_unconstrained` that stand for a point of the unit cube."""
-    return np.arcsin(2 * position - 1)
 
 
 def objective(block: AbstractBlock, problems: tuple[Problem, ...]) -> Objective:

@@ -233,7 +233,7 @@ def _shape_of(coordinates: Array) -> _Shape:
     parameters = named_parameters(PEADynamics())
     angles = jnp.append(coordinates[2:], jnp.array([np.pi / 2, 0.0]))[:3]
     mu, frequency, damping = (
-        parameters[name].from_unconstrained(angle)
+        parameters[name].from_share((1 + jnp.sin(angle)) / 2)
         for name, angle in zip(_BOUNDED, angles, strict=True)
     )
     return _Shape(coordinates[0], coordinates[1], mu, jnp.log(frequency), jnp.log(damping))
@@ -245,7 +245,7 @@ def _candidates(frequencies: np.ndarray) -> tuple[Array, Array]:
     parameters = named_parameters(PEADynamics())
     places = np.geomspace(frequencies.min(), 10 * frequencies.max(), _MODES)
     mu, frequency, damping = (
-        parameters[name].to_unconstrained(values)
+        jnp.arcsin(2 * parameters[name].to_share(values) - 1)
         for name, values in zip(_BOUNDED, (_CURVATURES, places, _DAMPINGS), strict=True)
     )
     slopes, mu = (jnp.ravel(axis) for axis in jnp.meshgrid(_SLOPES, mu))

@@ -18,7 +18,7 @@ from .._models import Model
 from .._parameters import named_parameters, replace_parameters
 from .._recording import InputError, Recording
 from ._bounded import bounded, require_jaxopt
-from ._box import Found, angles_of, dimension, objective, with_bounded_gains, with_bounded_shapes
+from ._box import Found, dimension, objective, with_bounded_gains, with_bounded_shapes
 from ._evolution import DifferentialEvolution
 from ._fit import (
     Fit,
@@ -34,7 +34,7 @@ from ._fit import (
     solved_at,
     starts_of,
 )
-from ._least_squares import Layout, layout_of
+from ._layout import Layout, layout_of
 from ._noise import Noise
 from ._preparation import Past, Preparation
 from ._problem import Problem
@@ -234,11 +234,10 @@ def _solved(block: AbstractBlock, found: Found, preparation: Preparation) -> Sol
     """A search's end as a fit's: it ends by its budget, and has no other criterion."""
     return solved_at(
         block,
-        angles_of(np.asarray(found.position)),
-        preparation.problems(),
+        np.asarray(found.position),
         preparation,
         converged=bool(np.isfinite(found.cost)),
-        costs=np.asarray(found.cost)[None],
+        costs=(float(found.cost),),
         evaluations=int(found.evaluations),
     )
 

@@ -14,15 +14,16 @@ from .._blocks import AbstractBlock, Setting
 from .._models import Model, parse_model
 from .._parameters import Parameter, named_parameters, replace_parameters, set_values
 from .._recording import InputError, Recording, require_units_of
-from ._least_squares import finish, layout_of, moved, solve, stack
+from ._layout import layout_of
+from ._least_squares import Objective, begin, descend, simulate
 from ._noise import Noise, measured_noise, residual_noise
 from ._preparation import Past, Preparation, Take, coarse_oversampling, other_histories, take_of
-from ._problem import Problem
 from ._programs import make_room
 from ._uncertainty import Estimate, estimates
 
 SCHEMA = "fracjax.fit/1"
 _ROUNDS = 20
+_LOOKS = 12
 
 Progress = Callable[[str], None]
 
@@ -176,64 +177,62 @@ def starts_of(block: AbstractBlock, count: int, seed: int) -> list[AbstractBlock
 def solve_from(
     starts: list[AbstractBlock], preparation: Preparation, hopeless: float = np.inf
 ) -> Solved:
-    """A few steps from every start, then the two best to convergence; the best of them finished.
+    """A few looks from every start, then the two best to convergence; the best of them finished.
 
-    A fit counts as converged too when twelve steps gain less than a tenth in χ², or less than 1e-4
-    of what is left beyond the noise.  Above `hopeless` in χ² the first steps are all that is spent.
+    A fit counts as converged too when twelve looks gain less than a tenth in χ², or less than 1e-4
+    of what is left beyond the noise.  Above `hopeless` in χ² the first looks are all that is spent.
     """
     make_room()
     problems = preparation.problems()
     samples = int(sum(p.weights.sum() for p in problems))
-    solution = solve(stack(starts), np.ones(len(starts), bool), problems)
-    costs, converged = np.array(solution.cost), np.array(solution.success)
-    angles, steps = np.array(solution.angles), int(solution.steps.sum())
+    descents = [descend(begin(start), problems, _LOOKS) for start in starts]
     for _ in range(_ROUNDS):
-        order = np.argsort(costs)
-        active = np.zeros(len(starts), bool)
-        active[order[:2]] = ~converged[order[:2]]
-        if converged[order[0]] or costs[order[0]] > hopeless:
+        order = np.argsort([d.cost for d in descents])
+        best = descents[order[0]]
+        if best.converged or not best.cost <= hopeless:
             break
-        before = costs[order[0]]
-        solution = solve(moved(stack(starts), angles), active, problems)
-        steps += int(solution.steps.sum())
-        costs = np.where(active, np.minimum(costs, solution.cost), costs)
-        angles = np.where(active[:, None], solution.angles, angles)
-        converged = np.where(active, solution.success, converged)
-        if before - costs.min() < max(0.1, 1e-4 * (before - samples)):
-            converged[np.argmin(costs)] = True
-    best = int(np.argmin(costs))
+        for k in order[:2]:
+            if not descents[k].converged:
+                descents[k] = descend(descents[k], problems, _LOOKS)
+        least = min(descents, key=lambda d: d.cost)
+        if best.cost - least.cost < max(0.1, 1e-4 * (best.cost - samples)):
+            descents[descents.index(least)] = least._replace(converged=True)
+    best = min(descents, key=lambda d: d.cost)
     return solved_at(
-        starts[best],
-        angles[best],
-        problems,
+        best.block,
+        best.position,
         preparation,
-        converged=bool(converged[best]) and bool(np.isfinite(costs[best])),
-        costs=costs,
-        evaluations=steps,
+        converged=best.converged and np.isfinite(best.cost),
+        costs=tuple(d.cost for d in descents),
+        evaluations=sum(d.evaluations for d in descents),
     )
 
 
 def solved_at(
     block: AbstractBlock,
-    angles: np.ndarray,
-    problems: tuple[Problem, ...],
+    position: np.ndarray,
     preparation: Preparation,
     *,
     converged: bool,
-    costs: np.ndarray,
+    costs: tuple[float, ...],
     evaluations: int,
 ) -> Solved:
-    """The block at the best shapes that were found, finished; `costs` (S,) of all starts."""
-    finished, own, simulations = finish(block, angles, problems)
-    ends = np.cumsum([p.own.shape[1] for p in problems])
-    lengths = [len(take.recording) for take in preparation.takes]
+    """The block at the best position that was found, finished; `costs` (S,) of all starts."""
+    problems = preparation.problems()
+    point = Objective(block, problems).at(position)
+    counts = [p.own.shape[1] for p in problems]
+    own = np.split(point.own, np.cumsum(counts)[:-1])
+    simulations = [
+        (simulate(point.block, problem) + problem.own @ terms)[: len(take.recording)]
+        for take, problem, terms in zip(preparation.takes, problems, own, strict=True)
+    ]
     return Solved(
-        block=jax.tree_util.tree_map(np.asarray, finished),
-        own=tuple(np.split(np.asarray(own), ends[:-1])),
-        simulations=tuple(np.asarray(s)[:n] for s, n in zip(simulations, lengths, strict=True)),
-        cost=float(costs.min()),
-        converged=converged,
-        start_costs=tuple(float(c) for c in costs),
+        block=jax.tree_util.tree_map(np.asarray, point.block),
+        own=tuple(own),
+        simulations=tuple(simulations),
+        cost=min(costs),
+        converged=bool(converged),
+        start_costs=costs,
         samples=int(sum(p.weights.sum() for p in problems)),
         evaluations=evaluations,
     )

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from typing import Any
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -38,8 +40,12 @@ class Problem(eqx.Module):
         """The block's response (L,) at the recording's samples."""
         return block(jnp.asarray(self.drive), self.grid)[:: self.oversampling]
 
-    def whiten(self, signals: Array | np.ndarray) -> Array:
+    def whiten(self, signals: Any) -> Any:
         """Signals (L, …) through the whitening filter, unit variance where the weight is 1."""
+        if isinstance(signals, np.ndarray) and isinstance(self.weights, np.ndarray):
+            taps = np.trim_zeros(np.asarray(self.whitening), "b")
+            filtered = lfilter(taps, 1.0, signals, axis=0) if taps.size > 1 else taps * signals
+            return (filtered.T * self.weights).T
         length, others = signals.shape[0], [(0, 0)] * (signals.ndim - 1)
         padded = jnp.pad(jnp.asarray(signals), [(_FILTER_TAPS - 1, 0), *others])
         starts = range(_FILTER_TAPS - 1, -1, -1)

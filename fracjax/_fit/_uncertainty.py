@@ -5,15 +5,14 @@ from __future__ import annotations
 from dataclasses import dataclass
 from itertools import combinations
 
-import equinox as eqx
 import numpy as np
 
 from .._blocks import AbstractBlock
 from .._parameters import Parameter, named_parameters
-from ._least_squares import jacobian, layout_of
+from ._layout import layout_of
+from ._least_squares import jacobian
 from ._problem import Problem
 
-_whiten = eqx.filter_jit(Problem.whiten)
 _CLOSE = 0.995
 _SHARE_OF_RESPONSE = 0.05
 
@@ -68,7 +67,7 @@ def estimates(
     correlation = covariance / np.sqrt(np.outer(np.diag(covariance), np.diag(covariance)))
 
     layout, parameters = layout_of(block), named_parameters(block)
-    whitened = np.concatenate([_whiten(p, p.response - p.response.mean()) for p in problems])
+    whitened = np.concatenate([p.whiten(p.response - p.response.mean()) for p in problems])
     response_size = np.linalg.norm(whitened)
     found, labels, at = [], layout.labels, 0
     for name, size in layout.shapes + layout.gains:

@@ -11,8 +11,7 @@ import numpy as np
 from jax import Array
 
 from .._blocks import AbstractBlock
-from .._fit import Fit, Problem, jacobian, layout_of, physical_unit
-from .._fit._least_squares import split
+from .._fit import Fit, Problem, jacobian, layout_of, physical_unit, split
 from .._parameters import named_parameters, set_values
 from .._recording import InputError
 from ._noise_models import AbstractNoiseModel, Signals, Term

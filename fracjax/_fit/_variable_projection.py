@@ -1,0 +1,66 @@
+r"""Least squares with the gains eliminated, as one differentiable and compiled function.
+
+A model is y = Φ(θ) c + y_0(θ) with gains c, and each recording's own terms, entering linearly.  For
+each θ the gains follow from a linear least-squares problem, so that a search runs over θ alone:
+
+    min_θ ‖ W (y - y_0(θ) - Φ(θ) c(θ)) ‖²,     c(θ) = argmin_c ‖ W (y - y_0(θ) - Φ(θ) c) ‖
+
+Source: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413.
+"""
+
+from __future__ import annotations
+
+import jax
+import jax.numpy as jnp
+from jax import Array
+
+from .._blocks import AbstractBlock
+from ._layout import layout_of, own_columns, with_gains
+from ._problem import Problem
+
+_RIDGE = 1e-9
+
+
+def _linear_system(block: AbstractBlock, problem: Problem, own: Array) -> tuple[Array, Array]:
+    """Whitened columns (L, gains + own) and whitened remainder (L,) of one recording."""
+    count = sum(size for _, size in layout_of(block).gains)
+    at_zero, along = jax.linearize(
+        lambda gains: problem.simulate(with_gains(block, gains)), jnp.zeros(count)
+    )
+    columns = [jax.vmap(along)(jnp.eye(count)).T] if count else []
+    columns = jnp.concatenate([*columns, own], axis=1)
+    return problem.whiten(columns), problem.whiten(problem.response - at_zero)
+
+
+def project(block: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[Array, Array, Array]:
+    """Best gains and own terms at the block's shapes, the whitened residual (ΣL,), and an
+    orthonormal basis (ΣL, gains + own) of what they span."""
+    own = own_columns(problems)
+    systems = [_linear_system(block, p, o) for p, o in zip(problems, own, strict=True)]
+    columns = jnp.concatenate([s[0] for s in systems])
+    target = jnp.concatenate([s[1] for s in systems])
+    # Columns of unit length, and a ridge far below the noise, where two of them coincide.
+    lengths = jnp.sqrt(jnp.sum(columns**2, axis=0)) + 1e-300
+    scaled = jnp.concatenate([columns / lengths, _RIDGE * jnp.eye(columns.shape[1])])
+    q, r = jnp.linalg.qr(scaled)
+    basis = q[: target.shape[0]]
+    solution = jax.scipy.linalg.solve_triangular(r, basis.T @ target) / lengths
+    return solution, target - columns @ solution, basis
+
+
+def projected_residual(block: AbstractBlock, problems: tuple[Problem, ...]) -> Array:
+    """The residual of `project`, with Kaufman's derivative: -(1 - QQᵀ) (∂Φ/∂θ) c.
+
+    Gains and basis are held while differentiating; the term left out is of the order of the
+    residual itself (Kaufman, BIT 15 (1975) 49), and no derivative runs through the QR.
+    """
+    solution, _, basis = jax.lax.stop_gradient(project(block, problems))
+    count = solution.shape[0] - sum(p.own.shape[1] for p in problems)
+    fitted = with_gains(block, solution[:count])
+    residual = jnp.concatenate(
+        [
+            p.whiten(p.response - p.simulate(fitted) - own @ solution[count:])
+            for p, own in zip(problems, own_columns(problems), strict=True)
+        ]
+    )
+    return residual - basis @ (basis.T @ residual)

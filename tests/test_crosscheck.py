@@ -283,8 +283,8 @@ def sabotaged(checked) -> Crosscheck:
         problems = preparation.problems()
         cost = cost_at(block, problems, position_of(block))
         return _crosscheck.solved_at(
-            block, _crosscheck.angles_of(position_of(block)), problems, preparation,
-            converged=True, costs=np.asarray(cost)[None], evaluations=1,
+            block, position_of(block), preparation,
+            converged=True, costs=(float(cost),), evaluations=1,
         )  # fmt: skip
 
     with pytest.MonkeyPatch.context() as patch:

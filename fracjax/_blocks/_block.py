@@ -15,6 +15,8 @@ from jax.typing import ArrayLike
 from .._operators import Grid, convolve
 from .._parameters import named_parameters, set_values
 
+_AT_ONCE = 4
+
 Columns = dict[str, Array]
 """Per parameter the derivative (N, size) of a response (N,) with respect to it."""
 
@@ -52,11 +54,7 @@ class AbstractBlock(eqx.Module):
             size = jnp.size(parameters[name].value)
             found[name] = columns[:, at : at + size]
             at += size
-        if self.linear:
-            changes = [_respond(self, change, grid) for change in along]
-        else:
-            changes = [_passed(self, drive, change, grid) for change in along]
-        return response, found, changes
+        return response, found, _changes(self, drive, along, grid)
 
     def __rshift__(self, other: AbstractBlock) -> AbstractBlock:
         if isinstance(self, AbstractLinearBlock) and isinstance(other, AbstractLinearBlock):
@@ -74,9 +72,22 @@ def _respond(block: AbstractBlock, drive: Array, grid: Grid) -> Array:
     return block(jnp.asarray(drive), grid)
 
 
+def _changes(block: AbstractBlock, drive: Array, along: Sequence[Array], grid: Grid) -> list[Array]:
+    """The response's changes along each change of the drive."""
+    if not along:
+        return []
+    # In fours, so that few numbers of them are compiled for.
+    nothing = [jnp.zeros_like(drive)] * (-len(along) % _AT_ONCE)
+    passed = _passed(block, drive, jnp.stack([*along, *nothing]), grid)
+    return list(passed[: len(along)])
+
+
 @eqx.filter_jit
-def _passed(block: AbstractBlock, drive: Array, change: Array, grid: Grid) -> Array:
-    return jax.jvp(lambda d: block(d, grid), (jnp.asarray(drive),), (jnp.asarray(change),))[1]
+def _passed(block: AbstractBlock, drive: Array, along: Array, grid: Grid) -> Array:
+    """Changes (K, N) of the response along changes (K, N) of the drive."""
+    if block.linear:
+        return jax.vmap(lambda change: block(change, grid))(along)
+    return jax.vmap(jax.linearize(lambda d: block(d, grid), jnp.asarray(drive))[1])(along)
 
 
 @eqx.filter_jit

@@ -73,6 +73,7 @@ class Judged:
     """A refitted candidate with everything the naming rule asks."""
 
     refit: Refit
+    preparation: Preparation
     delta_bic: float
     explained: float
     numerics: float
@@ -184,7 +185,7 @@ class _Procedure:
         self.base, self.numerics, self.seed, self.progress = base, numerics, seed, progress
         self.setting = base.preparation.setting
         self.take = None if holdout is None else self._take(holdout)
-        self.base_prediction = self._predict(base.solved)
+        self.base_prediction = self._predict(base.solved, base.preparation)
 
     def _take(self, holdout: Recording) -> Take:
         """The held-out recording under the assumptions of the first training recording."""
@@ -193,10 +194,10 @@ class _Procedure:
         history = first.history if first.history != "periodic" else None
         return take_of(holdout, measured_noise(holdout) or first.noise, history, None)
 
-    def _predict(self, solved: Solved) -> Prediction:
+    def _predict(self, solved: Solved, preparation: Preparation) -> Prediction:
         if self.take is None:
-            return predict_stretches(solved, self.base.preparation)
-        return predict_recording(solved, self.base.preparation, self.take)
+            return predict_stretches(solved, preparation)
+        return predict_recording(solved, preparation, self.take)
 
     def run(self, model: Model) -> Diagnosis:
         stage, first_scores, first_axes, first_p = self.base, [], [], 1.0
@@ -221,7 +222,7 @@ class _Procedure:
                 winner.refit.score.effect.insert(
                     stage.nominal, winner.refit.score.trials[winner.refit.score.best]
                 ),
-                stage.preparation,
+                winner.preparation,
                 (*stage.adopted, winner.name),
             )
         return self._conclude(model, stage, winners, judged, first_scores, first_axes, first_p)
@@ -244,13 +245,16 @@ class _Procedure:
 
     def _judge(self, stage: Stage, scores: list[EffectScore]) -> list[Judged]:
         """Refit the shortlist and put every candidate to the naming rule's questions."""
-        ranked = sorted(scores, key=lambda s: -s.log_evidence)
+        # What a refit can gain is about z²; where even twice that is no evidence, none is needed.
+        least = _DELTA_BIC + np.log(stage.solved.samples)
+        promising = [s for s in scores if 2 * float(np.max(s.z**2)) >= least]
+        ranked = sorted(promising, key=lambda s: -s.log_evidence)
         shortlist = ranked[:_SHORTLIST] + [
             s
             for s in ranked[_SHORTLIST:]
             if any(confusability(s, t) > _LIKE for t in ranked[:_SHORTLIST])
         ]
-        before = self._predict(stage.solved)
+        before = self._predict(stage.solved, stage.preparation)
         found: list[Judged] = []
         hopeless = np.inf
         for score in shortlist[:_LONGEST_SHORTLIST]:
@@ -264,29 +268,32 @@ class _Procedure:
         return found
 
     def _questions(self, stage: Stage, attempt: Refit, before: Prediction) -> Judged:
-        solved = attempt.solved
+        solved, preparation, numerics = attempt.solved, stage.preparation, 0.0
+        if self._delta_bic(stage, solved) >= _DELTA_BIC:
+            solved, preparation, numerics = _fine_enough(solved, preparation, self.progress)
+            attempt = replace(attempt, solved=solved)
         fall = stage.solved.cost - solved.cost
         # The excess itself is uncertain by the χ² distribution and by the noise level's own error.
         doubt = 3 * np.sqrt(6 * solved.samples)
         total_fall = self.base.solved.cost - solved.cost
-        basis = residual_of(solved, stage.preparation).basis
-        prediction = self._predict(solved)
+        prediction = self._predict(solved, preparation)
         return Judged(
             refit=attempt,
-            delta_bic=(stage.solved.bic - solved.bic) / self._inflation(solved),
+            delta_bic=self._delta_bic(stage, solved),
             explained=float(total_fall / max(total_fall, self.base.excess - doubt))
             if fall > 0
             else 0.0,
-            numerics=numerical_error(solved.block, stage.preparation, basis),
+            numerics=numerics,
+            preparation=preparation,
             gain=gain(before, prediction),
             prediction=prediction,
             plausible=_plausible(attempt),
         )
 
     @staticmethod
-    def _inflation(solved: Solved) -> float:
-        """Evidence counts in units of what is left unexplained, where that exceeds the noise."""
-        return max(1.0, solved.cost / solved.samples)
+    def _delta_bic(stage: Stage, solved: Solved) -> float:
+        """Evidence in units of what is left unexplained, where that exceeds the noise."""
+        return (stage.solved.bic - solved.bic) / max(1.0, solved.cost / solved.samples)
 
     def _best(self, found: list[Judged]) -> Judged | None:
         admissible = [j for j in found if j.admissible]

@@ -16,7 +16,7 @@ from typing import NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from scipy.linalg import qr, solve_triangular
+from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares
 
 from .._blocks import AbstractBlock
@@ -156,7 +156,7 @@ def _least(columns: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndar
     # Columns of unit length, and a ridge far below the noise, where two of them coincide.
     lengths = np.linalg.norm(columns, axis=0) + 1e-300
     scaled = np.concatenate([columns / lengths, _RIDGE * np.eye(columns.shape[1])])
-    q, r = qr(scaled, mode="economic", check_finite=False)
+    q, r = np.linalg.qr(scaled)
     basis = q[: target.size]
     solution = solve_triangular(r, basis.T @ target, check_finite=False) / lengths
     return solution, target - columns @ solution, basis
@@ -188,12 +188,12 @@ def descend(at: Descent, problems: tuple[Problem, ...], looks: int) -> Descent:
     found = least_squares(
         objective.residual,
         at.position,
-        objective.derivative,
+        objective.derivative,  # type: ignore[arg-type]
         bounds=objective.bounds(),
         x_scale="jac",
         ftol=_RELATIVE,
         xtol=_RELATIVE,
-        gtol=None,
+        gtol=None,  # type: ignore[arg-type]
         max_nfev=looks,
     )
     return at._replace(

@@ -45,7 +45,7 @@ class Problem(eqx.Module):
         if isinstance(signals, np.ndarray) and isinstance(self.weights, np.ndarray):
             taps = np.trim_zeros(np.asarray(self.whitening), "b")
             filtered = lfilter(taps, 1.0, signals, axis=0) if taps.size > 1 else taps * signals
-            return (filtered.T * self.weights).T
+            return (np.transpose(np.asarray(filtered)) * self.weights).T
         length, others = signals.shape[0], [(0, 0)] * (signals.ndim - 1)
         padded = jnp.pad(jnp.asarray(signals), [(_FILTER_TAPS - 1, 0), *others])
         starts = range(_FILTER_TAPS - 1, -1, -1)

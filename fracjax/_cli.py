@@ -505,6 +505,11 @@ def _posterior_figures(posterior: Posterior) -> tuple[list[str], list[list[str]]
 @click.option("--holdout", metavar="FILE", help="A recording that no fit sees.")
 @click.option("--repeat", metavar="FILE", help="The same drive again, for the noise floor.")
 @click.option("--noise", metavar='"0.07 um"', help="The sensor's noise, rms, as specified.")
+@click.option(
+    "--limits",
+    metavar='"0..100 V, 50 V/ms"',
+    help="What the next experiment may ask for: the drive's range and its fastest change.",
+)
 @_options(_reading, _history, _settle, _seed, _quiet, _json)
 @click.pass_obj
 def diagnose_command(
@@ -515,6 +520,7 @@ def diagnose_command(
     holdout: str | None,
     repeat: str | None,
     noise: str | None,
+    limits: str | None,
     history: str,
     settle: str | None,
     seed: int,
@@ -524,8 +530,10 @@ def diagnose_command(
 ) -> int:
     """Say whether, where and why a model and recordings differ.
 
-    Writes diagnosis.json, report.html and fit.json, the model with what was found.
+    Writes diagnosis.json, report.html and fit.json, the model with what was found; and
+    next_experiment.csv, the drive that would tell look-alikes apart, where there are any.
     """
+    from ._diagnose import parse_limits
     from ._io import read
 
     taken, (model,) = _understood(recordings, [name], columns)
@@ -533,6 +541,7 @@ def diagnose_command(
         "holdout": holdout and read(holdout, **columns),
         "repeat": repeat and read(repeat, **columns),
         "noise": noise and _specification(noise, taken[0].response_unit),
+        "limits": limits and parse_limits(limits, taken),
         "history": _known(history),
         "settling": _samples(settle, taken),
         "seed": seed,
@@ -583,6 +592,7 @@ def _diagnosed(
 ) -> Diagnosis:
     """The diagnosis, saved."""
     from ._diagnose import diagnose
+    from ._io import write
     from ._report import write_report
 
     _prepare_jax()
@@ -590,6 +600,11 @@ def _diagnosed(
     progress("writing the report")
     _save(diagnosis.save, out / "diagnosis.json", saved)
     _save((diagnosis.extended or diagnosis.base).save, out / "fit.json", saved)
+    if diagnosis.next_experiment:
+        drive = diagnosis.next_experiment.drive
+        head = _head("drive", diagnosis.base.preparation.takes[0].recording.drive_unit)
+        columns = {"time_s": drive.times, head: drive.values}
+        _save(lambda path: write(path, columns), out / "next_experiment.csv", saved)
     _save(lambda path: write_report(diagnosis, path), out / "report.html", saved)
     return diagnosis
 

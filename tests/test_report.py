@@ -13,7 +13,15 @@ import numpy as np
 import pytest
 
 from fracjax._blocks import FOH
-from fracjax._diagnose import Axis, Candidate, Diagnosis, HeldOut, NamedEffect, NextExperiment
+from fracjax._diagnose import (
+    Axis,
+    Candidate,
+    Diagnosis,
+    Drive,
+    HeldOut,
+    NamedEffect,
+    NextExperiment,
+)
 from fracjax._fit import Estimate, Fit, fit
 from fracjax._models import Model
 from fracjax._operators import Grid
@@ -83,7 +91,12 @@ def diagnosis(fitted: Fit) -> Diagnosis:
         held_out=HeldOut(
             "stretches set aside in turn", 0.03, 0.011, (0.02, 0.04), (0.01, 0.012), ""
         ),
-        next_experiment=NextExperiment("Record steps both ways.", ("creep", "drive_lag")),
+        next_experiment=NextExperiment(
+            "Record steps both ways.",
+            ("creep", "drive_lag"),
+            0.9,
+            Drive("steps", np.repeat([0.0, 40.0], 50), 1e-3),
+        ),
         warnings=("The response is clipped.",),
     )
 

@@ -6,8 +6,10 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
+from jax import Array
 from jax.typing import ArrayLike
 
+from .._operators import Grid
 from .._parameters import set_values
 from ._block import AbstractBlock
 
@@ -64,6 +66,16 @@ class Effect:
         if self.site == "additive":
             return base + block
         return base >> block
+
+    def respond(
+        self, base: AbstractBlock, block: AbstractBlock, drive: Array, response: Array, grid: Grid
+    ) -> Array:
+        """The response (N,) with this effect, where the base's own response is known."""
+        if self.site == "drive":
+            return base.respond(block.respond(drive, grid), grid)
+        if self.site == "additive":
+            return response + block.respond(drive, grid)
+        return block.respond(response, grid)
 
 
 def at_values(

@@ -36,20 +36,30 @@ from .._parameters import named_parameters
 from .._recording import Recording, require_units_of
 from ._held_out import Gain, Prediction, gain, predict_recording, predict_stretches
 from ._locate import locate
+from ._next_experiment import Limits, propose, recorded_limits
 from ._refit import Refit, refit
-from ._result import Axis, Candidate, Diagnosis, HeldOut, NamedEffect, Verdict
-from ._score import EffectScore, Residual, confusability, family_wise_p, score_effect
+from ._result import (
+    Axis,
+    Candidate,
+    Diagnosis,
+    HeldOut,
+    NamedEffect,
+    NextExperiment,
+    Verdict,
+)
+from ._score import EffectScore, Residual, Scorer, confusability, family_wise_p
 from ._sentence import next_experiment, sentence_of, where_of
 
 _SIGNIFICANCE = 0.01
 _FINEST = 8
 _NUMERICS_TARGET, _NUMERICS_LIMIT = 0.5, 1.0
 _STARTS = 8
-_SHORTLIST, _LONGEST_SHORTLIST = 4, 6
+_SHORTLIST, _LONGEST_SHORTLIST = 4, 8
 _LIKE = 0.9
 _DELTA_BIC = 10.0
 _EXPLAINED = 0.9
 _ROUNDS = 3
+_MOST_RIVALS = 4
 
 
 @dataclass(frozen=True)
@@ -132,6 +142,7 @@ def diagnose(
     noise: float | None = None,
     history: Past | None = None,
     settling: int | None = None,
+    limits: Limits | None = None,
     seed: int = 0,
     progress: Progress = silent,
 ) -> Diagnosis:
@@ -140,6 +151,8 @@ def diagnose(
     `holdout` is a recording that no fit sees; without one, stretches are set aside in turn.
     `repeat` holds the drive a second time, for the noise floor; `noise` is the sensor's
     specification [response unit, rms], used where neither repeats nor rests show the noise.
+    `limits` of the drive bound the next experiment; without them the range that was recorded and
+    ten times its fastest change do.
     Raises InputError where the recordings do not fit together.
     """
     listed = [recordings] if isinstance(recordings, Recording) else list(recordings)
@@ -154,7 +167,8 @@ def diagnose(
         )
         solved, preparation, numerics = _fine_enough(solved, preparation, progress)
         base = Stage(model.name, solved, model.block, preparation)
-        return _Procedure(base, numerics, holdout, seed, progress).run(model)
+        limits = limits or recorded_limits(listed)
+        return _Procedure(base, numerics, holdout, limits, seed, progress).run(model)
 
 
 def _fine_enough(
@@ -179,10 +193,12 @@ class _Procedure:
         base: Stage,
         numerics: float,
         holdout: Recording | None,
+        limits: Limits,
         seed: int,
         progress: Progress,
     ):
         self.base, self.numerics, self.seed, self.progress = base, numerics, seed, progress
+        self.limits = limits
         self.setting = base.preparation.setting
         self.take = None if holdout is None else self._take(holdout)
         self.base_prediction = self._predict(base.solved, base.preparation)
@@ -233,8 +249,9 @@ class _Procedure:
         self.progress(f"testing what {what} leaves")
         problems = stage.preparation.problems()
         residual = residual_of(stage.solved, stage.preparation)
+        scorer = Scorer(stage.solved.block, problems, residual)
         scores = [
-            score_effect(effect, stage.solved.block, self.setting, problems, residual)
+            scorer.score(effect, self.setting)
             for name, effect in EFFECTS.items()
             if name not in stage.adopted
         ]
@@ -358,20 +375,41 @@ class _Procedure:
             numerics=self.numerics,
             p_value=p_value,
             held_out=held_out,
-            next_experiment=next_experiment(verdict, effects, candidates),
+            next_experiment=self._next_experiment(verdict, winners, judged),
             warnings=warnings,
         )
+
+    def _next_experiment(
+        self,
+        verdict: Verdict,
+        winners: list[tuple[Judged, list[Judged]]],
+        judged: dict[str, Judged],
+    ) -> NextExperiment | None:
+        """The drive that tells apart what this recording cannot: the look-alikes of an effect, or
+        the best guesses where none explains the mismatch."""
+        if verdict == "confusable":
+            sets = [[w, *_rivals(w, found)] for w, found in winners]
+            rivals = max(sets, key=len)
+        elif verdict == "unexplained":
+            rivals = sorted(judged.values(), key=lambda j: -j.delta_bic)
+        else:
+            return None
+        rivals = rivals[:_MOST_RIVALS]
+        if len(rivals) < 2:
+            return None
+        proposal = propose(
+            [j.refit.solved.block for j in rivals],
+            rivals[0].preparation,
+            self.limits,
+            self.progress,
+        )
+        return next_experiment([j.name for j in rivals], proposal)
 
     def _named(
         self, winner: Judged, found: list[Judged], extended: Fit, stage: Stage
     ) -> NamedEffect:
         rivals = [j for j in found if j.admissible]
         weights = softmax([0.5 * j.delta_bic for j in rivals])
-        confusable = tuple(
-            j.name
-            for j in rivals
-            if j.name != winner.name and winner.delta_bic - j.delta_bic < _DELTA_BIC
-        )
         effect = winner.refit.score.effect
         own = _own_parameters(stage, winner, extended)
         return NamedEffect(
@@ -380,7 +418,7 @@ class _Procedure:
             probability=float(weights[[j.name for j in rivals].index(winner.name)]),
             explained_fraction=float(np.clip(winner.explained, 0.0, 1.0)),
             parameters=own,
-            confusable_with=confusable,
+            confusable_with=tuple(j.name for j in _rivals(winner, found)),
         )
 
     def _candidate(
@@ -428,6 +466,16 @@ class _Procedure:
         if not self.base.solved.converged:
             found.append("The base fit did not converge; its figures are those of its best point.")
         return tuple(found)
+
+
+def _rivals(winner: Judged, found: list[Judged]) -> list[Judged]:
+    """The admissible effects that fit as well as the winner, best first."""
+    close = [
+        j
+        for j in found
+        if j.admissible and j is not winner and winner.delta_bic - j.delta_bic < _DELTA_BIC
+    ]
+    return sorted(close, key=lambda j: -j.delta_bic)
 
 
 def _extended_name(base: str, winner: Judged) -> str:

@@ -27,7 +27,7 @@ def locate(
     """All axes that the recordings have, each with its map of strength."""
     places = _Places(preparation, problems, residual)
     axes = [places.time(), places.frequency(), places.level(), places.rate(), places.reversal()]
-    if places.period:
+    if places.phases is not None:
         axes += [places.phase(), places.harmonics()]
     return axes
 
@@ -38,8 +38,6 @@ class _Places:
     def __init__(self, preparation: Preparation, problems: tuple[Problem, ...], residual: Residual):
         self.problems, self.residual = problems, residual
         first = preparation.takes[0].recording
-        repeats = first.drive_period() if len(problems) == 1 else None
-        self.period = repeats.period if repeats else 0
         self.step = first.dt
         self.units = (first.drive_unit, first.response_unit)
         lengths = [p.response.shape[0] for p in problems]
@@ -58,6 +56,12 @@ class _Places:
             ]
         )
         self.counted = np.concatenate([np.asarray(p.weights) for p in problems]) > 0
+        repeats = [t.recording.drive_period() for t in preparation.takes]
+        # In periods since the first sample, where every recording's drive has a period.
+        self.phases = None
+        if all(repeats):
+            turns = [np.arange(n) / r.period for n, r in zip(lengths, repeats, strict=True) if r]
+            self.phases = np.concatenate(turns)
 
     def _whiten(self, columns: np.ndarray) -> np.ndarray:
         """Columns (K, ΣL) through each recording's whitening filter."""
@@ -137,12 +141,16 @@ class _Places:
         return self._binned("reversal", "s", elapsed, edges, direction)
 
     def phase(self) -> Axis:
-        phases = (np.arange(self.times.size) % self.period) / self.period * 360
-        return self._binned("phase", "deg", phases, np.linspace(0, 360, _PHASE_BINS + 1))
+        degrees = self._turns() % 1 * 360
+        return self._binned("phase", "deg", degrees, np.linspace(0, 360, _PHASE_BINS + 1))
+
+    def _turns(self) -> np.ndarray:
+        assert self.phases is not None  # asked for only where there are any
+        return self.phases
 
     def harmonics(self) -> Axis:
         """The first ten harmonics of the drive's period, each with both quadratures."""
-        angles = 2 * np.pi * np.arange(self.times.size) / self.period
+        angles = 2 * np.pi * self._turns()
         groups = (
             np.stack([np.cos(k * angles), np.sin(k * angles)]) * self.counted
             for k in range(1, _HARMONICS + 1)

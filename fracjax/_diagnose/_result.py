@@ -11,6 +11,7 @@ import numpy as np
 
 from .._fit import Estimate, Fit, Noise
 from .._models import Model
+from ._next_experiment import Drive
 
 SCHEMA = "fracjax.diagnosis/1"
 
@@ -93,6 +94,8 @@ class NextExperiment:
 
     sentence: str
     separates: tuple[str, ...]
+    probability: float
+    drive: Drive
 
 
 @dataclass(frozen=True)
@@ -191,6 +194,8 @@ class Diagnosis:
             result["next_experiment"] = {
                 "sentence": self.next_experiment.sentence,
                 "separates": list(self.next_experiment.separates),
+                "probability": self.next_experiment.probability,
+                "drive": self.next_experiment.drive.description,
             }
         return result
 

@@ -14,14 +14,17 @@ vanish under the null.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
+import jax.numpy as jnp
 import numpy as np
+from jax import Array
 from scipy.special import logsumexp
 from scipy.stats import norm
 
 from .._blocks import AbstractBlock, Effect, Setting
-from .._fit import Problem, simulate_all
+from .._fit import Problem
 
 _DRAWS = 20_000
 _DETECTION = 5.0
@@ -74,34 +77,49 @@ class EffectScore:
         return float(_DETECTION * self.sizes[self.best] / max(self.norms[self.best], _LEAST_NORM))
 
 
-def score_effect(
-    effect: Effect,
-    base: AbstractBlock,
-    setting: Setting,
-    problems: tuple[Problem, ...],
-    residual: Residual,
-) -> EffectScore:
-    """Score one effect at all its trials."""
-    trials = list(effect.trials(setting))
-    blocks = [effect.insert(base, trial) for trial in trials]
-    raw, whitened = simulate_all(blocks, problems)
-    base_raw, base_whitened = (simulations[0] for simulations in simulate_all([base], problems))
-    counted = np.concatenate([np.asarray(p.weights) for p in problems]) > 0
-    columns = whitened - base_whitened
-    sizes = np.sqrt(np.mean((raw - base_raw)[:, counted] ** 2, axis=1))
-    projected = residual.project(columns)
-    norms, lengths = np.linalg.norm(projected, axis=1), np.linalg.norm(columns, axis=1)
-    seen = norms > _LEAST_NORM * np.maximum(lengths, 1.0)
-    directions = np.where(seen[:, None], projected / np.maximum(norms, 1e-300)[:, None], 0.0)
-    return EffectScore(
-        effect=effect,
-        trials=trials,
-        z=directions @ residual.whitened,
-        norms=np.where(seen, norms, 0.0),
-        concealments=1 - norms**2 / np.maximum(lengths, 1e-300) ** 2,
-        sizes=sizes,
-        directions=directions,
-    )
+class Scorer:
+    """The score test of effects on one fitted base, whose own response is computed once."""
+
+    def __init__(self, base: AbstractBlock, problems: tuple[Problem, ...], residual: Residual):
+        self.base, self.problems, self.residual = base, problems, residual
+        self.drives = [jnp.asarray(problem.drive) for problem in problems]
+        grids = [problem.grid for problem in problems]
+        self.fine = [base.respond(u, grid) for u, grid in zip(self.drives, grids, strict=True)]
+        self.raw, self.whitened = self._sampled(self.fine)
+        self.counted = np.concatenate([problem.weights for problem in problems]) > 0
+
+    def _sampled(self, fine: Sequence[Array]) -> tuple[np.ndarray, np.ndarray]:
+        """Responses at the recordings' samples (ΣL,), as they are and whitened."""
+        pairs = list(zip(fine, self.problems, strict=True))
+        raw = [np.asarray(response)[:: p.oversampling] for response, p in pairs]
+        white = [p.whiten(r) for r, p in zip(raw, self.problems, strict=True)]
+        return np.concatenate(raw), np.concatenate(white)
+
+    def score(self, effect: Effect, setting: Setting) -> EffectScore:
+        """Score one effect at all its trials."""
+        trials = list(effect.trials(setting))
+        changed = []
+        for trial in trials:
+            parts = zip(self.problems, self.drives, self.fine, strict=True)
+            changed.append(
+                self._sampled([effect.respond(self.base, trial, u, y, p.grid) for p, u, y in parts])
+            )
+        raw, whitened = (np.stack(columns) for columns in zip(*changed, strict=True))
+        columns = whitened - self.whitened
+        sizes = np.sqrt(np.mean((raw - self.raw)[:, self.counted] ** 2, axis=1))
+        projected = self.residual.project(columns)
+        norms, lengths = np.linalg.norm(projected, axis=1), np.linalg.norm(columns, axis=1)
+        seen = norms > _LEAST_NORM * np.maximum(lengths, 1.0)
+        directions = np.where(seen[:, None], projected / np.maximum(norms, 1e-300)[:, None], 0.0)
+        return EffectScore(
+            effect=effect,
+            trials=trials,
+            z=directions @ self.residual.whitened,
+            norms=np.where(seen, norms, 0.0),
+            concealments=1 - norms**2 / np.maximum(lengths, 1e-300) ** 2,
+            sizes=sizes,
+            directions=directions,
+        )
 
 
 def family_wise_p(scores: list[EffectScore], seed: int) -> float:

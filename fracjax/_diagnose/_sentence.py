@@ -6,9 +6,11 @@ from collections.abc import Sequence
 
 from .._blocks import EFFECTS
 from .._fit import Fit, Noise
+from ._next_experiment import Proposal
 from ._result import Axis, Candidate, HeldOut, NamedEffect, NextExperiment, Verdict
 
 _SIGNIFICANCE = 0.01
+_LIKELY = 0.5
 
 
 def where_of(axes: Sequence[Axis], verdict: Verdict) -> str:
@@ -73,29 +75,24 @@ def sentence_of(
     return f"{name} leaves out {parts}.{improvement}"
 
 
-def next_experiment(
-    verdict: Verdict, effects: Sequence[NamedEffect], candidates: Sequence[Candidate]
-) -> NextExperiment | None:
-    """The experiment of the catalogue that separates what was found from its look-alikes."""
-    if verdict == "none":
-        return None
-    for effect in effects:
-        for other in effect.confusable_with:
-            told = EFFECTS[effect.name].separated_by.get(other) or EFFECTS[other].separated_by.get(
-                effect.name
-            )
-            if told:
-                return NextExperiment(f"Record {told}.", (effect.name, other))
-    if verdict == "confusable" and effects:
-        named = effects[0]
-        return NextExperiment(
-            "Record the same drive at twice the frequency and at half the amplitude.",
-            (named.name, *named.confusable_with),
+def advice(one: str, other: str) -> str | None:
+    """What the catalogue says separates two effects."""
+    return EFFECTS[one].separated_by.get(other) or EFFECTS[other].separated_by.get(one)
+
+
+def next_experiment(names: Sequence[str], proposal: Proposal) -> NextExperiment:
+    """The proposed drive, with what to expect of it."""
+    told = " from ".join((names[0], " and ".join(names[1:])))
+    chance = proposal.probability
+    sentence = f"Record {proposal.drive.description}: "
+    if chance >= _LIKELY:
+        sentence += f"it tells {told} with a probability of {chance:.2f}."
+    else:
+        sentence += (
+            f"of the drives within the limits it is the best to tell {told}, but succeeds only "
+            f"with a probability of {chance:.2g}."
         )
-    if verdict == "unexplained":
-        first = candidates[:2]
-        return NextExperiment(
-            "Record the same drive at two amplitudes and two frequencies, each repeated.",
-            tuple(c.name for c in first),
-        )
-    return None
+    known = advice(names[0], names[1])
+    if known and chance < _LIKELY:
+        sentence += f" Better would be {known}."
+    return NextExperiment(sentence, tuple(names), chance, proposal.drive)

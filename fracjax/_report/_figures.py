@@ -14,7 +14,7 @@ from matplotlib.axes import Axes
 from matplotlib.figure import Figure
 from numpy.lib.stride_tricks import sliding_window_view
 
-from .._diagnose import Axis, Candidate, HeldOut
+from .._diagnose import Axis, Candidate, Drive, HeldOut
 from .._fit import Fit, Noise
 from ._text import figure, p_value, percent, pretty_unit, quantity
 
@@ -247,4 +247,15 @@ def held_out(scores: HeldOut, names: Sequence[str], noise: Noise) -> Markup:
     panel.set_xlabel("fold")
     panel.set_ylabel(f"RMSE [{pretty_unit(noise.unit)}]")
     panel.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, borderaxespad=0)
+    return _svg(drawing)
+
+
+@mpl.rc_context(_STYLE)
+def drive(proposed: Drive, unit: str) -> Markup:
+    """A drive over time."""
+    drawing, axes = _canvas(2.2)
+    (panel,) = axes.flat
+    panel.plot(*_thinned(proposed.times, proposed.values), color=COLOURS[0])
+    panel.set_xlabel("time [s]")
+    panel.set_ylabel(f"drive [{pretty_unit(unit)}]")
     return _svg(drawing)

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import Any
 
 import jinja2
+from markupsafe import Markup
 
 from .._blocks import EFFECTS
 from .._diagnose import Candidate, Diagnosis
@@ -136,12 +137,21 @@ def _of_diagnosis(diagnosis: Diagnosis) -> dict[str, Any]:
         "places": _figures.places(diagnosis.axes),
         "hidden": _figures.hidden(diagnosis.candidates, diagnosis.noise),
         "held_out": _figures.held_out(diagnosis.held_out, names, diagnosis.noise),
+        "next_drive": _next_drive(diagnosis),
         "unit": diagnosis.noise.unit,
         "downloads": [
             download("diagnosis.json", diagnosis.to_dict()),
             *(download(f"fit_{file_name(fit.model.name)}.json", fit.to_dict()) for fit in fits),
         ],
     }
+
+
+def _next_drive(diagnosis: Diagnosis) -> Markup | None:
+    """The drive of the next experiment, where one is proposed."""
+    if diagnosis.next_experiment is None:
+        return None
+    unit = diagnosis.base.preparation.takes[0].recording.drive_unit
+    return _figures.drive(diagnosis.next_experiment.drive, unit)
 
 
 def _common(fits: Sequence[Fit], result: Diagnosis | Sequence[Fit]) -> dict[str, Any]:

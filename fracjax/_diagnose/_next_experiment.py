@@ -1,0 +1,236 @@
+r"""The next experiment: the drive on which effects that look alike part the most.
+
+For two fitted explanations k and l the drive is worth
+
+    λ_kl = ‖ (1 - P_l) W (f_k - f_l) ‖²
+
+with P_l the projection onto what l's own parameters could still take up: the fall of χ² that the
+right one of them would show, N(λ, 4λ) distributed.  The drive with the largest least λ over all
+pairs is proposed.
+Source: Atkinson & Fedorov, Biometrika 62 (1975) 57 (T-optimality).
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from itertools import permutations
+
+import jax.numpy as jnp
+import numpy as np
+from scipy.signal import chirp, lfilter, sawtooth
+from scipy.stats import norm
+
+from .._blocks import AbstractBlock
+from .._fit import Noise, Preparation, layout_of, orthonormal
+from .._operators import Grid, refine
+from .._recording import InputError, Recording, parse_quantity
+
+_SAMPLES = 4096
+_FASTER = 10.0
+_LEAST_PER_PERIOD = 16
+_DELTA_BIC = 10.0
+_LEAD = 0.05
+
+
+@dataclass(frozen=True)
+class Limits:
+    """What the hardware allows: the drive's range [drive unit] and its fastest change [unit/s]."""
+
+    low: float
+    high: float
+    slew: float
+
+    @property
+    def centre(self) -> float:
+        return 0.5 * (self.low + self.high)
+
+    @property
+    def reach(self) -> float:
+        return 0.5 * (self.high - self.low)
+
+
+def recorded_limits(recordings: Sequence[Recording]) -> Limits:
+    """The range that was recorded, and ten times its fastest change."""
+    rates = [float(np.abs(np.diff(r.drive)).max() / r.dt) for r in recordings]
+    return Limits(
+        float(min(r.drive.min() for r in recordings)),
+        float(max(r.drive.max() for r in recordings)),
+        _FASTER * max(rates),
+    )
+
+
+def parse_limits(text: str, recordings: Sequence[Recording]) -> Limits:
+    """Limits from such as "0..100 V, 50 V/ms"; the slew may be left out.  Raises InputError."""
+    unit, known = recordings[0].drive_unit, recorded_limits(recordings)
+    found = re.fullmatch(r"\s*(\S+?)\s*\.\.\s*(\S+?)\s*([A-Za-zµ]*)\s*(?:,\s*(.+))?", text)
+    if found is None:
+        raise InputError.at(
+            "--limits", f'a range and a slew such as "0..100 {unit}, 50 {unit}/ms"', f'"{text}"',
+            "write it so",
+        )  # fmt: skip
+    low, high, own, slew = found.groups()
+    low, high = (parse_quantity(f"{end} {own or unit}", unit, "--limits") for end in (low, high))
+    fastest = parse_quantity(slew, f"{unit}/s", "--limits") if slew else known.slew
+    if not (low < high and fastest > 0):
+        raise InputError.at(
+            "--limits", "a lower end below the upper and a slew above zero", f'"{text}"',
+            "correct it",
+        )  # fmt: skip
+    return Limits(low, high, fastest)
+
+
+@dataclass(frozen=True)
+class Drive:
+    """A drive that could be recorded next: `values` (N,) at `step` s, and how to describe it."""
+
+    description: str
+    values: np.ndarray
+    step: float
+
+    @property
+    def times(self) -> np.ndarray:
+        """Times (N,) [s] of the samples."""
+        return self.step * np.arange(self.values.size)
+
+
+def _spanned(wave: np.ndarray, limits: Limits, share: float = 1.0, bias: float = 0.0) -> np.ndarray:
+    """A wave within ±1 as a drive: `share` of the reach about the centre moved by `bias` of it."""
+    return limits.centre + limits.reach * (bias + share * wave)
+
+
+def drives(limits: Limits, step: float, unit: str) -> list[Drive]:
+    """Some forty drives within the limits, `_SAMPLES` long: tones, triangles, amplitude ladders,
+    steps, reversal curves, sweeps, bursts, small tones on a shifted bias, and a rest."""
+    t = np.arange(_SAMPLES) * step
+    duration = _SAMPLES * step
+    slowest = 2 / duration
+    fastest = min(1 / (_LEAST_PER_PERIOD * step), limits.slew / (2 * np.pi * limits.reach))
+    fastest = max(fastest, slowest)
+    tones = np.geomspace(slowest, fastest, 6)
+    few = np.geomspace(2 * slowest, 0.5 * fastest, 3) if fastest > 4 * slowest else tones[:1]
+    found: list[tuple[str, np.ndarray]] = []
+
+    def add(description: str, values: np.ndarray) -> None:
+        found.append((description, values))
+
+    for f in tones:
+        for share in (1.0, 0.4):
+            add(
+                f"a sine of {f:.3g} Hz over {2 * share * limits.reach:.3g} {unit}",
+                _spanned(-np.cos(2 * np.pi * f * t), limits, share),
+            )
+    for f in few:
+        angle = 2 * np.pi * f * t
+        rising = np.minimum(1.0, 0.25 * (1 + np.floor(4 * t / duration)))
+        full = f"{2 * limits.reach:.3g} {unit}"
+        add(f"a triangle of {f:.3g} Hz over {full}", _spanned(sawtooth(angle, 0.5), limits))
+        add(
+            f"sines of {f:.3g} Hz in four amplitudes up to {full}",
+            _spanned(-np.cos(angle) * rising, limits),
+        )
+        add(
+            f"a decaying sine of {f:.3g} Hz from {full}",
+            _spanned(np.sin(angle) * (1 - t / duration), limits),
+        )
+        peaks = np.floor(f * t) / max(np.floor(f * duration), 1)
+        add(
+            f"first-order reversal curves of {f:.3g} Hz over {full}",
+            _spanned(1 - (1 - sawtooth(angle + np.pi, 0.5)) * (1 - 0.9 * peaks), limits),
+        )
+        for bias in (-0.6, 0.6):
+            add(
+                f"a sine of {f:.3g} Hz over {0.8 * limits.reach:.3g} {unit} about "
+                f"{limits.centre + bias * limits.reach:.4g} {unit}",
+                _spanned(np.sin(angle), limits, 0.4, bias),
+            )
+    levels = np.array([-1, 1, -1, 0, 1, 0, -1, -0.5, 1, -1])
+    for holds in (5, 10):
+        at = np.minimum((t / duration * holds).astype(int), holds - 1)
+        add(
+            f"{holds} steps over {2 * limits.reach:.3g} {unit}, each held for "
+            f"{duration / holds:.3g} s",
+            _spanned(levels[at], limits),
+        )
+    low, high = tones[0], tones[-1]
+    add(
+        f"a sweep from {low:.3g} to {high:.3g} Hz over {2 * limits.reach:.3g} {unit}",
+        _spanned(chirp(t, low, duration, high, "logarithmic", 90), limits),
+    )
+    thirds = np.minimum((3 * t / duration).astype(int), 2)
+    bursts = np.sin(2 * np.pi * few[np.minimum(thirds, few.size - 1)] * t)
+    within = (3 * t / duration) % 1 < 0.8
+    add(
+        f"bursts of {', '.join(f'{f:.3g}' for f in few)} Hz with rests",
+        _spanned(bursts * within, limits),
+    )
+    add("a rest at one level", np.full(_SAMPLES, limits.centre))
+    return [Drive(text, _allowed(values, limits, step), step) for text, values in found]
+
+
+def _allowed(values: np.ndarray, limits: Limits, step: float) -> np.ndarray:
+    """The drive from a rest at its first value, within range and slew."""
+    lead = int(_LEAD * values.size)
+    led = np.concatenate([np.full(lead, values[0]), values[: values.size - lead]])
+    most = limits.slew * step
+    followed = np.empty_like(led)
+    level = led[0]
+    for k, wanted in enumerate(np.clip(led, limits.low, limits.high)):
+        level += min(max(wanted - level, -most), most)
+        followed[k] = level
+    return followed
+
+
+@dataclass(frozen=True)
+class Proposal:
+    """The drive to record next and the least probability with which it separates any pair."""
+
+    drive: Drive
+    probability: float
+
+
+def propose(
+    rivals: Sequence[AbstractBlock],
+    preparation: Preparation,
+    limits: Limits,
+    progress: Callable[[str], None],
+) -> Proposal:
+    """The drive on which the fitted rivals part the most."""
+    take = preparation.takes[0]
+    noise = take.noise
+    assert noise is not None  # a diagnosis has one
+    candidates = drives(limits, take.recording.dt, take.recording.drive_unit)
+    progress(f"choosing the next experiment among {len(candidates)} drives")
+    worth = [_separability(drive, rivals, noise, preparation.oversampling) for drive in candidates]
+    best = int(np.argmax(worth))
+    return Proposal(candidates[best], _probability(worth[best]))
+
+
+def _probability(separability: float) -> float:
+    """P(fall of χ² ≥ 10) where the fall is N(λ, 4λ)."""
+    return float(norm.cdf((separability - _DELTA_BIC) / (2 * np.sqrt(separability) + 1e-12)))
+
+
+def _separability(
+    drive: Drive, rivals: Sequence[AbstractBlock], noise: Noise, oversampling: int
+) -> float:
+    """The least λ over all pairs of rivals."""
+    grid = Grid(np.asarray(drive.step / oversampling), "constant")
+    fine = jnp.asarray(refine(drive.values, oversampling, "constant"))
+    responses, bases = [], []
+    for block in rivals:
+        layout = layout_of(block)
+        names = [name for name, _ in layout.shapes + layout.gains]
+        response, columns, _ = block.linearise(fine, grid, names, ())
+        pieces = [np.asarray(columns[name])[::oversampling] for name in names]
+        own = np.ones((drive.values.size, 1))
+        spanned = lfilter(noise.whitening, 1.0, np.concatenate([*pieces, own], axis=1), axis=0)
+        bases.append(orthonormal(np.asarray(spanned)))
+        responses.append(lfilter(noise.whitening, 1.0, np.asarray(response)[::oversampling]))
+    worth = []
+    for one, other in permutations(range(len(rivals)), 2):
+        difference = np.asarray(responses[one]) - np.asarray(responses[other])
+        left = difference - bases[other] @ (bases[other].T @ difference)
+        worth.append(float(left @ left))
+    return float(np.nan_to_num(min(worth), nan=0.0))

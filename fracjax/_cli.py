@@ -603,8 +603,8 @@ def _diagnosed(
     if diagnosis.next_experiment:
         drive = diagnosis.next_experiment.drive
         head = _head("drive", diagnosis.base.preparation.takes[0].recording.drive_unit)
-        columns = {"time_s": drive.times, head: drive.values}
-        _save(lambda path: write(path, columns), out / "next_experiment.csv", saved)
+        write(out / "next_experiment.csv", {"time_s": drive.times, head: drive.values})
+        saved.append(out / "next_experiment.csv")
     _save(lambda path: write_report(diagnosis, path), out / "report.html", saved)
     return diagnosis
 

@@ -10,8 +10,8 @@ from scipy.stats import kstest
 
 import fracjax as fj
 from benchmarks.concealed.cases import make_case
-from fracjax._diagnose._diagnose import numerical_error, residual_of
 from fracjax._diagnose._held_out import Prediction, gain, predict_stretches
+from fracjax._diagnose._numerics import numerical_error, residual_of
 from fracjax._diagnose._score import EffectScore, Residual, family_wise_p
 from fracjax._fit import autoregression, measured_noise, prepare, settle
 from fracjax._recording import Recording

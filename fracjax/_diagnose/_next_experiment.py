@@ -100,6 +100,11 @@ def _spanned(wave: np.ndarray, limits: Limits, share: float = 1.0, bias: float =
     return limits.centre + limits.reach * (bias + share * wave)
 
 
+def _triangle(angle: np.ndarray) -> np.ndarray:
+    """A triangle within ±1 that starts at -1."""
+    return sawtooth(angle, 0.5)  # type: ignore[arg-type]
+
+
 def drives(limits: Limits, step: float, unit: str) -> list[Drive]:
     """Some forty drives within the limits, `_SAMPLES` long: tones, triangles, amplitude ladders,
     steps, reversal curves, sweeps, bursts, small tones on a shifted bias, and a rest."""
@@ -125,7 +130,7 @@ def drives(limits: Limits, step: float, unit: str) -> list[Drive]:
         angle = 2 * np.pi * f * t
         rising = np.minimum(1.0, 0.25 * (1 + np.floor(4 * t / duration)))
         full = f"{2 * limits.reach:.3g} {unit}"
-        add(f"a triangle of {f:.3g} Hz over {full}", _spanned(sawtooth(angle, 0.5), limits))
+        add(f"a triangle of {f:.3g} Hz over {full}", _spanned(_triangle(angle), limits))
         add(
             f"sines of {f:.3g} Hz in four amplitudes up to {full}",
             _spanned(-np.cos(angle) * rising, limits),
@@ -137,7 +142,7 @@ def drives(limits: Limits, step: float, unit: str) -> list[Drive]:
         peaks = np.floor(f * t) / max(np.floor(f * duration), 1)
         add(
             f"first-order reversal curves of {f:.3g} Hz over {full}",
-            _spanned(1 - (1 - sawtooth(angle + np.pi, 0.5)) * (1 - 0.9 * peaks), limits),
+            _spanned(1 - (1 - _triangle(angle + np.pi)) * (1 - 0.9 * peaks), limits),
         )
         for bias in (-0.6, 0.6):
             add(

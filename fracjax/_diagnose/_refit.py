@@ -7,9 +7,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._blocks import AbstractBlock
-from .._fit import Preparation, Solved, layout_of, solve_from
+from .._fit import Solved, layout_of, solve_from
 from .._parameters import named_parameters, set_values
 from ._score import EffectScore
+from ._stage import Layer, Stage
 
 
 @dataclass(frozen=True)
@@ -23,21 +24,18 @@ class Refit:
     def name(self) -> str:
         return self.score.effect.name
 
+    @property
+    def layer(self) -> Layer:
+        return Layer(self.score.effect, self.score.trials[self.score.best])
 
-def refit(
-    score: EffectScore,
-    fitted: AbstractBlock,
-    nominal: AbstractBlock,
-    preparation: Preparation,
-    seed: int,
-    hopeless: float,
-) -> Refit:
+
+def refit(score: EffectScore, stage: Stage, seed: int, hopeless: float) -> Refit:
     """Fit base and effect together from the fitted base, the nominal point and prior draws.
 
     Starting also from nominal values keeps a fit from staying in the basin where the base model
     has absorbed the effect.  No more than a few steps are spent above `hopeless` in χ².
     """
-    effect = score.effect
+    effect, fitted, nominal = score.effect, stage.solved.block, stage.start()
     generator = np.random.default_rng(seed)
     order = np.argsort(-np.abs(score.z))
     best = score.trials[order[0]]
@@ -54,4 +52,4 @@ def refit(
         effect.insert(nominal, best),
         effect.insert(drawn(nominal), score.trials[int(generator.integers(len(score.trials)))]),
     ]
-    return Refit(score, solve_from(starts, preparation, hopeless))
+    return Refit(score, solve_from(starts, stage.preparation, hopeless))

@@ -1,0 +1,126 @@
+"""What a refitted effect must show before it is given its name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._fit import Preparation, Solved, layout_of
+from .._parameters import named_parameters
+from ._held_out import Gain, Prediction
+from ._numerics import LIMIT
+from ._refit import Refit
+from ._score import EffectScore
+from ._stage import Layer, Stage, path_of
+
+SIGNIFICANCE = 0.01
+DELTA_BIC = 10.0
+EXPLAINED = 0.9
+
+
+@dataclass(frozen=True)
+class Judged:
+    """A refitted candidate with everything the naming rule asks."""
+
+    refit: Refit
+    preparation: Preparation
+    delta_bic: float
+    explained: float
+    numerics: float
+    gain: Gain
+    prediction: Prediction
+    plausible: bool
+
+    @property
+    def name(self) -> str:
+        return self.refit.name
+
+    @property
+    def layer(self) -> Layer:
+        return self.refit.layer
+
+    @property
+    def solved(self) -> Solved:
+        return self.refit.solved
+
+    @property
+    def admissible(self) -> bool:
+        """Better beyond doubt, also on data held out, within its range, and not an artefact."""
+        return (
+            self.delta_bic >= DELTA_BIC
+            and self.gain.convincing
+            and self.plausible
+            and self.numerics <= LIMIT
+        )
+
+
+def best_of(found: Sequence[Judged]) -> Judged | None:
+    """The admissible candidate that fits best."""
+    return max((j for j in found if j.admissible), key=lambda j: j.delta_bic, default=None)
+
+
+def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
+    """The admissible effects that fit as well as the winner, best first."""
+    close = [
+        j
+        for j in found
+        if j.admissible and j is not winner and winner.delta_bic - j.delta_bic < DELTA_BIC
+    ]
+    return sorted(close, key=lambda j: -j.delta_bic)
+
+
+def delta_bic(before: Solved, after: Solved) -> float:
+    """Evidence in units of what is left unexplained, where that exceeds the noise."""
+    return (before.bic - after.bic) / max(1.0, after.cost / after.samples)
+
+
+def explained_fraction(base: Stage, solved: Solved) -> float:
+    """The share of the base's excess residual that is gone.
+
+    The excess itself is uncertain by the χ² distribution and by the noise level's own error.
+    """
+    doubt = 3 * np.sqrt(6 * solved.samples)
+    fall = base.solved.cost - solved.cost
+    return float(fall / max(fall, base.excess - doubt)) if fall > 0 else 0.0
+
+
+def is_plausible(solved: Solved, layers: Sequence[Layer]) -> bool:
+    """Whether the outermost effect's shapes ended within their expected ranges."""
+    path = path_of(layers, len(layers) - 1)
+    parameters = named_parameters(solved.block)
+    for name, _ in layout_of(solved.block).shapes:
+        if name.startswith(path):
+            low, high = parameters[name].plausible
+            value = np.asarray(parameters[name].value)
+            if not (np.all(value >= low) and np.all(value <= high)):
+                return False
+    return True
+
+
+def reason(
+    score: EffectScore,
+    judged: Judged | None,
+    adopted: Sequence[str],
+    p_value: float,
+    numerics: float,
+) -> str:
+    """Why a candidate was kept or rejected, in words."""
+    if p_value >= SIGNIFICANCE:
+        return "nothing in the residual beyond noise"
+    if numerics > LIMIT:
+        return f"not refitted: the discretisation error is {numerics:.2g} noise units"
+    if judged is None:
+        return "not refitted: other effects have more evidence in the residual"
+    if judged.name in adopted:
+        return "adopted: better beyond doubt, also on data held out"
+    if judged.numerics > LIMIT:
+        return f"rejected: its discretisation error is {judged.numerics:.2g} noise units"
+    if judged.delta_bic < DELTA_BIC:
+        return f"rejected: the refit gains only {judged.delta_bic:.3g} in BIC"
+    if not judged.plausible:
+        return "rejected: its refitted parameters lie outside their plausible range"
+    if not judged.gain.convincing:
+        return "rejected: the refit does not predict held-out data better beyond doubt"
+    return "fits less well than the adopted effect"

@@ -1,0 +1,165 @@
+"""The rounds of a diagnosis: detect, locate, shortlist, refit, adopt, and delete backwards."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from .._blocks import EFFECTS
+from .._fit import Preparation, Progress, Solved, solve_from
+from ._held_out import Prediction, gain
+from ._judgement import (
+    DELTA_BIC,
+    SIGNIFICANCE,
+    Judged,
+    best_of,
+    delta_bic,
+    explained_fraction,
+    is_plausible,
+)
+from ._locate import locate
+from ._numerics import LIMIT, fine_enough, residual_of
+from ._refit import Refit, refit
+from ._result import Axis
+from ._score import EffectScore, Scorer, confusability, family_wise_p
+from ._stage import Stage
+
+_SHORTLIST, _LONGEST_SHORTLIST = 4, 8
+_LIKE = 0.9
+_ROUNDS = 3
+
+Predict = Callable[[Solved, Preparation], Prediction]
+
+
+@dataclass(frozen=True)
+class Detection:
+    """What the residual of a stage shows: every effect's score, every axis' map, one p-value."""
+
+    scores: list[EffectScore]
+    axes: list[Axis]
+    p_value: float
+
+
+@dataclass(frozen=True)
+class Round:
+    """One effect adopted, among all that were refitted beside it."""
+
+    winner: Judged
+    found: list[Judged]
+
+
+@dataclass(frozen=True)
+class Course:
+    """How a diagnosis went: what the base left, the rounds, and the stage it ended on."""
+
+    first: Detection
+    rounds: list[Round]
+    judged: dict[str, Judged]
+    stage: Stage
+
+
+def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Progress) -> Course:
+    """Adopt one effect after another while the residual shows one, then drop what became idle."""
+    stage, rounds, judged = base, [], {}
+    first = detection = _detect(base, seed, progress)
+    # A mismatch no larger than the simulation's own error is never given a name.
+    while detection.p_value < SIGNIFICANCE and len(rounds) < _ROUNDS and numerics <= LIMIT:
+        found = _judge(base, stage, detection.scores, predict, seed, progress)
+        judged = {**{j.name: j for j in found}, **judged}
+        winner = best_of(found)
+        if winner is None:
+            break
+        rounds.append(Round(winner, found))
+        stage = stage.extended(winner.layer, winner.solved, winner.preparation)
+        detection = _detect(stage, seed, progress)
+    stage, rounds = _without_idle(stage, rounds, progress)
+    return Course(first, rounds, judged, stage)
+
+
+def _detect(stage: Stage, seed: int, progress: Progress) -> Detection:
+    """Score every effect not yet adopted and every place; one p-value, Holm-adjusted."""
+    progress(f"testing what {stage.name} leaves")
+    problems = stage.preparation.problems()
+    residual = residual_of(stage.solved, stage.preparation)
+    scorer, setting = Scorer(stage.solved.block, problems, residual), stage.preparation.setting
+    others = [effect for name, effect in EFFECTS.items() if name not in stage.adopted]
+    scores = [scorer.score(effect, setting) for effect in others]
+    progress("locating the mismatch")
+    axes = locate(stage.preparation, problems, residual)
+    tests = [family_wise_p(scores, seed), *(axis.p_value for axis in axes)]
+    return Detection(scores, axes, min(1.0, min(tests) * len(tests)))
+
+
+def _shortlist(scores: list[EffectScore], samples: int) -> list[EffectScore]:
+    """The effects with the most evidence, and those that look like them."""
+    # What a refit can gain is about z²; where even twice that is no evidence, none is needed.
+    least = DELTA_BIC + np.log(samples)
+    promising = [s for s in scores if 2 * float(np.max(s.z**2)) >= least]
+    ranked = sorted(promising, key=lambda s: -s.log_evidence)
+    top, rest = ranked[:_SHORTLIST], ranked[_SHORTLIST:]
+    alike = [s for s in rest if any(confusability(s, t) > _LIKE for t in top)]
+    return [*top, *alike][:_LONGEST_SHORTLIST]
+
+
+def _judge(
+    base: Stage,
+    stage: Stage,
+    scores: list[EffectScore],
+    predict: Predict,
+    seed: int,
+    progress: Progress,
+) -> list[Judged]:
+    """Refit the shortlist and put every candidate to the naming rule's questions."""
+    before = predict(stage.solved, stage.preparation)
+    found: list[Judged] = []
+    hopeless = np.inf
+    for score in _shortlist(scores, stage.solved.samples):
+        progress(f"refitting with {score.effect.name}")
+        attempt = refit(score, stage, seed, hopeless)
+        # A rival that is not halfway to the best after its first steps will not overtake it.
+        hopeless = min(hopeless, 0.5 * (stage.solved.cost + attempt.solved.cost))
+        found.append(_questioned(base, stage, attempt, before, predict, progress))
+    return found
+
+
+def _questioned(
+    base: Stage,
+    stage: Stage,
+    attempt: Refit,
+    before: Prediction,
+    predict: Predict,
+    progress: Progress,
+) -> Judged:
+    solved, preparation, numerics = attempt.solved, stage.preparation, 0.0
+    if delta_bic(stage.solved, solved) >= DELTA_BIC:
+        solved, preparation, numerics = fine_enough(solved, preparation, progress)
+    prediction = predict(solved, preparation)
+    return Judged(
+        refit=replace(attempt, solved=solved),
+        preparation=preparation,
+        delta_bic=delta_bic(stage.solved, solved),
+        explained=explained_fraction(base, solved),
+        numerics=numerics,
+        gain=gain(before, prediction),
+        prediction=prediction,
+        plausible=is_plausible(solved, (*stage.layers, attempt.layer)),
+    )
+
+
+def _without_idle(
+    stage: Stage, rounds: list[Round], progress: Progress
+) -> tuple[Stage, list[Round]]:
+    """Effects that a later one has made superfluous are dropped again."""
+    k = 0
+    while len(rounds) > 1 and k < len(rounds) - 1:
+        progress(f"fitting without {rounds[k].winner.name}")
+        less = solve_from([stage.fitted_without(k)], stage.preparation)
+        if delta_bic(less, stage.solved) >= DELTA_BIC:
+            k += 1
+            continue
+        layers = (*stage.layers[:k], *stage.layers[k + 1 :])
+        stage = replace(stage, layers=layers, solved=less)
+        rounds = [*rounds[:k], *rounds[k + 1 :]]
+    return stage, rounds

@@ -1,0 +1,90 @@
+"""A model as far as effects have been added to it."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .._blocks import AbstractBlock, Effect
+from .._fit import Preparation, Solved
+
+
+@dataclass(frozen=True)
+class Layer:
+    """An effect round a model, with the shape it was first tried at."""
+
+    effect: Effect
+    trial: AbstractBlock
+
+    @property
+    def place(self) -> str:
+        """The effect's own part of the block that `Effect.insert` makes."""
+        return "first" if self.effect.site == "drive" else "second"
+
+    @property
+    def inside(self) -> str:
+        """The part of that block that holds the model."""
+        return "second" if self.effect.site == "drive" else "first"
+
+
+@dataclass(frozen=True)
+class Stage:
+    """The base model with layers of effects round it, the last outermost, fitted together."""
+
+    base: str
+    nominal: AbstractBlock
+    layers: tuple[Layer, ...]
+    solved: Solved
+    preparation: Preparation
+
+    @property
+    def adopted(self) -> tuple[str, ...]:
+        return tuple(layer.effect.name for layer in self.layers)
+
+    @property
+    def excess(self) -> float:
+        """χ² beyond what noise explains."""
+        return self.solved.cost - self.solved.samples
+
+    @property
+    def name(self) -> str:
+        """The model as one would write it."""
+        name = self.base
+        for layer in self.layers:
+            grouped = f"({name})" if " " in name else name
+            if layer.effect.site == "drive":
+                name = f"{layer.effect.name} >> {grouped}"
+            else:
+                sign = "+" if layer.effect.site == "additive" else ">>"
+                name = f"{grouped} {sign} {layer.effect.name}"
+        return name
+
+    def extended(self, layer: Layer, solved: Solved, preparation: Preparation) -> Stage:
+        """One effect further."""
+        return Stage(self.base, self.nominal, (*self.layers, layer), solved, preparation)
+
+    def start(self) -> AbstractBlock:
+        """Base and effects at their nominal points."""
+        return wrapped(self.nominal, [(layer, layer.trial) for layer in self.layers])
+
+    def fitted_without(self, dropped: int) -> AbstractBlock:
+        """The fitted block without one of its layers."""
+        block, parts = self.solved.block, []
+        for layer in reversed(self.layers):
+            parts.append((layer, getattr(block, layer.place)))
+            block = getattr(block, layer.inside)
+        kept = [part for k, part in enumerate(reversed(parts)) if k != dropped]
+        return wrapped(block, kept)
+
+
+def wrapped(block: AbstractBlock, parts: Sequence[tuple[Layer, AbstractBlock]]) -> AbstractBlock:
+    """A block with effects round it, the first innermost."""
+    for layer, part in parts:
+        block = layer.effect.insert(block, part)
+    return block
+
+
+def path_of(layers: Sequence[Layer], k: int) -> str:
+    """Dotted path of layer k's own block within the whole."""
+    inward = "".join(f"{layer.inside}." for layer in reversed(layers[k + 1 :]))
+    return f"{inward}{layers[k].place}."

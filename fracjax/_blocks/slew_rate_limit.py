@@ -77,10 +77,10 @@ EFFECT = Effect(
         "only above one product of frequency and amplitude",
         "minor_loop_memory": "the same amplitude at several frequencies: play stays, a slew limit "
         "is gone at low ones",
-        "backlash": "the same amplitude at several frequencies: play stays, a slew limit is gone at "
-        "low ones",
-        "drive_lag": "half the amplitude at twice the frequency: a slew limit's share stays, a "
-        "lag's doubles",
+        "backlash": "the same amplitude at several frequencies: play stays, a slew limit is "
+        "gone at low ones",
+        "drive_lag": "half the amplitude at twice the frequency: a slew limit's share stays, "
+        "a lag's doubles",
         "saturation": "the same amplitude at a lower frequency: a supply's limit stays",
     },
     concealed_by="the rate-dependent terms of the hysteresis, the order alpha above all",

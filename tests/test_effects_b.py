@@ -34,6 +34,7 @@ from fracjax._fit import prepare, solve_from
 from fracjax._fit._noise import Noise
 from fracjax._fit._problem import resolution, setting_of
 from fracjax._operators import Grid
+from fracjax._operators._grid import History
 from fracjax._parameters import set_values
 
 STEP = 2e-3
@@ -50,7 +51,9 @@ NAMES = (
 _respond = eqx.filter_jit(lambda block, drive, grid: block(drive, grid))
 
 
-def respond(block: AbstractBlock, drive, step: float = STEP, history="constant") -> np.ndarray:
+def respond(
+    block: AbstractBlock, drive, step: float = STEP, history: History = "constant"
+) -> np.ndarray:
     """The block's response, compiled once per structure."""
     return np.asarray(_respond(block, jnp.asarray(drive), Grid(np.asarray(step), history)))
 

@@ -35,7 +35,7 @@ from fracjax._fit._noise import Noise
 from fracjax._fit._problem import resolution, setting_of
 from fracjax._operators import Grid
 from fracjax._operators._grid import History
-from fracjax._parameters import set_values
+from fracjax._parameters import named_parameters, set_values
 
 STEP = 2e-3
 TIMES = np.arange(601) * STEP
@@ -321,6 +321,58 @@ def test_periodic_history_is_the_last_of_many_cycles(block):
     many = respond(block, np.tile(CYCLE, 20))
     # Of the first cycle gain_drift sees another start: y is counted from the same first value.
     np.testing.assert_allclose(steady, many[-200:], rtol=0, atol=1e-6)
+
+
+ALL: dict[str, tuple[AbstractBlock, dict]] = {
+    "coulomb_friction": (friction, {"amplitude": 0.0}),
+    "lost_contact": (LostContact(0.6, 1.5, low=0.0, span=8.0), {"share": 0.0}),
+    "slew_rate_limit": (SlewRateLimit(15.0, top=60.0), {"rate": 1e9}),
+    "gain_drift": (GainDrift(0.2, 0.5, 0.4, power=200.0), {"gain": 0.0, "expansion": 0.0}),
+    "viscoelastic_layer": (ViscoelasticLayer(0.3, 0.1, 0.3), {"strength": 0.0}),
+    "clock_skew": (ClockSkew(5e-4), {"skew": 0.0}),
+    "quantisation": (Quantisation(0.3, 0.2, step=0.5), {"share": 0.0}),
+}
+
+
+@pytest.mark.parametrize("history", ["rest", "constant", "periodic"])
+@pytest.mark.parametrize("name", NAMES)
+def test_without_amplitude_the_signal_passes_as_it_is(name, history):
+    """To the last bit, but for the layer, whose convolution rounds."""
+    block, nothing = ALL[name]
+    signal = motion(TIMES[:500])
+    error = respond(set_values(block, nothing), signal, history=history) - signal
+    assert np.abs(error).max() <= (1e-11 if name == "viscoelastic_layer" else 0.0)
+    assert np.abs(respond(block, signal, history=history) - signal).max() > 1e-3
+
+
+@pytest.mark.parametrize("history", ["rest", "constant", "periodic"])
+@pytest.mark.parametrize("name", NAMES)
+def test_reverse_mode_is_the_finite_difference(name, history):
+    """Along one direction of all parameters, and along one of the signal."""
+    block, _ = ALL[name]
+    # Off the turning points, where the friction has a kink.
+    signal, grid = jnp.asarray(motion(TIMES[:500] + 0.0137)), Grid(STEP, history)
+    values = {n: jnp.asarray(p.value) for n, p in named_parameters(block).items()}
+    generator = np.random.default_rng(4)
+    aim, turn = jnp.asarray(generator.standard_normal((2, 500)))
+
+    @jax.jit
+    def project(values, signal):
+        return aim @ set_values(block, values)(signal, grid)
+
+    by_value, by_sample = jax.jit(jax.grad(project, (0, 1)))(values, signal)
+    for direction, slope, size in (
+        (values, sum(float(g) * float(values[n]) for n, g in by_value.items()), 1e-6),
+        (turn, float(by_sample @ turn), 1e-7),
+    ):
+        ends = [
+            project({n: v * (1 + e) for n, v in values.items()}, signal)
+            if direction is values
+            else project(values, signal + e * turn)
+            for e in (size, -size)
+        ]
+        difference = float(ends[0] - ends[1]) / (2 * size)
+        assert slope == pytest.approx(difference, rel=1e-3, abs=1e-5)
 
 
 def test_from_rest_the_first_sample_is_already_a_motion():

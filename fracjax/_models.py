@@ -96,6 +96,10 @@ _ORDINARY = Setting(
     step=1e-3,
     duration=10.0,
     top_frequency=10.0,
+    top_rate=1e3,
+    rms_rate=500.0,
+    response_low=0.0,
+    resolution=1e-3,
 )
 
 

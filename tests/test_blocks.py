@@ -2,6 +2,7 @@
 
 from functools import reduce
 from itertools import pairwise
+from typing import get_args
 
 import equinox as eqx
 import jax
@@ -17,6 +18,8 @@ from fracjax._blocks import (
     AbstractBlock,
     AbstractLinearBlock,
     BoucWen,
+    ClockSkew,
+    CoulombFriction,
     Creep,
     Delay,
     DriveCircuit,
@@ -24,19 +27,25 @@ from fracjax._blocks import (
     Electrostriction,
     FOHLinear,
     FOHRateTerm,
+    GainDrift,
     InverseLFDH,
+    LostContact,
     MainsInterference,
     MinorLoopMemory,
     PEADynamics,
+    Quantisation,
     QuasiStaticForce,
     Resonance,
     Saturation,
     Setting,
     SingleOperator,
+    SlewRateLimit,
     ThermalDrift,
+    ViscoelasticLayer,
     linear_gains,
 )
 from fracjax._blocks._block import LinearParallel
+from fracjax._blocks._effect import Site
 from fracjax._blocks.creep import LogarithmicCreep
 from fracjax._blocks.minor_loop_memory import play
 from fracjax._operators import Grid, direct_convolution, kernel
@@ -69,6 +78,13 @@ mains = set_values(
     MainsInterference(50.0),
     {"cosines": np.linspace(0.3, 0.1, 5), "sines": np.linspace(-0.1, 0.2, 5)},
 )
+friction = CoulombFriction(0.7, 6.0, span=45.0)
+contact = LostContact(0.6, 9.3, low=0.0, span=45.0)
+slew = SlewRateLimit(160.0, top=400.0)
+warming = GainDrift(0.2, 1.5, 0.5, power=2e4)
+layer = ViscoelasticLayer(0.3, 0.02, 0.4)
+skew = ClockSkew(-9e-4)
+converter = Quantisation(0.3, 0.2, step=4.0)
 circuit, force = DriveCircuit(1.4, 0.02), QuasiStaticForce(30.0)
 operator, inverse_lfdh = SingleOperator(0.3, 0.4), InverseLFDH()
 pea = PEADynamics(0.8, 0.3, -0.25, 9.0, 0.2)
@@ -94,6 +110,13 @@ BLOCKS: dict[str, AbstractBlock] = {
     "minor_loop_memory": memory,
     "thermal_drift": drift,
     "mains_interference": mains,
+    "coulomb_friction": friction,
+    "lost_contact": contact,
+    "slew_rate_limit": slew,
+    "gain_drift": warming,
+    "viscoelastic_layer": layer,
+    "clock_skew": skew,
+    "quantisation": converter,
     "linear chain": lag >> lfdh >> resonance,
     "linear sum": creep + lag,
     "coupled, drifting": (foh >> Creep(fixed_gain=True)) + drift,
@@ -101,7 +124,13 @@ BLOCKS: dict[str, AbstractBlock] = {
 }
 INDEPENDENT_OF_THE_DRIVE = {"thermal_drift", "mains_interference"}
 # Samples ahead that central differences look.
-LOOK_AHEAD = {"foh": 2, "foh_rate_term": 2, "coupled, drifting": 2, "whole actuator": 2}
+LOOK_AHEAD = {
+    "clock_skew": 1,
+    "foh": 2,
+    "foh_rate_term": 2,
+    "coupled, drifting": 2,
+    "whole actuator": 2,
+}
 
 each_block = pytest.mark.parametrize("name", BLOCKS)
 _respond = eqx.filter_jit(lambda block, drive, grid: block(drive, grid))
@@ -204,7 +233,7 @@ def test_reverse_mode_is_forward_mode(name):
 
 
 # A turning point between samples is met to the square of the step, but by chance more or less.
-REFINEMENT = {"bouc_wen": 4, "minor_loop_memory": 4, "coupled, drifting": 4}
+REFINEMENT = {"coulomb_friction": 4, "bouc_wen": 4, "minor_loop_memory": 4, "coupled, drifting": 4}
 
 
 @each_block
@@ -486,11 +515,14 @@ def test_the_response_is_proportional_to_its_gains(name):
 # The catalogue ------------------------------------------------------------------------------------
 
 SETTINGS = {
-    "common": Setting(0.0, 100.0, 10.0, 1e-3, 10.0, 10.0),
-    "bipolar, fast": Setting(-150.0, 30.0, 0.2, 2e-5, 0.01, 5e2),
-    "slow": Setting(40.0, 85.0, 1500.0, 0.5, 3600.0, 0.01),
+    "common": Setting(0.0, 100.0, 10.0, 1e-3, 10.0, 10.0, 3e3, 2e3, 0.0, 1e-3),
+    "bipolar, fast": Setting(-150.0, 30.0, 0.2, 2e-5, 0.01, 5e2, 3e5, 1e5, -0.15, 0.0),
+    "slow": Setting(40.0, 85.0, 1500.0, 0.5, 3600.0, 0.01, 2.0, 0.3, -3.0, 0.5),
 }
-FITTING = Setting(float(DRIVE.min()), float(DRIVE.max()), 5.0, STEP, 0.74, 5.0)
+FITTING = Setting(
+    float(DRIVE.min()), float(DRIVE.max()), 5.0, STEP, 0.74, 5.0,
+    float(np.abs(np.diff(DRIVE)).max() / STEP), 200.0, 0.0, 0.05,
+)  # fmt: skip
 # The values at which an effect does nothing; extreme where no amplitude can be zero.
 NOTHING = {
     "creep": {"gamma": 0.0},
@@ -502,6 +534,38 @@ NOTHING = {
     "saturation": {"threshold": 85.0},
     "thermal_drift": {"amplitude": 0.0, "slope": 0.0},
     "mains_interference": {"cosines": np.zeros(5), "sines": np.zeros(5)},
+    "coulomb_friction": {"amplitude": 0.0},
+    "lost_contact": {"share": 0.0},
+    "slew_rate_limit": {"rate": 1e9},
+    "gain_drift": {"gain": 0.0, "expansion": 0.0},
+    "viscoelastic_layer": {"strength": 0.0},
+    "clock_skew": {"skew": 0.0},
+    "quantisation": {"share": 0.0},
+}
+# Entries name their look-alikes whether or not those are in the catalogue yet.
+NAMES = {
+    "creep",
+    "drive_lag",
+    "sensor_lag",
+    "delay",
+    "resonance",
+    "second_mode",
+    "electrostriction",
+    "cubic_nonlinearity",
+    "minor_loop_memory",
+    "amplitude_dependence",
+    "backlash",
+    "coulomb_friction",
+    "lost_contact",
+    "saturation",
+    "slew_rate_limit",
+    "thermal_drift",
+    "gain_drift",
+    "sensor_nonlinearity",
+    "mains_interference",
+    "viscoelastic_layer",
+    "clock_skew",
+    "quantisation",
 }
 each_effect = pytest.mark.parametrize("name", EFFECTS)
 
@@ -523,7 +587,7 @@ def test_trials_have_one_structure_and_lie_within_bounds(name, setting):
 
 
 def test_trials_of_a_resonance_at_500_khz():
-    EFFECTS["resonance"].trials(Setting(0.0, 100.0, 10.0, 2e-6, 0.01, 5e3))
+    EFFECTS["resonance"].trials(Setting(0.0, 100.0, 10.0, 2e-6, 0.01, 5e3, 2e6, 1e6, 0.0, 0.0))
 
 
 @each_effect
@@ -555,11 +619,11 @@ def test_the_null_of_every_effect_is_known():
 def test_an_entry_says_what_it_is(name):
     effect = EFFECTS[name]
     assert effect.name == name
-    assert effect.site in {"drive", "response", "additive"}  # the places `insert` knows
+    assert effect.site in get_args(Site)
     for text in (effect.sentence, effect.equation, effect.source, effect.concealed_by):
         assert text.strip() == text
         assert len(text) > 5
-    assert effect.separated_by.keys() <= EFFECTS.keys() - {name}
+    assert effect.separated_by.keys() <= NAMES - {name}
     assert effect.separated_by
     assert all(len(experiment) > 10 for experiment in effect.separated_by.values())
     assert effect.axes
@@ -572,11 +636,11 @@ def test_site_of_insertion():
     grid = Grid(STEP, "constant")
     for effect in EFFECTS.values():
         block = effect.trials(FITTING)[-1]
+        after = block(foh(DRIVE, grid), grid)
         wanted = {
-            "drive": lambda u, b=block: foh(b(u, grid), grid),
-            "response": lambda u, b=block: b(foh(u, grid), grid),
-            "additive": lambda u, b=block: foh(u, grid) + b(u, grid),
-        }[effect.site](DRIVE)
+            "drive": foh(block(DRIVE, grid), grid),
+            "additive": foh(DRIVE, grid) + block(DRIVE, grid),
+        }.get(effect.site, after)
         close(respond(effect.insert(foh, block), DRIVE, grid), wanted, 1e-10)
 
 

@@ -33,7 +33,7 @@ def test_every_effect_joins_a_model(name):
     assert type(model.block.second) is type(EFFECTS[name].trials(COMMON)[0])
 
 
-COMMON = Setting(0.0, 100.0, 10.0, 1e-3, 10.0, 10.0)
+COMMON = Setting(0.0, 100.0, 10.0, 1e-3, 10.0, 10.0, 3e3, 2e3, 0.0, 1e-3)
 
 
 def shape_of(block) -> str:
@@ -80,7 +80,7 @@ def test_creep_alone_is_the_power_law_with_its_gain_and_in_a_chain_the_effect():
 
 
 def test_an_effect_is_sized_by_the_setting():
-    slow = Setting(0.0, 100.0, 10.0, 1.0, 1e4, 0.01)
+    slow = Setting(0.0, 100.0, 10.0, 1.0, 1e4, 0.01, 3.0, 2.0, 0.0, 0.0)
     common, other = (
         float(fj.parse_model("foh + thermal_drift", s).parameters["second.time_constant"].value)
         for s in (COMMON, slow)

@@ -1,15 +1,22 @@
 """The physical laws, one per file; a new effect is its file plus one line here."""
 
 from . import (
+    clock_skew,
+    coulomb_friction,
     creep,
     delay,
     drive_lag,
     electrostriction,
+    gain_drift,
+    lost_contact,
     mains_interference,
     minor_loop_memory,
+    quantisation,
     resonance,
     saturation,
+    slew_rate_limit,
     thermal_drift,
+    viscoelastic_layer,
 )
 from ._block import AbstractBlock as AbstractBlock
 from ._block import AbstractLinearBlock as AbstractLinearBlock
@@ -23,6 +30,8 @@ from ._response import frequency_response as frequency_response
 from ._response import poles as poles
 from ._response import step_response as step_response
 from .bouc_wen import BoucWen as BoucWen
+from .clock_skew import ClockSkew as ClockSkew
+from .coulomb_friction import CoulombFriction as CoulombFriction
 from .creep import Creep as Creep
 from .creep import LogarithmicCreep as LogarithmicCreep
 from .delay import Delay as Delay
@@ -32,16 +41,21 @@ from .electrostriction import Electrostriction as Electrostriction
 from .foh import FOH as FOH
 from .foh_linear import FOHLinear as FOHLinear
 from .foh_rate_term import FOHRateTerm as FOHRateTerm
+from .gain_drift import GainDrift as GainDrift
 from .inverse_lfdh import InverseLFDH as InverseLFDH
 from .lfdh import LFDH as LFDH
+from .lost_contact import LostContact as LostContact
 from .mains_interference import MainsInterference as MainsInterference
 from .minor_loop_memory import MinorLoopMemory as MinorLoopMemory
 from .pea_dynamics import PEADynamics as PEADynamics
+from .quantisation import Quantisation as Quantisation
 from .quasi_static_force import QuasiStaticForce as QuasiStaticForce
 from .resonance import Resonance as Resonance
 from .saturation import Saturation as Saturation
 from .single_operator import SingleOperator as SingleOperator
+from .slew_rate_limit import SlewRateLimit as SlewRateLimit
 from .thermal_drift import ThermalDrift as ThermalDrift
+from .viscoelastic_layer import ViscoelasticLayer as ViscoelasticLayer
 
 EFFECTS: dict[str, Effect] = {
     module.EFFECT.name: module.EFFECT
@@ -55,5 +69,12 @@ EFFECTS: dict[str, Effect] = {
         saturation,
         thermal_drift,
         mains_interference,
+        coulomb_friction,
+        lost_contact,
+        slew_rate_limit,
+        gain_drift,
+        viscoelastic_layer,
+        clock_skew,
+        quantisation,
     )
 }

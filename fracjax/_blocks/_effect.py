@@ -21,7 +21,10 @@ class Setting:
     """What a recording says about the size of things: from it an effect takes its typical shapes.
 
     drive_low, drive_high: the drive's extremes; response_span: peak to peak of the response;
-    step, duration: in seconds; top_frequency: in Hz, the highest with appreciable drive.
+    step, duration: in seconds; top_frequency: in Hz, the highest with appreciable drive;
+    top_rate, rms_rate: of the drive, per second; response_low: the lowest response, counted from
+    the first sample; resolution: the step between the codes that the response is written in, 0
+    where it lies on no grid.
     """
 
     drive_low: float
@@ -30,6 +33,10 @@ class Setting:
     step: float
     duration: float
     top_frequency: float
+    top_rate: float
+    rms_rate: float
+    response_low: float
+    resolution: float
 
     @property
     def drive_span(self) -> float:

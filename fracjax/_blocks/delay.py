@@ -11,6 +11,27 @@ from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
 
 
+def read_between(drive: Array, position: Array, grid: Grid) -> Array:
+    """The drive (N,) at positions (N,) counted in samples, by Catmull–Rom cubics.
+
+    Before the first sample stands what the history says; past the last one its value is held.
+    """
+    samples = drive.shape[0]
+    whole = jnp.floor(position)
+    x = position - whole
+
+    def at(shift: int) -> Array:
+        index = whole.astype(int) + shift
+        if grid.history == "periodic":
+            return drive[index % samples]
+        before = drive[0] if grid.history == "constant" else 0.0
+        return jnp.where(index < 0, before, drive[jnp.clip(index, 0, samples - 1)])
+
+    a, b, c, d = at(-1), at(0), at(1), at(2)
+    cubic = (3 * (b - c) + d - a) * x + 2 * a - 5 * b + 4 * c - d
+    return b + 0.5 * x * (c - a + x * cubic)
+
+
 class Delay(AbstractBlock):
     r"""The response belongs to an earlier drive, as through a converter or a buffer:
 
@@ -37,21 +58,8 @@ class Delay(AbstractBlock):
         return True
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
-        samples = drive.shape[0]
-        position = jnp.arange(samples) - self.delay.value / grid.step
-        whole = jnp.floor(position)
-        x = position - whole
-
-        def at(shift: int) -> Array:
-            index = whole.astype(int) + shift
-            if grid.history == "periodic":
-                return drive[index % samples]
-            before = drive[0] if grid.history == "constant" else 0.0
-            return jnp.where(index < 0, before, drive[jnp.clip(index, 0, samples - 1)])
-
-        a, b, c, d = at(-1), at(0), at(1), at(2)
-        cubic = (3 * (b - c) + d - a) * x + 2 * a - 5 * b + 4 * c - d
-        return b + 0.5 * x * (c - a + x * cubic)
+        position = jnp.arange(drive.shape[0]) - self.delay.value / grid.step
+        return read_between(drive, position, grid)
 
 
 def _trials(setting: Setting) -> list:

@@ -120,7 +120,25 @@ def setting_of(recordings: list[Recording]) -> Setting:
         step=float(min(r.dt for r in recordings)),
         duration=float(max(len(r) * r.dt for r in recordings)),
         top_frequency=max(top_frequency(r) for r in recordings),
+        top_rate=float(max(np.abs(np.diff(r.drive)).max() / r.dt for r in recordings)),
+        rms_rate=float(max(np.sqrt(np.mean(np.diff(r.drive) ** 2)) / r.dt for r in recordings)),
+        response_low=float(min(r.response.min() - r.response[0] for r in recordings)),
+        resolution=min(resolution(r.response) for r in recordings),
     )
+
+
+def resolution(response: np.ndarray) -> float:
+    """The step of the grid that all values of a response (N,) lie on, 0 where there is none.
+
+    Neighbouring values must be whole steps apart, to a tenth of a step, and the smallest gap one
+    step: a converter's codes that were scaled and rounded to a few digits still pass, and noise of
+    many digits does not, nor do codes so fine that none has its neighbour in the recording.
+    """
+    gaps = np.diff(np.unique(response))
+    gaps = gaps[gaps > 1e-9 * np.ptp(response)]  # equal but for rounding in the last place
+    codes = np.round(gaps / gaps.min())
+    step = float(gaps.sum() / codes.sum())
+    return step if np.all(np.abs(gaps / step - codes) < 0.1) else 0.0
 
 
 def top_frequency(recording: Recording) -> float:

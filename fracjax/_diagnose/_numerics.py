@@ -18,7 +18,7 @@ from .._fit import (
 )
 from ._score import Residual
 
-FINEST = 8
+FINEST, _MOST_SAMPLES = 16, 2**18
 TARGET, LIMIT = 0.5, 1.0
 
 
@@ -57,7 +57,10 @@ def fine_enough(
         progress(f"checking the numerics with {preparation.oversampling} steps per sample")
         basis = residual_of(solved, preparation).basis
         error = numerical_error(solved.block, preparation, basis)
-        if error <= TARGET or preparation.oversampling >= FINEST:
+        longest = max(len(take.recording) for take in preparation.takes)
+        doubled = 2 * preparation.oversampling
+        finest = doubled > FINEST or doubled * longest > _MOST_SAMPLES
+        if error <= TARGET or finest:
             return solved, preparation, error
-        preparation = preparation.with_oversampling(2 * preparation.oversampling)
+        preparation = preparation.with_oversampling(doubled)
         solved = solve_from([solved.block], preparation)

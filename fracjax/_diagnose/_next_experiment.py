@@ -115,10 +115,10 @@ def drives(limits: Limits, step: float, unit: str) -> list[Drive]:
     fastest = max(fastest, slowest)
     tones = np.geomspace(slowest, fastest, 6)
     few = np.geomspace(2 * slowest, 0.5 * fastest, 3) if fastest > 4 * slowest else tones[:1]
-    found: list[tuple[str, np.ndarray]] = []
+    found: dict[str, np.ndarray] = {}
 
     def add(description: str, values: np.ndarray) -> None:
-        found.append((description, values))
+        found[description] = values
 
     for f in tones:
         for share in (1.0, 0.4):
@@ -171,7 +171,7 @@ def drives(limits: Limits, step: float, unit: str) -> list[Drive]:
         _spanned(bursts * within, limits),
     )
     add("a rest at one level", np.full(_SAMPLES, limits.centre))
-    return [Drive(text, _allowed(values, limits, step), step) for text, values in found]
+    return [Drive(text, _allowed(values, limits, step), step) for text, values in found.items()]
 
 
 def _allowed(values: np.ndarray, limits: Limits, step: float) -> np.ndarray:

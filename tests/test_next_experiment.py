@@ -1,0 +1,86 @@
+"""The next experiment: drives within the limits, and the one on which look-alikes part."""
+
+import jax
+import numpy as np
+import pytest
+
+import fracjax as fj
+from fracjax._blocks import DriveLag
+from fracjax._blocks.delay import Delay
+from fracjax._diagnose._next_experiment import (
+    Limits,
+    drives,
+    parse_limits,
+    propose,
+    recorded_limits,
+)
+from fracjax._fit import Noise, prepare
+
+STEP = 1e-3
+TIMES = STEP * np.arange(4000)
+
+
+def recording(frequency: float = 1.0) -> fj.Recording:
+    drive = 50 - 40 * np.cos(2 * np.pi * frequency * TIMES)
+    return fj.Recording(drive, 0.1 * drive, STEP, "V", "um")
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("0..100 V, 50 V/ms", (0, 100, 5e4)),
+        ("-20..120V,3 kV/s", (-20, 120, 3e3)),
+        ("0..0.1 kV, 50 V/s", (0, 100, 50)),
+        ("5..60, 1 V/ms", (5, 60, 1e3)),
+    ],
+)
+def test_limits_are_read_with_their_units(text, expected):
+    found = parse_limits(text, [recording()])
+    assert (found.low, found.high, found.slew) == pytest.approx(expected)
+
+
+def test_without_a_slew_ten_times_the_fastest_recorded_change():
+    found = parse_limits("0..100 V", [recording()])
+    assert found.slew == pytest.approx(10 * 2 * np.pi * 40, rel=1e-3)
+    assert recorded_limits([recording()]) == Limits(
+        pytest.approx(10), pytest.approx(90, abs=1e-3), found.slew
+    )
+
+
+@pytest.mark.parametrize(
+    "text", ["", "100 V", "100..0 V", "0..100 m", "0..100 V, 0 V/s", "0..100 V, 5 V", "a..b V"]
+)
+def test_limits_that_are_none_are_refused_in_a_sentence(text):
+    with pytest.raises(fj.InputError) as refused:
+        parse_limits(text, [recording()])
+    assert "--limits" in str(refused.value)
+    assert "\n" not in str(refused.value)
+
+
+@pytest.mark.parametrize("slew", [50.0, 5e3, 1e6])
+def test_drives_keep_to_the_limits(slew):
+    limits = Limits(-10.0, 70.0, slew)
+    found = drives(limits, STEP, "V")
+    assert len(found) >= (30 if slew > 1e3 else 10)
+    assert len({drive.description for drive in found}) == len(found)
+    for drive in found:
+        assert drive.values.min() >= -10 - 1e-9
+        assert drive.values.max() <= 70 + 1e-9
+        assert np.abs(np.diff(drive.values)).max() <= slew * STEP * (1 + 1e-9)
+
+
+def test_a_lag_and_a_delay_part_on_a_fast_drive():
+    """On a slow sine the two are one; what tells them apart is ω τ, as high as the slew allows."""
+    noise = Noise(0.005, "um", "specification", np.ones(1), 0.005)
+    with jax.enable_x64(True):
+        preparation = prepare([recording(0.5)], noise=noise, history="constant")
+        base = fj.parse_model("foh").block
+        rivals = [DriveLag(2e-3) >> base, Delay(2e-3, longest=0.01) >> base]
+        said: list[str] = []
+        fast = propose(rivals, preparation, Limits(0, 100, 1e5), said.append)
+        slow = propose(rivals, preparation, Limits(0, 100, 100.0), said.append)
+    assert fast.probability > 0.95
+    assert slow.probability < fast.probability
+    rate = np.abs(np.diff(fast.drive.values)).max() / STEP
+    assert rate > 10 * np.abs(np.diff(slow.drive.values)).max() / STEP
+    assert "choosing the next experiment" in said[0]

@@ -1,0 +1,108 @@
+"""Models as far as effects have been added: layers, paths, and the model without one of them."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import fracjax as fj
+from fracjax._blocks import EFFECTS, Setting
+from fracjax._diagnose._stage import Layer, Stage, path_of, wrapped
+from fracjax._fit import prepare, solve_from
+from fracjax._operators import Grid
+from fracjax._parameters import named_parameters, set_values
+
+TIMES = np.linspace(0, 2, 300)
+DRIVE = 50 - 40 * np.cos(2 * np.pi * TIMES)
+ORDERS = [
+    ("creep", "electrostriction", "thermal_drift"),
+    ("drive_lag", "minor_loop_memory", "resonance"),
+    ("mains_interference", "creep", "saturation"),
+]
+
+
+@pytest.fixture
+def setting() -> Setting:
+    recording = fj.Recording(DRIVE, 0.1 * DRIVE, TIMES[1], "V", "um")
+    return prepare([recording]).setting
+
+
+def layers_of(names, setting) -> tuple[Layer, ...]:
+    return tuple(Layer(EFFECTS[n], EFFECTS[n].trials(setting)[0]) for n in names)
+
+
+def stage_of(names, setting) -> Stage:
+    recording = fj.Recording(DRIVE, 0.1 * DRIVE, TIMES[1], "V", "um")
+    preparation = prepare([recording], history="constant")
+    base = fj.parse_model("foh", setting).block
+    layers = layers_of(names, setting)
+    block = wrapped(base, [(layer, layer.trial) for layer in layers])
+    with jax.enable_x64(True):
+        solved = solve_from([block], preparation, hopeless=0.0)
+    return Stage("foh", base, layers, solved, preparation)
+
+
+@pytest.mark.parametrize("names", ORDERS)
+def test_a_path_leads_to_each_effects_own_parameters(names, setting):
+    layers = layers_of(names, setting)
+    block = wrapped(fj.blocks.FOH(), [(layer, layer.trial) for layer in layers])
+    known = named_parameters(block)
+    for k, layer in enumerate(layers):
+        own = {f"{path_of(layers, k)}{name}" for name in named_parameters(layer.trial)}
+        assert own == {name for name in known if name.startswith(path_of(layers, k))}
+
+
+@pytest.mark.parametrize("names", ORDERS)
+@pytest.mark.parametrize("dropped", [0, 1, 2])
+def test_the_model_without_a_layer_is_the_model_of_the_others(names, dropped, setting):
+    stage = stage_of(names, setting)
+    kept = [name for k, name in enumerate(names) if k != dropped]
+    less = stage.fitted_without(dropped)
+    shaped = wrapped(stage.nominal, [(x, x.trial) for x in layers_of(kept, setting)])
+    assert jax.tree_util.tree_structure(less) == jax.tree_util.tree_structure(shaped)
+    whole, values = named_parameters(stage.solved.block), named_parameters(less)
+    k = 0 if dropped else 1
+    layers = layers_of(kept, setting)
+    for name in named_parameters(layers[0].trial):
+        left = values[f"{path_of(layers, 0)}{name}"].value
+        assert np.array_equal(left, whole[f"{path_of(stage.layers, k)}{name}"].value)
+
+
+def test_a_name_is_written_as_one_would_write_the_model(setting):
+    assert stage_of(ORDERS[0], setting).name == (
+        "(electrostriction >> (foh >> creep)) + thermal_drift"
+    )
+
+
+@pytest.mark.parametrize(
+    "text",
+    [
+        "foh",
+        "foh >> creep",
+        "drive_lag >> foh >> resonance",
+        "electrostriction >> foh + minor_loop_memory",
+        "saturation >> (foh + thermal_drift) >> creep",
+        "lfdh >> resonance",
+        "bouc_wen >> drive_lag",
+    ],
+)
+def test_derivatives_law_by_law_are_those_of_the_whole(text, setting):
+    """Against JAX through the whole composition at once."""
+    with jax.enable_x64(True):
+        block = fj.parse_model(text, setting).block
+        grid, drive = Grid(np.asarray(TIMES[1]), "constant"), jnp.asarray(DRIVE)
+        names = list(named_parameters(block))
+        response, columns, changes = block.linearise(drive, grid, names, [jnp.sin(drive)])
+        np.testing.assert_allclose(response, block(drive, grid), rtol=1e-12)
+        np.testing.assert_allclose(block.respond(drive, grid), response, rtol=1e-12)
+        along = jax.jvp(lambda u: block(u, grid), (drive,), (jnp.sin(drive),))[1]
+        np.testing.assert_allclose(changes[0], along, atol=1e-9 * np.abs(along).max())
+        for name in names:
+            values = named_parameters(block)[name].value
+
+            def response_of(value, name=name):
+                return set_values(block, {name: value})(drive, grid)
+
+            whole = jax.jacfwd(response_of)(jnp.asarray(values)).reshape(drive.size, -1)
+            size = np.abs(whole).max() + 1e-300
+            np.testing.assert_allclose(columns[name], whole, atol=1e-9 * size)

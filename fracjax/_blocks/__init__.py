@@ -1,7 +1,10 @@
 """The physical laws, one per file; a new effect is its file plus one line here."""
 
 from . import (
+    amplitude_dependence,
+    backlash,
     creep,
+    cubic_nonlinearity,
     delay,
     drive_lag,
     electrostriction,
@@ -9,6 +12,9 @@ from . import (
     minor_loop_memory,
     resonance,
     saturation,
+    second_mode,
+    sensor_lag,
+    sensor_nonlinearity,
     thermal_drift,
 )
 from ._block import AbstractBlock as AbstractBlock
@@ -22,9 +28,12 @@ from ._response import bode as bode
 from ._response import frequency_response as frequency_response
 from ._response import poles as poles
 from ._response import step_response as step_response
+from .amplitude_dependence import AmplitudeDependence as AmplitudeDependence
+from .backlash import Backlash as Backlash
 from .bouc_wen import BoucWen as BoucWen
 from .creep import Creep as Creep
 from .creep import LogarithmicCreep as LogarithmicCreep
+from .cubic_nonlinearity import CubicNonlinearity as CubicNonlinearity
 from .delay import Delay as Delay
 from .drive_circuit import DriveCircuit as DriveCircuit
 from .drive_lag import DriveLag as DriveLag
@@ -40,6 +49,9 @@ from .pea_dynamics import PEADynamics as PEADynamics
 from .quasi_static_force import QuasiStaticForce as QuasiStaticForce
 from .resonance import Resonance as Resonance
 from .saturation import Saturation as Saturation
+from .second_mode import SecondMode as SecondMode
+from .sensor_lag import SensorLag as SensorLag
+from .sensor_nonlinearity import SensorNonlinearity as SensorNonlinearity
 from .single_operator import SingleOperator as SingleOperator
 from .thermal_drift import ThermalDrift as ThermalDrift
 
@@ -48,12 +60,18 @@ EFFECTS: dict[str, Effect] = {
     for module in (
         creep,
         drive_lag,
+        sensor_lag,
         delay,
         resonance,
+        second_mode,
         electrostriction,
+        cubic_nonlinearity,
         minor_loop_memory,
+        amplitude_dependence,
+        backlash,
         saturation,
         thermal_drift,
+        sensor_nonlinearity,
         mains_interference,
     )
 }

@@ -40,7 +40,7 @@ class SensorLag(AbstractLinearBlock):
 
     def symbol(self, s: Array) -> Array:
         x = s / (2 * np.pi * self.corner.value)
-        polynomial = 1 + x if self.order % 2 else 1
+        polynomial = 1 + self.order % 2 * x
         for angle in np.pi * np.arange(1, self.order, 2) / (2 * self.order):
             polynomial = polynomial * (1 + 2 * np.sin(angle) * x + x * x)
         return 1 / polynomial

@@ -396,7 +396,7 @@ def driven(setting: Setting) -> tuple[np.ndarray, FOH]:
     """A drive from end to end with its fastest part near the top, and a base of the span."""
     times = np.arange(1500) * setting.step
     fastest = 2 * np.pi * setting.top_frequency * times
-    shape = np.sin(fastest / 7) + 0.3 * np.sin(fastest)
+    shape = np.sin(fastest / 7) + 0.5 * np.sin(fastest)
     drive = setting.drive_centre + setting.drive_span * shape / np.ptp(shape)
     slope = setting.response_span / setting.drive_span
     return drive, FOH(k_l=0.6 * slope, k_h=0.2 * slope, k_p=0.0, alpha=0.14, beta=-0.13)

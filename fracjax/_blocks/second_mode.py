@@ -18,11 +18,12 @@ class SecondMode(AbstractLinearBlock):
 
     ω_1 = 2π f, ω_2 = ω_1 · ratio > ω_1, f in [Hz], ζ_1 = damping, ζ_2 = second_damping, p =
     participation, dimensionless.  Where sensor and actuator share a place p lies between 0 and 1,
-    and a notch between the two peaks; elsewhere p has either sign, and with p < 0 the notch lies
-    beyond both or vanishes.  The second mode is the faster by definition: two free frequencies
-    could be exchanged with p and 1 - p.
+    and a notch between the two peaks; elsewhere p or 1 - p is negative, and for p < 0 the notch
+    lies beyond both peaks or vanishes.  The second mode is the faster by definition: two free
+    frequencies could be exchanged with p and 1 - p.
     p = 0 leaves one mode, which is Resonance; without any, f is beyond all that is driven.  A base
-    that has a mode of its own gains the other as f ratio → ∞: (1 - p) G_1 + p.
+    that has a mode of its own gains another beside it in the limit of a large ratio,
+    (1 - p) G_1 + p: a pole and a zero, of which the zero lies above or below as p does of 1.
     Source: Preumont, Vibration Control of Active Structures (2011), chapter 2, for the sum over
     modes; Xu et al., Fractal Fract. 8 (2024) 3, equation (17), for each.
     """
@@ -51,7 +52,7 @@ class SecondMode(AbstractLinearBlock):
             Parameter(z, lower=1e-3, upper=1.0, plausible=(4e-3, 0.2), logarithmic=True)
             for z in (damping, second_damping)
         )
-        self.participation = Parameter(participation, lower=-1.0, upper=1.0, plausible=(-0.8, 0.95))
+        self.participation = Parameter(participation, lower=-1.0, upper=2.0, plausible=(-0.8, 1.8))
 
     @property
     def accuracy(self) -> int:
@@ -68,17 +69,20 @@ class SecondMode(AbstractLinearBlock):
         return 1.0
 
 
+# Ratio and participation: two modes of like size, and one beside a mode that the base has.
+_SHAPES = ((1.5, 0.3), (1.5, -0.3), (3.0, 0.3), (10.0, 0.5), (10.0, 1.5))
+
+
 def _trials(setting: Setting) -> list:
-    nyquist = 0.5 / setting.step
-    lowest = max(min(2 * setting.top_frequency, nyquist / 8), 0.1)
-    frequencies = np.geomspace(lowest, max(nyquist, 2 * lowest), 4)
+    # Well damped and dense: a refit then finds the modes from about twice their frequency.
+    lowest = max(0.6 * setting.top_frequency, 10.0)
+    highest = max(min(24 * setting.top_frequency, 0.5 / setting.step), 2 * lowest)
     return at_values(
-        SecondMode(lowest),
+        SecondMode(lowest, damping=0.1, second_damping=0.1),
         [
             {"frequency": f, "ratio": ratio, "participation": p}
-            for f in frequencies
-            for ratio in (1.4, 3.0)
-            for p in (0.3, -0.3)
+            for f in np.geomspace(lowest, highest, 6)
+            for ratio, p in _SHAPES
         ],
     )
 

@@ -6,6 +6,7 @@ What all blocks have in common is tested in test_blocks.py.
 from itertools import pairwise
 
 import equinox as eqx
+import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
@@ -32,6 +33,7 @@ from fracjax._blocks import (
     poles,
 )
 from fracjax._operators import Grid
+from fracjax._operators._grid import History
 from fracjax._parameters import named_parameters, set_values
 
 NAMES = (
@@ -42,11 +44,12 @@ NAMES = (
     "backlash",
     "sensor_nonlinearity",
 )
+STARTS: tuple[History, ...] = ("rest", "constant")
 each_effect = pytest.mark.parametrize("name", NAMES)
 _respond = eqx.filter_jit(lambda block, drive, grid: block(drive, grid))
 
 
-def respond(block, drive, step=1e-3, history="constant") -> np.ndarray:
+def respond(block, drive, step=1e-3, history: History = "constant") -> np.ndarray:
     return np.asarray(_respond(block, jnp.asarray(drive), Grid(np.asarray(step), history)))
 
 
@@ -84,12 +87,23 @@ def order_of(block, numerator, denominator, samples: int) -> tuple[float, float]
 # Sensor lag ---------------------------------------------------------------------------------------
 
 
+def butterworth(order: int, corner: float) -> tuple[np.ndarray, np.ndarray]:
+    """Numerator and denominator of SciPy's analog low-pass."""
+    denominator = np.real(np.poly(2 * np.pi * corner * signal.buttap(order)[1]))
+    return denominator[-1:], denominator
+
+
+def gains(numerator, denominator, frequencies) -> np.ndarray:
+    s = 2j * np.pi * frequencies
+    return np.polyval(numerator, s) / np.polyval(denominator, s)
+
+
 @pytest.mark.parametrize("order", [1, 2, 3, 4])
 def test_sensor_lag_is_scipys_butterworth(order):
     block = SensorLag(40.0, order=order)
-    numerator, denominator = signal.butter(order, 2 * np.pi * 40, analog=True)
+    numerator, denominator = butterworth(order, 40.0)
     frequencies = np.geomspace(0.1, 4000, 50)
-    wanted = signal.freqs(numerator, denominator, 2 * np.pi * frequencies)[1]
+    wanted = gains(numerator, denominator, frequencies)
     np.testing.assert_allclose(frequency_response(block, frequencies), wanted, rtol=1e-10)
     assert abs(frequency_response(block, 40.0)[0]) == pytest.approx(1 / np.sqrt(2), rel=1e-12)
     np.testing.assert_allclose(np.real(np.poly(poles(block))), denominator, rtol=1e-9)
@@ -97,7 +111,7 @@ def test_sensor_lag_is_scipys_butterworth(order):
 
 @pytest.mark.parametrize("order", [1, 2, 4])
 def test_sensor_lag_is_its_differential_equation_to_fourth_order(order):
-    numerator, denominator = signal.butter(order, 2 * np.pi * 6, analog=True)
+    numerator, denominator = butterworth(order, 6.0)
     error, shown = order_of(SensorLag(6.0, order=order), numerator, denominator, 500)
     assert error < 1e-7
     assert shown == pytest.approx(4, abs=0.2)
@@ -136,7 +150,7 @@ BOTH_SIGNS = [SecondMode(8.0, 1.6, p, 0.05, 0.1) for p in (0.4, -0.3)]
 def test_second_mode_is_its_rational_function(block):
     numerator, denominator = rational(block)
     frequencies = np.geomspace(0.1, 100, 60)
-    wanted = signal.freqs(numerator, denominator, 2 * np.pi * frequencies)[1]
+    wanted = gains(numerator, denominator, frequencies)
     found = frequency_response(block, frequencies)
     np.testing.assert_allclose(found, wanted, rtol=1e-9, atol=1e-12)
     roots = np.sort_complex(np.roots(denominator))
@@ -255,7 +269,7 @@ def test_rayleigh_remembers_turning_points_as_a_chain_of_parabolas(start, path):
 
 def test_rayleigh_starts_on_the_virgin_parabola():
     drive = np.linspace(0, SPAN, 300)
-    for history in ("rest", "constant"):
+    for history in STARTS:
         found = respond(rayleigh, drive, history=history)
         np.testing.assert_allclose(found, 2 * ALPHA * drive**2 / SPAN, atol=GRAIN)
 
@@ -296,7 +310,7 @@ def test_laws_of_plays_and_powers_do_not_see_the_clock():
 # Backlash -----------------------------------------------------------------------------------------
 
 
-@pytest.mark.parametrize("start", ["rest", "constant"])
+@pytest.mark.parametrize("start", STARTS)
 def test_backlash_is_a_plain_loop(start):
     motion = np.random.default_rng(8).uniform(-3, 3, 400).cumsum()
     weight, radius = 0.7, 1.3
@@ -387,7 +401,7 @@ def test_sensor_nonlinearity_rises_within_its_bounds():
 # The catalogue ------------------------------------------------------------------------------------
 
 SETTINGS = {
-    "common": Setting(0.0, 100.0, 10.0, 1e-3, 10.0, 10.0),
+    "common": Setting(0.0, 100.0, 10.0, 1e-3, 10.0, 20.0),
     "bipolar, fast": Setting(-150.0, 30.0, 0.2, 2e-5, 0.03, 5e2),
 }
 
@@ -412,6 +426,29 @@ def test_every_trial_is_of_a_sensible_size(name, setting):
     for trial in effect.trials(setting):
         change = respond(effect.insert(base, trial), drive, setting.step) - plain
         assert 1e-4 < np.std(change) / np.ptp(plain) < 0.3
+
+
+HISTORIES: tuple[History, ...] = ("constant", "periodic")
+
+
+@pytest.mark.parametrize("history", HISTORIES)
+@each_effect
+def test_reverse_mode_is_forward_mode(name, history):
+    """In the parameters and in the drive, also where plays start from an open interval."""
+    drive = jnp.asarray(smooth(np.arange(300) * 5e-3))
+    block = EFFECTS[name].trials(Setting(3.0, 8.0, 5.0, 5e-3, 1.5, 5.0))[0]
+    aim = jnp.asarray(np.random.default_rng(4).standard_normal(300))
+    values = {n: jnp.asarray(p.value) for n, p in named_parameters(block).items()}
+
+    def project(values, drive):
+        return aim @ set_values(block, values)(drive, Grid(5e-3, history))
+
+    modes = (jax.jit(mode(project, (0, 1))) for mode in (jax.jacfwd, jax.grad))
+    (forward, forward_drive), (reverse, reverse_drive) = (f(values, drive) for f in modes)
+    assert forward.keys() == reverse.keys()
+    for parameter, wanted in forward.items():
+        assert float(reverse[parameter]) == pytest.approx(float(wanted), rel=1e-8, abs=1e-12)
+    np.testing.assert_allclose(reverse_drive, forward_drive, atol=1e-9)
 
 
 @each_effect

@@ -17,10 +17,13 @@ from fracjax._blocks import (
     LFDH,
     AbstractBlock,
     AbstractLinearBlock,
+    AmplitudeDependence,
+    Backlash,
     BoucWen,
     ClockSkew,
     CoulombFriction,
     Creep,
+    CubicNonlinearity,
     Delay,
     DriveCircuit,
     DriveLag,
@@ -37,6 +40,9 @@ from fracjax._blocks import (
     QuasiStaticForce,
     Resonance,
     Saturation,
+    SecondMode,
+    SensorLag,
+    SensorNonlinearity,
     Setting,
     SingleOperator,
     SlewRateLimit,
@@ -117,6 +123,12 @@ BLOCKS: dict[str, AbstractBlock] = {
     "viscoelastic_layer": layer,
     "clock_skew": skew,
     "quantisation": converter,
+    "sensor_lag": SensorLag(12.0),
+    "second_mode": SecondMode(9.0, 1.7, -0.3, 0.2, 0.1),
+    "cubic_nonlinearity": CubicNonlinearity(0.3, low=40.0, high=85.0),
+    "amplitude_dependence": AmplitudeDependence(0.2, span=45.0),
+    "backlash": Backlash(0.6, 3.3, span=45.0),
+    "sensor_nonlinearity": SensorNonlinearity(0.02, -0.03, centre=60.0, span=45.0),
     "linear chain": lag >> lfdh >> resonance,
     "linear sum": creep + lag,
     "coupled, drifting": (foh >> Creep(fixed_gain=True)) + drift,
@@ -233,7 +245,14 @@ def test_reverse_mode_is_forward_mode(name):
 
 
 # A turning point between samples is met to the square of the step, but by chance more or less.
-REFINEMENT = {"coulomb_friction": 4, "bouc_wen": 4, "minor_loop_memory": 4, "coupled, drifting": 4}
+REFINEMENT = {
+    "bouc_wen": 4,
+    "coulomb_friction": 4,
+    "minor_loop_memory": 4,
+    "amplitude_dependence": 4,
+    "backlash": 4,
+    "coupled, drifting": 4,
+}
 
 
 @each_block
@@ -541,31 +560,12 @@ NOTHING = {
     "viscoelastic_layer": {"strength": 0.0},
     "clock_skew": {"skew": 0.0},
     "quantisation": {"share": 0.0},
-}
-# Entries name their look-alikes whether or not those are in the catalogue yet.
-NAMES = {
-    "creep",
-    "drive_lag",
-    "sensor_lag",
-    "delay",
-    "resonance",
-    "second_mode",
-    "electrostriction",
-    "cubic_nonlinearity",
-    "minor_loop_memory",
-    "amplitude_dependence",
-    "backlash",
-    "coulomb_friction",
-    "lost_contact",
-    "saturation",
-    "slew_rate_limit",
-    "thermal_drift",
-    "gain_drift",
-    "sensor_nonlinearity",
-    "mains_interference",
-    "viscoelastic_layer",
-    "clock_skew",
-    "quantisation",
+    "sensor_lag": {"corner": 1e14},
+    "second_mode": {"frequency": 1e11},
+    "cubic_nonlinearity": {"q_3": 0.0},
+    "amplitude_dependence": {"alpha": 0.0},
+    "backlash": {"weight": 0.0},
+    "sensor_nonlinearity": {"s_2": 0.0, "s_3": 0.0},
 }
 each_effect = pytest.mark.parametrize("name", EFFECTS)
 
@@ -623,7 +623,7 @@ def test_an_entry_says_what_it_is(name):
     for text in (effect.sentence, effect.equation, effect.source, effect.concealed_by):
         assert text.strip() == text
         assert len(text) > 5
-    assert effect.separated_by.keys() <= NAMES - {name}
+    assert effect.separated_by.keys() <= EFFECTS.keys() - {name}
     assert effect.separated_by
     assert all(len(experiment) > 10 for experiment in effect.separated_by.values())
     assert effect.axes

@@ -1,9 +1,12 @@
 """The physical laws, one per file; a new effect is its file plus one line here."""
 
 from . import (
+    amplitude_dependence,
+    backlash,
     clock_skew,
     coulomb_friction,
     creep,
+    cubic_nonlinearity,
     delay,
     drive_lag,
     electrostriction,
@@ -14,6 +17,9 @@ from . import (
     quantisation,
     resonance,
     saturation,
+    second_mode,
+    sensor_lag,
+    sensor_nonlinearity,
     slew_rate_limit,
     thermal_drift,
     viscoelastic_layer,
@@ -29,11 +35,14 @@ from ._response import bode as bode
 from ._response import frequency_response as frequency_response
 from ._response import poles as poles
 from ._response import step_response as step_response
+from .amplitude_dependence import AmplitudeDependence as AmplitudeDependence
+from .backlash import Backlash as Backlash
 from .bouc_wen import BoucWen as BoucWen
 from .clock_skew import ClockSkew as ClockSkew
 from .coulomb_friction import CoulombFriction as CoulombFriction
 from .creep import Creep as Creep
 from .creep import LogarithmicCreep as LogarithmicCreep
+from .cubic_nonlinearity import CubicNonlinearity as CubicNonlinearity
 from .delay import Delay as Delay
 from .drive_circuit import DriveCircuit as DriveCircuit
 from .drive_lag import DriveLag as DriveLag
@@ -52,6 +61,9 @@ from .quantisation import Quantisation as Quantisation
 from .quasi_static_force import QuasiStaticForce as QuasiStaticForce
 from .resonance import Resonance as Resonance
 from .saturation import Saturation as Saturation
+from .second_mode import SecondMode as SecondMode
+from .sensor_lag import SensorLag as SensorLag
+from .sensor_nonlinearity import SensorNonlinearity as SensorNonlinearity
 from .single_operator import SingleOperator as SingleOperator
 from .slew_rate_limit import SlewRateLimit as SlewRateLimit
 from .thermal_drift import ThermalDrift as ThermalDrift
@@ -62,17 +74,23 @@ EFFECTS: dict[str, Effect] = {
     for module in (
         creep,
         drive_lag,
+        sensor_lag,
         delay,
         resonance,
+        second_mode,
         electrostriction,
+        cubic_nonlinearity,
         minor_loop_memory,
-        saturation,
-        thermal_drift,
-        mains_interference,
+        amplitude_dependence,
+        backlash,
         coulomb_friction,
         lost_contact,
+        saturation,
         slew_rate_limit,
+        thermal_drift,
         gain_drift,
+        sensor_nonlinearity,
+        mains_interference,
         viscoelastic_layer,
         clock_skew,
         quantisation,

@@ -21,6 +21,8 @@ from .lfdh import LFDH
 from .pea_dynamics import PEADynamics
 from .quasi_static_force import QuasiStaticForce
 from .resonance import Resonance
+from .second_mode import SecondMode
+from .sensor_lag import SensorLag
 from .single_operator import SingleOperator
 
 _OVERSAMPLING = 8
@@ -81,10 +83,10 @@ def step_response(block: AbstractBlock, times: ArrayLike, height: float = 1.0) -
 def poles(block: AbstractBlock) -> np.ndarray:
     """Poles of G(s), complex (P,) [1/s], on the principal sheet |arg s| < π.
 
-    A lag has one, a mode two; a series or a sum has those of its parts.  Powers of s alone have a
-    branch point at 0 and no pole.  Nor has LFDH or its inverse: 1 + χ s^μ = 0 asks for
-    arg s = ±π/μ, and for 0 < μ < 1 that lies beyond ±π, on another sheet; the law relaxes by the
-    branch cut alone, never by an exponential.
+    A lag has one, a mode two, a sensor's low-pass as many as its order; a series or a sum has those
+    of its parts.  Powers of s alone have a branch point at 0 and no pole.  Nor has LFDH or its
+    inverse: 1 + χ s^μ = 0 asks for arg s = ±π/μ, and for 0 < μ < 1 that lies beyond ±π, on another
+    sheet; the law relaxes by the branch cut alone, never by an exponential.
     Raises InputError for a block without transfer function, or whose poles are not known here.
     """
     law = _linear(block, "poles")
@@ -93,10 +95,15 @@ def poles(block: AbstractBlock) -> np.ndarray:
             return np.concatenate([poles(law.first), poles(law.second)])
         case DriveLag() | DriveCircuit():
             return np.array([-1 / law.time_constant.value + 0j])
+        case SensorLag():
+            angles = np.pi * (0.5 + np.arange(0.5, law.order) / law.order)
+            return 2 * np.pi * np.asarray(law.corner.value) * np.exp(1j * angles)
         case Resonance() | PEADynamics():
-            omega, zeta = 2 * np.pi * law.frequency.value, law.damping.value
-            root = np.sqrt(zeta**2 - 1 + 0j)
-            return np.array([omega * (root - zeta), -omega * (root + zeta)])
+            return _of_mode(law.frequency.value, law.damping.value)
+        case SecondMode():
+            first = _of_mode(law.frequency.value, law.damping.value)
+            second = law.frequency.value * law.ratio.value, law.second_damping.value
+            return np.concatenate([first, _of_mode(*second)])
         case (
             QuasiStaticForce()
             | SingleOperator()
@@ -110,6 +117,12 @@ def poles(block: AbstractBlock) -> np.ndarray:
     raise InputError.at(
         "poles", "a law whose poles are known", type(law).__name__, "ask for its frequency response"
     )
+
+
+def _of_mode(frequency: ArrayLike, damping: ArrayLike) -> np.ndarray:
+    omega, zeta = 2 * np.pi * np.asarray(frequency), np.asarray(damping)
+    root = np.sqrt(zeta**2 - 1 + 0j)
+    return np.array([omega * (root - zeta), -omega * (root + zeta)])
 
 
 def _linear(block: AbstractBlock, where: str) -> AbstractLinearBlock:

@@ -41,6 +41,13 @@ def play(drive: Array, radii: Array, before: Array | float) -> Array:
     return plays.swapaxes(0, 1).reshape(-1, radii.size)[:samples]
 
 
+def play_after_history(drive: Array, radii: Array, grid: Grid) -> Array:
+    """Play operators (N, R) of a drive on a grid, whose history says where they start."""
+    before = {"rest": 0.0, "constant": drive[0], "periodic": drive[-1]}[grid.history]
+    plays = play(drive, radii, before)
+    return play(drive, radii, plays[-1]) if grid.history == "periodic" else plays
+
+
 class MinorLoopMemory(AbstractBlock):
     r"""Domains that follow the drive only beyond their own thresholds, side by side:
 
@@ -64,11 +71,7 @@ class MinorLoopMemory(AbstractBlock):
         return False
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
-        before = {"rest": 0.0, "constant": drive[0], "periodic": drive[-1]}[grid.history]
-        plays = play(drive, jnp.asarray(self.radii), before)
-        if grid.history == "periodic":
-            plays = play(drive, jnp.asarray(self.radii), plays[-1])
-        return plays @ self.weights.value
+        return play_after_history(drive, jnp.asarray(self.radii), grid) @ self.weights.value
 
 
 def _trials(setting: Setting) -> list:

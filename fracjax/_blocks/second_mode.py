@@ -1,0 +1,104 @@
+"""Two mechanical modes side by side."""
+
+from __future__ import annotations
+
+import numpy as np
+from jax import Array
+from jax.typing import ArrayLike
+
+from .._parameters import Parameter
+from ._block import AbstractLinearBlock
+from ._effect import Effect, Setting, at_values
+
+
+class SecondMode(AbstractLinearBlock):
+    r"""The paper's mode [F 17] and one more, each with its share of the static displacement:
+
+        G(s) = (1 - p) G_1(s) + p G_2(s),   G_i(s) = 1 / (1 + 2 ζ_i s/ω_i + s²/ω_i²)
+
+    ω_1 = 2π f, ω_2 = ω_1 · ratio > ω_1, f in [Hz], ζ_1 = damping, ζ_2 = second_damping, p =
+    participation, dimensionless.  Where sensor and actuator share a place p lies between 0 and 1,
+    and a notch between the two peaks; elsewhere p or 1 - p is negative, and for p < 0 the notch
+    lies beyond both peaks or vanishes.  The second mode is the faster by definition: two free
+    frequencies could be exchanged with p and 1 - p.
+    p = 0 leaves one mode, which is Resonance; without any, f is beyond all that is driven.  A base
+    that has a mode of its own gains another beside it in the limit of a large ratio,
+    (1 - p) G_1 + p: a pole and a zero, of which the zero lies above or below as p does of 1.
+    Source: Preumont, Vibration Control of Active Structures (2011), chapter 2, for the sum over
+    modes; Xu et al., Fractal Fract. 8 (2024) 3, equation (17), for each.
+    """
+
+    frequency: Parameter
+    ratio: Parameter
+    damping: Parameter
+    second_damping: Parameter
+    participation: Parameter
+
+    def __init__(
+        self,
+        frequency: float,
+        ratio: float = 2.0,
+        participation: float = 0.2,
+        damping: float = 0.02,
+        second_damping: float = 0.02,
+    ):
+        self.frequency = Parameter(
+            frequency, "Hz", lower=0.1, upper=1e8, plausible=(10.0, 1e4), logarithmic=True
+        )
+        self.ratio = Parameter(
+            ratio, lower=1.01, upper=100.0, plausible=(1.05, 20.0), logarithmic=True
+        )
+        self.damping, self.second_damping = (
+            Parameter(z, lower=1e-3, upper=1.0, plausible=(4e-3, 0.2), logarithmic=True)
+            for z in (damping, second_damping)
+        )
+        self.participation = Parameter(participation, lower=-1.0, upper=2.0, plausible=(-0.8, 1.8))
+
+    @property
+    def accuracy(self) -> int:
+        return 3
+
+    def symbol(self, s: Array) -> Array:
+        x = s / (2 * np.pi * self.frequency.value)
+        first = 1 / (1 + 2 * self.damping.value * x + x * x)
+        x = x / self.ratio.value
+        second = 1 / (1 + 2 * self.second_damping.value * x + x * x)
+        return first + self.participation.value * (second - first)
+
+    def static_gain(self) -> ArrayLike:
+        return 1.0
+
+
+# Ratio and participation: two modes of like size, and one beside a mode that the base has.
+_SHAPES = ((1.5, 0.3), (1.5, -0.3), (3.0, 0.3), (10.0, 0.5), (10.0, 1.5))
+
+
+def _trials(setting: Setting) -> list:
+    # Well damped and dense: a refit then finds the modes from about twice their frequency.
+    lowest = max(0.6 * setting.top_frequency, 10.0)
+    highest = max(min(24 * setting.top_frequency, 0.5 / setting.step), 2 * lowest)
+    return at_values(
+        SecondMode(lowest, damping=0.1, second_damping=0.1),
+        [
+            {"frequency": f, "ratio": ratio, "participation": p}
+            for f in np.geomspace(lowest, highest, 6)
+            for ratio, p in _SHAPES
+        ],
+    )
+
+
+EFFECT = Effect(
+    name="second_mode",
+    site="response",
+    sentence="a second mechanical mode moves beside the first, with a peak of its own and a notch "
+    "where the two cancel",
+    equation="(1 - p) G1(s) + p G2(s), Gi = 1 / (1 + 2 zeta_i s/omega_i + s^2/omega_i^2)",
+    source="Preumont, Vibration Control of Active Structures (2011), chapter 2",
+    trials=_trials,
+    separated_by={
+        "resonance": "a sweep through both suspected frequencies: two modes leave a notch beside "
+        "their peaks",
+    },
+    concealed_by="one equivalent mode, while the drive stays below both",
+    axes=("frequency", "reversal", "rate"),
+)

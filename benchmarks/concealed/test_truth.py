@@ -7,7 +7,7 @@ from scipy.integrate import solve_ivp
 
 from .cases import fine_grid, make_case
 from .drives import DRIVES
-from .truth import BASES, EFFECTS, Path, _relax, noise, play, power_derivative, resonance
+from .truth import BASES, EFFECTS, Path, noise, play, power_derivative, relax, resonance
 
 H = 1 / 16000
 T = np.arange(0, 4 + H / 2, H)
@@ -96,7 +96,7 @@ def test_zero_amplitude_is_identity(name: str) -> None:
 def test_effects_against_closed_forms() -> None:
     ramp = T.copy()
     tau = 3e-3
-    assert np.allclose(_relax(ramp, H, tau), T - tau * (1 - np.exp(-T / tau)), rtol=0, atol=1e-12)
+    assert np.allclose(relax(ramp, H, tau), T - tau * (1 - np.exp(-T / tau)), rtol=0, atol=1e-12)
     w, z = 2 * np.pi * 200, 0.05
     wd = w * np.sqrt(1 - z * z)
     ring = np.exp(-z * w * T) * (2 * z / w * np.cos(wd * T) + (2 * z * z - 1) / wd * np.sin(wd * T))

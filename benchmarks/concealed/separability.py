@@ -13,8 +13,7 @@ import numpy as np
 
 from .drives import Array, Signal
 from .refit import Chord
-from .truth import EFFECTS, Params, Scene, name_of, response_side, simulate, whiten
-from .truth.bases import Base
+from .truth import EFFECTS, Base, Params, Scene, drive_side, name_of, response_side, whiten
 
 DRAWS = {
     "creep": 2, "creep_kelvin_voigt": 1, "sensor_lag": 2, "resonance": 2, "second_mode": 2,
@@ -34,42 +33,45 @@ class Bank:
         self.scene = scene
         self.plain = base.response(signal(t), t[1] - t[0], law)
 
-    def response(self, key: str, amplitude: float, shape: dict) -> Array:
-        """Noise-free displacement at the recorded samples with one effect."""
+    def change(self, key: str, amplitude: float, shape: dict) -> Array:
+        """What one effect changes at the recorded samples, in um, without noise."""
         e = EFFECTS[key]
         pair = [(e, e.parameters(amplitude, shape, self.scene))]
         if e.side == "I":
-            y = simulate(pair, self.signal, self.t, self.base, self.law)
+            u, h = drive_side(pair, self.signal, self.t), self.t[1] - self.t[0]
+            y = self.base.response(u, h, self.law, self.keep)
         else:
-            y = response_side(pair, self.signal, self.t, self.plain)
-        return y[:: self.keep]
+            y = response_side(pair, self.signal, self.t, self.plain)[:: self.keep]
+        return y - self.plain[:: self.keep]
 
     def others(self, rng: np.random.Generator) -> Iterable[tuple[str, Array]]:
-        """(name, displacement) of every effect at its typical amplitude, several shapes each."""
+        """(name, change) of every effect at its typical amplitude, several shapes each."""
         for key, e in EFFECTS.items():
             if e.side == "Q":  # no displacement of its own: it makes noise
                 continue
             for _ in range(DRAWS.get(key, 1)):
-                yield name_of(key), self.response(key, e.typical, e.shape(rng))
-            if key == "clock_skew":
-                shape = {"sign": -1.0, "bend": 0.0}
-                yield name_of(key), self.response(key, e.typical, shape)
+                yield name_of(key), self.change(key, e.typical, e.shape(rng))
 
 
 def directions(bank: Bank, chord: Chord, noise: str, sd: float, seed: int) -> dict[str, Array]:
     """What the refit leaves of each effect, whitened: one column per shape."""
     rng = np.random.default_rng([seed, 17])
     out: dict[str, list[Array]] = {}
-    for name, y in bank.others(rng):
-        out.setdefault(name, []).append(clean(chord, whiten(noise, chord.left(y), sd), noise, sd))
-    return {k: np.column_stack(v) for k, v in out.items()}
+    for name, change in bank.others(rng):
+        left = chord.left(chord.prediction + change)
+        out.setdefault(name, []).append(whiten(noise, left, sd))
+    off = Off(chord, noise, sd)
+    return {k: off(np.column_stack(v)) for k, v in out.items()}
 
 
-def clean(chord: Chord, r: Array, noise: str, sd: float) -> Array:
-    """Off the whitened tangent space."""
-    j = whiten(noise, chord.jacobian, sd)
-    q = np.linalg.qr(j)[0]
-    return r - q @ (q.T @ r)
+class Off:
+    """Projection off the whitened tangent space, for columns or one signal."""
+
+    def __init__(self, chord: Chord, noise: str, sd: float) -> None:
+        self.q = np.linalg.qr(whiten(noise, chord.jacobian, sd))[0]
+
+    def __call__(self, r: Array) -> Array:
+        return r - self.q @ (self.q.T @ r)
 
 
 def separation(truth: Array, others: dict[str, Array]) -> dict[str, float]:

@@ -188,14 +188,24 @@ TEMPLATES: dict[str, Template] = {
 ORDINARY = ("sine", "triangle", "ladder", "steps", "decaying")
 
 
-def make_drive(name: str, seed: int, rate: float, samples: int) -> Drive:
+# Held-out drives start where the training drive does, so that the actuator's zero is the same.
+ALIKE = (
+    ("triangle", "steps", "holds", "speeds"),
+    ("sine", "ladder", "bursts", "rich", "bias_sweep", "sweep", "decaying"),
+)
+
+
+def make_drive(
+    name: str, seed: int, rate: float, samples: int, volts_seed: int | None = None
+) -> Drive:
     """The named drive: about `samples` at `rate` Hz, its voltages drawn within -20 to 110 V.
 
-    Where the record is long enough, rests last 0.25 s.
+    Where the record is long enough, rests last 0.25 s. `volts_seed` draws the voltage range.
     """
     g = np.random.default_rng([seed, 3])
     still = int(min(0.25 * rate, 0.12 * samples))
     pieces, repeats = TEMPLATES[name](g, samples, still)
+    g = np.random.default_rng([seed if volts_seed is None else volts_seed, 5])
     size, middle = g.uniform(28, 50), g.uniform(30, 60)
     unit = compose(name, pieces, repeats, 1.0)
     n = round(unit.duration)

@@ -71,9 +71,13 @@ class Base:
         values = dict(zip(self.shapes, self.nominal, strict=True)) | self.gains
         return {k: float(x * rng.uniform(1 - spread, 1 + spread)) for k, x in values.items()}
 
-    def response(self, u: Array, h: float, params: Params) -> Array:
-        """Displacement in um on the fine grid, zero at t = 0."""
-        columns = self.columns(Path(u, h), **{k: params[k] for k in self.shapes})
+    def response(self, u: Array, h: float, params: Params, keep: int = 1) -> Array:
+        """Displacement in um on the fine grid or every `keep`th point of it, zero at t = 0."""
+        shapes = {k: params[k] for k in self.shapes}
+        if self.columns is coupled:  # its product needs the fine grid
+            columns = [c[::keep] for c in coupled(Path(u, h), **shapes)]
+        else:
+            columns = self.columns(Path(u, h, keep), **shapes)
         return sum(params[g] * c for g, c in zip(self.gains, columns, strict=True))
 
 

@@ -33,6 +33,12 @@ def _mains_shape(rng: Rng) -> dict:
     }
 
 
+def _mains(a: float, s: dict, c: Scene) -> dict:
+    """Lines above 0.45 of the sampling rate are the anti-alias filter's."""
+    heard = [r * (k * s["frequency"] * c.step < 0.45) for k, r in enumerate(s["ratios"], start=1)]
+    return {"size": a * c.stroke} | s | {"ratios": heard}
+
+
 def _layer_shape(rng: Rng) -> dict:
     n = int(rng.integers(3, 6))
     return {"arms": (rng.uniform(0.6, 1.4, n) * rng.uniform(0.5, 2) / n).tolist()}
@@ -178,7 +184,7 @@ EFFECTS: dict[str, Effect] = {
         lambda g: {"where": float(g.uniform(0.3, 0.7))}, 0.08, "response", STATIC, 0.01,
     ),
     "mains_interference": Effect(
-        "O", sensor.mains_interference, _times_stroke("size"), _mains_shape,
+        "O", sensor.mains_interference, _mains, _mains_shape,
         0.05, "additive", ("frequency",), 0.001,
     ),
     "viscoelastic_layer": Effect(

@@ -36,7 +36,7 @@ def slew_rate_limit(drive: Signal, t: Array, rate: float, tau: float) -> Array:
     inverse is tabulated once. tau (s) is far under a step, so the limit is sharp.
     """
     v, h = drive(t), t[1] - t[0]
-    x = np.tanh(np.linspace(-18, 18, 4001))  # towards +-1 the steps shrink as atanh grows
+    x = np.tanh(np.linspace(-15, 15, 4001))  # towards +-1 the steps shrink as atanh grows
     d = rate * (tau * np.arctanh(x) + h * x)
     xs, ds, top = x.tolist(), d.tolist(), len(x) - 1
     w, out = float(v[0]), [float(v[0])]

@@ -1,0 +1,212 @@
+"""One case of the exam: recording, held-out recording and label, from its specification."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from pathlib import Path as File
+
+import numpy as np
+
+from .actuator import Actuator, draw_law, rms
+from .drives import Array
+from .refit import Chord
+from .separability import SEPARABLE, Off, directions, separation
+from .templates import floor_of, make_drive
+from .truth import EFFECTS, OUTSIDE, Effect, name_of, noise, whiten
+
+ALL = EFFECTS | OUTSIDE
+
+
+@dataclass(frozen=True)
+class Spec:
+    """What a case is to be; `effects` are keys of the catalogue, `levels` their visible levels."""
+
+    kind: str
+    effects: tuple[str, ...]
+    levels: tuple[float, ...]
+    base: str
+    drive: str
+    rate: float
+    samples: int
+    noise: str
+    noise_fraction: float
+    seed: int
+    holdout: str | None = None
+
+
+@dataclass(frozen=True)
+class Made:
+    """A built case: columns s, V, um of the recording and, for some, of the held-out one."""
+
+    recording: Array
+    holdout: Array | None
+    label: dict
+
+    def write(self, folder: File, name: str) -> None:
+        """Write name.csv, and name.holdout.csv."""
+        for part, columns in (("", self.recording), (".holdout", self.holdout)):
+            if columns is not None:
+                header, fmt = "time_s,voltage_V,displacement_um", ("%.9g", "%.9g", "%.8g")
+                file = folder / f"{name}{part}.csv"
+                np.savetxt(file, columns, fmt, ",", header=header, comments="")
+
+
+@dataclass(frozen=True)
+class Scaled:
+    """An effect at the amplitude that leaves its level after the refit."""
+
+    key: str
+    effect: Effect
+    params: dict
+    amplitude: float
+    clean: Array
+    shape: Array
+    gains: Array
+    left: Array
+
+
+def scale(actuator: Actuator, key: str, level_um: float, rng: np.random.Generator) -> Scaled:
+    """Search the amplitude whose response, refitted by the base, leaves `level_um` (rms)."""
+    e, absorber = ALL[key], actuator.absorber
+    shape = e.shape(rng)
+    a = e.typical
+    for last in (False, True):  # again from the better basin, if the thorough refit finds one
+        low, high, power, before = 0.0, e.cap, 1.0, None
+        for _ in range(9):
+            params = e.parameters(a, shape, actuator.scene)
+            clean = actuator.with_one(e, params)
+            left = rms(absorber.fit(clean)[2])
+            error = np.log(max(left, 1e-12) / level_um)
+            if abs(error) < 0.04 or (a >= e.cap and error < 0):
+                break
+            low, high = (a, high) if error < 0 else (low, a)
+            if before and abs(np.log(a / before[0])) > 1e-9:
+                slope = (error - before[1]) / np.log(a / before[0])
+                power = float(np.clip(slope, 0.4, 12.0))
+            before = (a, error)
+            a = a * float(np.exp(np.clip(-error / power, -4, 4)))
+            if not low < a < high:
+                a = e.cap if a >= e.cap and high == e.cap else max(0.5 * (low + high), 1e-9)
+        found = absorber.fit(clean, thorough=True)
+        if last or rms(found[2]) > 0.94 * left or a >= e.cap:
+            break
+        absorber.shape = found[0]
+    return Scaled(key, e, params, float(a), clean, *found)
+
+
+def build(spec: Spec) -> Made:
+    """Simulate a case: scale its effects, refit, compare with the catalogue, add noise."""
+    drive = make_drive(spec.drive, spec.seed, spec.rate, spec.samples)
+    law = draw_law(spec.base, drive, spec.seed)
+    actuator = Actuator(spec.base, law, drive)
+    sd = spec.noise_fraction * actuator.scene.stroke
+    effects = [
+        scale(actuator, key, level * sd, np.random.default_rng([spec.seed, 19, k]))
+        for k, (key, level) in enumerate(zip(spec.effects, spec.levels, strict=True))
+        if ALL[key].side != "Q"
+    ]
+    pairs = [(s.effect, s.params) for s in effects]
+    both = len(effects) > 1
+    clean = actuator.with_all(pairs) if both else effects[0].clean if effects else actuator.plain
+    chord, left = _absorbed(actuator, effects, clean)
+    e = noise(spec.noise, len(clean), sd, np.random.default_rng([spec.seed, 11]))
+    y, coarse = _digitise(spec, clean + e, sd, actuator)
+    truths = [_truth(s, actuator, chord, spec, sd) for s in effects]
+    truths += [coarse] if coarse else []
+    residual = rms(left + (y - clean - e))
+    holdout, floor = _holdout(spec, law, pairs, coarse, sd)
+    change = rms(clean - actuator.plain)
+    spread = float(np.sum((y - y.mean()) ** 2))
+    label = {
+        "kind": spec.kind,
+        "effects": truths,
+        "level": residual / sd,
+        "concealment": 1 - (rms(left) / change) ** 2 if change > 0 else 0.0,
+        "R2": 1 - float(np.sum((left + y - clean) ** 2)) / spread,
+        "base": spec.base,
+        "base_parameters": law,
+        "between_samples": {k: v / sd for k, v in actuator.between_samples(chord).items()},
+        "noise": spec.noise,
+        "noise_sd_um": sd,
+        "stroke_um": actuator.scene.stroke,
+        "floor": floor_of(drive),
+        "rests_s": drive.rests,
+        "period_s": drive.period,
+        "oracle_rmse_um": floor,
+        "samples": len(clean),
+        "spec": asdict(spec),
+    }
+    columns = np.column_stack([drive.times, drive(drive.times), y])
+    return Made(columns, holdout, label)
+
+
+def _absorbed(actuator: Actuator, effects: list[Scaled], clean: Array) -> tuple[Chord, Array]:
+    """The refit of the noise-free response: its tangent space, and what it leaves."""
+    if len(effects) == 1:
+        shape, gains, left = effects[0].shape, effects[0].gains, effects[0].left
+    else:
+        shape, gains, left = actuator.absorber.fit(clean, thorough=bool(effects))
+    return Chord(actuator.absorber, shape, gains), left
+
+
+def _digitise(spec: Spec, y: Array, sd: float, actuator: Actuator) -> tuple[Array, dict | None]:
+    """The recorder's quantisation, after the noise, where the case has it."""
+    if "quantisation" not in spec.effects:
+        return y, None
+    e = EFFECTS["quantisation"]
+    level = spec.levels[spec.effects.index("quantisation")]
+    a = level * sd * np.sqrt(12) / actuator.scene.stroke
+    params = e.parameters(a, e.shape(np.random.default_rng([spec.seed, 23])), actuator.scene)
+    coded = e.apply(y, **params)
+    reached = rms(coded - y) / sd
+    own = {"name": "quantisation", "key": "quantisation", "catalogued": True, "site": e.site}
+    return coded, own | {
+        "axes": e.axes, "parameters": params, "amplitude": a, "capped": False,
+        "level_requested": level, "level": reached, "concealment": 0.0,
+        "separable": True, "look_alikes": [], "least_lambda": None, "closest": None, "power": None,
+    }  # fmt: skip
+
+
+def _truth(s: Scaled, actuator: Actuator, chord: Chord, spec: Spec, sd: float) -> dict:
+    """The label of one effect, with what could pass for it on this recording."""
+    own = Chord(actuator.absorber, s.shape, s.gains) if len(spec.effects) > 1 else chord
+    # a diagnosis starts from the refit: take out the tangent space there
+    residual = Off(own, spec.noise, sd)(whiten(spec.noise, s.left, sd))
+    others = directions(actuator.bank(), own, spec.noise, sd, spec.seed)
+    name = name_of(s.key)
+    apart = {k: v for k, v in separation(residual, others).items() if k != name}
+    closest = min(apart, key=apart.__getitem__)
+    change, power = rms(s.clean - actuator.plain), float(residual @ residual)
+    return {
+        "name": name,
+        "key": s.key,
+        "catalogued": s.key in EFFECTS,
+        "site": s.effect.site,
+        "axes": s.effect.axes,
+        "parameters": s.params,
+        "amplitude": s.amplitude,
+        "capped": s.amplitude >= s.effect.cap,
+        "level_requested": spec.levels[spec.effects.index(s.key)],
+        "level": rms(s.left) / sd,
+        "concealment": 1 - (rms(s.left) / change) ** 2,
+        "separable": apart[closest] >= SEPARABLE,
+        "look_alikes": sorted(k for k, v in apart.items() if v < SEPARABLE),
+        "least_lambda": apart[closest],
+        "closest": closest,
+        "power": power,
+    }
+
+
+def _holdout(
+    spec: Spec, law: dict, pairs: list, coarse: dict | None, sd: float
+) -> tuple[Array | None, float | None]:
+    """Another drive through the same truth, and the rms of what nobody could predict in it."""
+    if spec.holdout is None:
+        return None, None
+    drive = make_drive(spec.holdout, spec.seed + 1, spec.rate, spec.samples // 2 + 1000, spec.seed)
+    clean = Actuator(spec.base, law, drive).with_all(pairs)
+    e = noise(spec.noise, len(clean), sd, np.random.default_rng([spec.seed, 13]))
+    y = clean + e
+    if coarse:
+        y = EFFECTS["quantisation"].apply(y, **coarse["parameters"])
+    return np.column_stack([drive.times, drive(drive.times), y]), rms(y - clean)

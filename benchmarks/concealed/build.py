@@ -161,9 +161,10 @@ def _digitise(spec: Spec, y: Array, sd: float, actuator: Actuator) -> tuple[Arra
     reached = rms(coded - y) / sd
     own = {"name": "quantisation", "key": "quantisation", "catalogued": True, "site": e.site}
     return coded, own | {
-        "axes": e.axes, "parameters": params, "amplitude": a, "capped": False,
+        "axes": e.axes, "spot": None, "parameters": params, "amplitude": a, "capped": False,
         "level_requested": level, "level": reached, "concealment": 0.0,
-        "separable": True, "look_alikes": [], "least_lambda": None, "closest": None, "power": None,
+        "separable": True, "look_alikes": [], "least_lambda": None, "closest": None,
+        "power": reached**2 * len(y),
     }  # fmt: skip
 
 
@@ -183,6 +184,7 @@ def _truth(s: Scaled, actuator: Actuator, chord: Chord, spec: Spec, sd: float) -
         "catalogued": s.key in EFFECTS,
         "site": s.effect.site,
         "axes": s.effect.axes,
+        "spot": _spot(s, actuator),
         "parameters": s.params,
         "amplitude": s.amplitude,
         "capped": s.amplitude >= s.effect.cap,
@@ -195,6 +197,15 @@ def _truth(s: Scaled, actuator: Actuator, chord: Chord, spec: Spec, sd: float) -
         "closest": closest,
         "power": power,
     }
+
+
+def _spot(s: Scaled, actuator: Actuator) -> dict | None:
+    """A place that the effect must be found at, where the physics fixes one."""
+    if s.key == "mains_interference":
+        return {"axis": "frequency", "value": s.params["frequency"]}
+    if s.key == "saturation":
+        return {"axis": "level", "value": 0.5 * (s.params["u_max"] + actuator.scene.high)}
+    return None
 
 
 def _holdout(

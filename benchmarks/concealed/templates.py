@@ -8,6 +8,7 @@ so the samples determine the drive.
 from __future__ import annotations
 
 from collections.abc import Callable
+from itertools import pairwise
 
 import numpy as np
 
@@ -60,9 +61,7 @@ def steps(g: Rng, n: int, still: int) -> tuple[list[Piece], int]:
     levels = [-1.0, -0.3, 0.5, 1.0, *g.uniform(-1, 1, 5), -1.0, -1.0]
     holds = np.exp(g.uniform(0, np.log(12), len(levels) - 1))
     holds = np.maximum(24, holds / holds.sum() * (n - 2 * still)).astype(int)
-    edges = [
-        edge(int(h), a, b, 18) for a, b, h in zip(levels[:-1], levels[1:], holds, strict=True)
-    ]
+    edges = [edge(int(h), a, b, 18) for a, b, h in zip(levels[:-1], levels[1:], holds, strict=True)]
     return [rest(still, -1.0), *edges, rest(n - still - int(holds.sum()), -1.0)], 1
 
 
@@ -111,7 +110,7 @@ def rich(g: Rng, n: int, still: int) -> tuple[list[Piece], int]:
         body.append(burst(1 / q, max(1, p // q), min(1.0, (q / 90) ** 0.5), 0.0))
     levels = [0.0, 0.6, 1.0, -0.6, -1.0, 0.0]
     left = (room - sum(round(d) for d, _ in body)) // 5
-    body += [edge(left, a, b, 18) for a, b in zip(levels[:-1], levels[1:], strict=True)]
+    body += [edge(left, a, b, 18) for a, b in pairwise(levels)]
     return [rest(n // 2 - sum(round(d) for d, _ in body), 0.0), *body], 2
 
 

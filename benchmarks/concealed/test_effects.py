@@ -1,9 +1,11 @@
 """Effects against oracles of another kind, at zero amplitude, and with the step halved."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
-from scipy.signal import lti, lsim
+from scipy.signal import lsim, lti
 
 from .actuator import grid, rms
 from .drives import Array
@@ -85,7 +87,7 @@ def test_sensor_lag_is_a_bessel_filter(order: int) -> None:
 def test_second_mode_against_lsim() -> None:
     w, mass, ratio, z1, z2 = 2 * np.pi * 100, 0.3, 1.2, 0.03, 0.02
     v = ratio * w
-    # transfer by hand: D2 = s^2 + 2 z2 v s + v^2, x (s^2 + 2 z1 w s + w^2 + m s^2 (D2 - s^2)/D2) = w^2 y
+    # by hand, D = s^2 + 2 z2 v s + v^2: x (s^2 + 2 z1 w s + w^2 + m s^2 (D - s^2)/D) = w^2 y
     d2, low = np.array([1, 2 * z2 * v, v * v]), np.array([2 * z2 * v, v * v])
     first = np.polymul([1, 2 * z1 * w, w * w], d2)
     den = np.polyadd(first, mass * np.polymul([1, 0, 0], low))
@@ -167,7 +169,7 @@ def test_slew_rate_limit() -> None:
 def test_rayleigh_return_point_memory() -> None:
     """Madelung: a closed inner loop leaves no trace; branches are parabolas between their ends."""
     legs = [0, 5, -3, 4, 1, 4, -3, 2, 0, 2, -3, 5, 7]
-    v = np.concatenate([np.linspace(a, b, 101)[:-1] for a, b in zip(legs, legs[1:], strict=False)])
+    v = np.concatenate([np.linspace(a, b, 101)[:-1] for a, b in pairwise(legs)])
     r = rayleigh(v)
     assert r[100] == pytest.approx(25)
     assert r[200] == pytest.approx(25 - 2 * 16)

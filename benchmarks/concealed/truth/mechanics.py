@@ -68,7 +68,8 @@ def coulomb_friction(
     g = bristle * (1 + stick * np.exp(-((dy / (h * stribeck)) ** 2)))
     x = np.abs(dy) / g
     keep, enter = np.exp(-x).tolist(), (-np.expm1(-x) * np.sign(dy) * g).tolist()
-    z = list(accumulate(zip(keep, enter, strict=True), lambda s, ab: ab[0] * s + ab[1], initial=0.0))
+    steps = zip(keep, enter, strict=True)
+    z = list(accumulate(steps, lambda s, ab: ab[0] * s + ab[1], initial=0.0))
     return y - force / bristle * np.array(z)
 
 

@@ -12,7 +12,9 @@ def jumps(t: Array, y: Array, size: float, times: list[float], heights: list[flo
     return y + size * sum(c * (t >= s) for c, s in zip(heights, times, strict=True))
 
 
-def chirped_tone(t: Array, y: Array, size: float, start: float, sweep: float, phase: float) -> Array:
+def chirped_tone(
+    t: Array, y: Array, size: float, start: float, sweep: float, phase: float
+) -> Array:
     """y + size sin(2 pi (f + sweep t/2) t + phase): a tone that glides; f in Hz, sweep in Hz/s."""
     return y + size * np.sin(2 * np.pi * (start + 0.5 * sweep * t) * t + phase)
 
@@ -25,7 +27,9 @@ def beating_tone(
     return y + size * (first + np.sin(2 * np.pi * (frequency + gap) * t + phase))
 
 
-def kinked_input(drive: Signal, t: Array, size: float, at: list[float], turns: list[float]) -> Array:
+def kinked_input(
+    drive: Signal, t: Array, size: float, at: list[float], turns: list[float]
+) -> Array:
     """u + size * sum_i turn_i |u - at_i|: straight pieces that meet at the voltages `at`."""
     v = drive(t)
     return v + size * sum(c * np.abs(v - x) for c, x in zip(turns, at, strict=True))

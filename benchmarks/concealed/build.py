@@ -10,7 +10,7 @@ import numpy as np
 from .actuator import Actuator, draw_law, rms
 from .drives import Array
 from .refit import Chord
-from .separability import SEPARABLE, Off, directions, separation
+from .separability import SEPARABLE, Off, separation
 from .templates import floor_of, make_drive
 from .truth import EFFECTS, OUTSIDE, Effect, name_of, noise, whiten
 
@@ -173,9 +173,8 @@ def _truth(s: Scaled, actuator: Actuator, chord: Chord, spec: Spec, sd: float) -
     own = Chord(actuator.absorber, s.shape, s.gains) if len(spec.effects) > 1 else chord
     # a diagnosis starts from the refit: take out the tangent space there
     residual = Off(own, spec.noise, sd)(whiten(spec.noise, s.left, sd))
-    others = directions(actuator.bank(), own, spec.noise, sd, spec.seed)
     name = name_of(s.key)
-    apart = {k: v for k, v in separation(residual, others).items() if k != name}
+    apart = separation(residual, actuator.bank(), own, spec.noise, sd, name, spec.seed)
     closest = min(apart, key=apart.__getitem__)
     change, power = rms(s.clean - actuator.plain), float(residual @ residual)
     return {

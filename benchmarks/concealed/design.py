@@ -4,7 +4,7 @@
 |---|---|---|
 | null | 320 | no effect: 4 noises x 4 bases x 20 drives |
 | main | 352 | 22 effects x 4 levels x 4 bases; two drives in three separate the effect |
-| concealed | 352 | effects and drives of which the base hides nine tenths or more of the power |
+| concealed | 400 | effects and drives of which the base hides nine tenths or more of the power |
 | alike | 60 | an effect on a drive where another could pass for it, at level 1 or 3 |
 | outside | 80 | truths that are not in the catalogue |
 | two | 60 | two effects that are no look-alikes, each at its own level 1 or 3 |
@@ -132,7 +132,7 @@ def main(draw: Draw) -> None:
                 draw.add("main", [effect], [level], base, drive, draw.band(effect))
 
 
-def concealed(draw: Draw, cases: int = 352) -> None:
+def concealed(draw: Draw, cases: int = 400) -> None:
     """Effects that the base hides: round robin over effects, their surveyed rows, and levels."""
     rows = {e: draw.survey("concealing", e) for e in NAMES}
     for e in rows.values():
@@ -152,7 +152,8 @@ def alike(draw: Draw, cases: int = 60) -> None:
     rows = [r for e in NAMES for r in draw.survey("alike", e)]
     picks = draw.rng.permutation(len(rows))
     for n in range(cases):
-        draw.from_row("alike", rows[picks[n % len(rows)]], (1.0, 3.0)[n % 2])
+        row = rows[picks[n % len(rows)]]
+        draw.from_row("alike", row, 3.0 if n % 2 and float(row["apart"]) < 5e-4 else 1.0)
 
 
 def outside(draw: Draw, cases: int = 80) -> None:

@@ -7,7 +7,7 @@ of the truth over effect l at its best amplitude. A nuisance shape is taken at s
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from dataclasses import dataclass
 
 import numpy as np
 
@@ -16,10 +16,20 @@ from .refit import Chord
 from .truth import EFFECTS, Base, Params, Scene, drive_side, name_of, response_side, whiten
 
 DRAWS = {
-    "creep": 2, "creep_kelvin_voigt": 1, "sensor_lag": 2, "resonance": 2, "second_mode": 2,
-    "electrostriction": 2, "cubic_nonlinearity": 2, "minor_loop_memory": 2, "coulomb_friction": 2,
-    "thermal_drift": 2, "gain_drift": 2, "sensor_nonlinearity": 2,
-}  # fmt: skip
+    "creep": 2,
+    "sensor_lag": 3,
+    "resonance": 2,
+    "second_mode": 3,
+    "electrostriction": 2,
+    "cubic_nonlinearity": 2,
+    "minor_loop_memory": 2,
+    "backlash": 2,
+    "coulomb_friction": 3,
+    "thermal_drift": 3,
+    "gain_drift": 3,
+    "sensor_nonlinearity": 2,
+    "viscoelastic_layer": 2,
+}
 SEPARABLE = 25.0
 
 
@@ -44,24 +54,32 @@ class Bank:
             y = response_side(pair, self.signal, self.t, self.plain)[:: self.keep]
         return y - self.plain[:: self.keep]
 
-    def others(self, rng: np.random.Generator) -> Iterable[tuple[str, Array]]:
-        """(name, change) of every effect at its typical amplitude, several shapes each."""
-        for key, e in EFFECTS.items():
-            if e.side == "Q":  # no displacement of its own: it makes noise
-                continue
-            for _ in range(DRAWS.get(key, 1)):
-                yield name_of(key), self.change(key, e.typical, e.shape(rng))
+
+@dataclass(frozen=True)
+class Other:
+    """An effect that the truth is compared with: its entries, with draws of their shapes."""
+
+    name: str
+    draws: tuple[tuple[str, dict], ...]
+
+    def left(self, bank: Bank, chord: Chord, times: float = 1.0) -> Array:
+        """What the refit leaves, in um: a column per draw, at `times` the typical amplitude."""
+        columns = []
+        for key, shape in self.draws:
+            a = min(times * EFFECTS[key].typical, EFFECTS[key].cap)
+            columns.append(chord.left(chord.prediction + bank.change(key, a, shape)))
+        return np.column_stack(columns)
 
 
-def directions(bank: Bank, chord: Chord, noise: str, sd: float, seed: int) -> dict[str, Array]:
-    """What the refit leaves of each effect, whitened: one column per shape."""
+def others(seed: int) -> list[Other]:
+    """Every catalogued effect that displaces (quantisation only makes noise)."""
     rng = np.random.default_rng([seed, 17])
-    out: dict[str, list[Array]] = {}
-    for name, change in bank.others(rng):
-        left = chord.left(chord.prediction + change)
-        out.setdefault(name, []).append(whiten(noise, left, sd))
-    off = Off(chord, noise, sd)
-    return {k: off(np.column_stack(v)) for k, v in out.items()}
+    draws: dict[str, list[tuple[str, dict]]] = {}
+    for key, e in EFFECTS.items():
+        if e.side != "Q":
+            mine = [(key, e.shape(rng)) for _ in range(DRAWS.get(key, 1))]
+            draws.setdefault(name_of(key), []).extend(mine)
+    return [Other(k, tuple(v)) for k, v in draws.items()]
 
 
 class Off:
@@ -74,12 +92,31 @@ class Off:
         return r - self.q @ (self.q.T @ r)
 
 
-def separation(truth: Array, others: dict[str, Array]) -> dict[str, float]:
-    """λ of the truth's whitened residual from each other effect (least over its shapes)."""
-    power = float(truth @ truth)
-    out = {}
-    for name, columns in others.items():
-        size = np.sum(columns**2, axis=0) + 1e-300
-        rho2 = np.max((columns.T @ truth) ** 2 / size) / max(power, 1e-300)
-        out[name] = power * (1 - float(rho2))
+def unexplained(truth: Array, columns: Array) -> float:
+    """|truth|^2 less what the columns' span explains; directions under 5 % of the first are none.
+
+    The span stands for a free nuisance shape: a family of laws bends between its draws.
+    """
+    u, size, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
+    u = u[:, size > 0.05 * size[0]]
+    return float(truth @ truth - np.sum((u.T @ truth) ** 2))
+
+
+def separation(truth: Array, bank: Bank, chord: Chord, noise: str, sd: float, own: str,
+               seed: int) -> dict[str, float]:  # fmt: skip
+    """λ of a truth's whitened residual from every effect but its own.
+
+    Each is taken at its typical amplitude, and those that come near, also at the amplitude that
+    leaves as much as the truth does (large changes bend).
+    """
+    off, power, out = Off(chord, noise, sd), float(truth @ truth), {}
+    for other in others(seed):
+        if other.name == own:
+            continue
+        columns = off(whiten(noise, other.left(bank, chord), sd))
+        out[other.name] = unexplained(truth, columns)
+        if out[other.name] < 0.5 * power:
+            times = float(np.sqrt(power / np.mean(np.sum(columns**2, axis=0))))
+            matched = off(whiten(noise, other.left(bank, chord, times), sd))
+            out[other.name] = min(out[other.name], unexplained(truth, matched))
     return out

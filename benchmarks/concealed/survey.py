@@ -17,7 +17,7 @@ import numpy as np
 from .actuator import Actuator, draw_law, rms
 from .drives import Array
 from .refit import Chord
-from .separability import Off, separation
+from .separability import Off, others, unexplained
 from .templates import ORDINARY, TEMPLATES, make_drive
 from .truth import BASES, EFFECTS, name_of
 
@@ -35,24 +35,27 @@ def look(base: str, name: str, band: str, seed: int = 1, samples: int = 4000) ->
     shape, gains, _ = actuator.absorber.fit(actuator.plain)
     chord, bank = Chord(actuator.absorber, shape, gains), actuator.bank()
     sd = 1e-3 * actuator.scene.stroke
-    off, rng = Off(chord, "white", sd), np.random.default_rng(seed)
-    left: dict[str, list[Array]] = {}
-    hidden: dict[str, float] = {}
-    for effect, change in bank.others(rng):
-        r = chord.left(chord.prediction + change)
-        left.setdefault(effect, []).append(off(r / sd))
-        hidden.setdefault(effect, 1 - (rms(r) / rms(change)) ** 2)
-    columns = {k: np.column_stack(v) for k, v in left.items()}
-    return [_row(k, columns, hidden[k]) | {"base": base, "drive": name, "band": band} for k in left]
+    off, columns, rows = Off(chord, "white", sd), {}, []
+    for other in others(seed):
+        left = other.left(bank, chord)
+        columns[other.name] = off(left / sd)
+        key, shape = other.draws[0]
+        change = bank.change(key, EFFECTS[key].typical, shape)
+        rows.append(
+            {"effect": other.name, "base": base, "drive": name, "band": band}
+            | {"concealment": 1 - (rms(left[:, 0]) / rms(change)) ** 2}
+        )
+    return [r | _compare(r["effect"], columns) for r in rows]
 
 
-def _row(effect: str, columns: dict[str, Array], concealment: float) -> dict:
+def _compare(effect: str, columns: dict[str, Array]) -> dict:
+    """Reach, and the nearest other effect."""
     own, e = columns[effect][:, 0], EFFECTS[effect]
-    rest = {k: v for k, v in columns.items() if k != effect}
-    apart = separation(own / np.linalg.norm(own), rest)
+    one = own / np.linalg.norm(own)
+    apart = {k: unexplained(one, v) for k, v in columns.items() if k != effect}
     closest = min(apart, key=apart.__getitem__)
-    numbers = {"reach": rms(own) * e.cap / e.typical, "concealment": concealment}
-    return {"effect": effect, "apart": apart[closest], "closest": closest} | numbers
+    reach = rms(own) * e.cap / e.typical
+    return {"reach": reach, "apart": apart[closest], "closest": closest}
 
 
 def choose(rows: list[dict]) -> list[dict]:
@@ -64,8 +67,8 @@ def choose(rows: list[dict]) -> list[dict]:
             if effect in SLOW_ONLY:
                 mine = [r for r in mine if r["band"] == "slow"]
             seen = sorted(mine, key=lambda r: (min(r["reach"], 3), r["apart"]), reverse=True)
-            hidden = [r for r in mine if r["concealment"] >= 0.93 and r["reach"] >= 0.3]
-            alike = [r for r in mine if r["apart"] < 0.004 and r["reach"] >= 1]
+            hidden = [r for r in mine if r["concealment"] >= 0.95 and r["reach"] >= 0.3]
+            alike = [r for r in mine if r["apart"] < 0.003 and r["reach"] >= 1]
             for role, some, most in (
                 ("separating", seen, 5),
                 ("ordinary", [r for r in seen if r["drive"] in ORDINARY], 3),

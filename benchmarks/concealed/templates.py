@@ -1,21 +1,48 @@
 """The exam's drives: one shape each, fitted to a number of samples, a rate and a voltage range.
 
 A template returns pieces whose durations are in samples and whose values are in -1..1, and how
-often the whole repeats. Corners fall on samples, smooth parts have 20 samples per cycle or more,
-so the samples determine the drive.
+often the whole repeats. The samples determine the drive: smooth parts have 20 samples per cycle or
+more, and corners are rounded over 10 samples, as an amplifier does (a spline through sharp corners
+of 3,000 samples would miss FOH's |du/dt| term by 3.5 noise sd, a straight line through sines by
+0.1 to 0.4).
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
 
-from .drives import Array, Drive, Piece, burst, compose, edge, line, rest
+from .drives import Array, Drive, Piece, burst, compose, edge, rest
 
 Rng = np.random.Generator
 Template = Callable[[Rng, int, int], tuple[list[Piece], int]]  # (rng, samples, rest samples)
+
+
+SOFT = 5.0  # samples on either side of a corner
+
+
+def zigzag(legs: list[tuple[int, float]], start: float) -> Piece:
+    """Straight legs (samples, end) around a closed period, corners rounded to parabolas.
+
+    A moving average over 2 SOFT: a change of slope D adds D (SOFT - |x|)^2/(4 SOFT) at a corner.
+    """
+    times = np.concatenate([[0], np.cumsum([n for n, _ in legs])]).astype(float)
+    values = np.array([start, *(v for _, v in legs)])
+    slopes = np.diff(values) / np.diff(times)
+    bends = slopes - np.roll(slopes, 1)  # at the start of each leg, round the period
+    period = times[-1]
+
+    def signal(t: Array) -> Array:
+        out = np.interp(t, times, values)
+        for at, bend in zip(times[:-1], bends, strict=True):
+            x = np.abs((t - at + period / 2) % period - period / 2)
+            out += bend * np.maximum(SOFT - x, 0) ** 2 / (4 * SOFT)
+        return out
+
+    return float(period), signal
 
 
 def _cycles(g: Rng, n: int) -> tuple[int, int]:
@@ -33,7 +60,7 @@ def sine(g: Rng, n: int, still: int) -> tuple[list[Piece], int]:
 def triangle(g: Rng, n: int, still: int) -> tuple[list[Piece], int]:
     """Triangle, 4 to 12 identical cycles, from its lowest voltage."""
     m, p = _cycles(g, n)
-    return [line(p / 2, -1, 1), line(p / 2, 1, -1)], m
+    return [zigzag([(p // 2, 1), (p // 2, -1)], -1)], m
 
 
 def ladder(g: Rng, n: int, still: int) -> tuple[list[Piece], int]:
@@ -93,12 +120,8 @@ def reversal_curves(g: Rng, n: int, still: int) -> tuple[list[Piece], int]:
     """First-order reversal curves from the top down to five levels; twice."""
     depth = np.array([0.2, 0.4, 0.6, 0.8, 1.0]) * 2
     half = (depth * (n // 2 - still) / 2 / depth.sum()).astype(int)
-    body = [
-        p
-        for d, h in zip(depth, half, strict=True)
-        for p in (line(int(h), 1, 1 - d), line(int(h), 1 - d, 1))
-    ]
-    return [rest(n // 2 - 2 * int(half.sum()), 1.0), *body], 2
+    legs = [q for d, h in zip(depth, half, strict=True) for q in ((int(h), 1 - d), (int(h), 1))]
+    return [zigzag([(n // 2 - 2 * int(half.sum()), 1), *legs], 1)], 2
 
 
 def rich(g: Rng, n: int, still: int) -> tuple[list[Piece], int]:
@@ -144,8 +167,8 @@ def speeds(g: Rng, n: int, still: int) -> tuple[list[Piece], int]:
     """Triangles of one amplitude at four speeds, a rest at the bottom; twice."""
     room = n // 2 - still
     legs = [max(12, int(room / 2 * x)) for x in (0.6, 0.25, 0.1, 0.05)]
-    body = [q for h in legs for q in (line(h, -1, 1), line(h, 1, -1))]
-    return [rest(n // 2 - 2 * sum(legs), -1.0), *body], 2
+    body = [q for h in legs for q in ((h, 1.0), (h, -1.0))]
+    return [zigzag([(n // 2 - 2 * sum(legs), -1.0), *body], -1.0)], 2
 
 
 def decaying(g: Rng, n: int, still: int) -> tuple[list[Piece], int]:
@@ -217,9 +240,17 @@ def make_drive(
             s = np.where(beyond, s - whole, s)
         return middle + size * unit.signal(np.minimum(s, n + 16.0))
 
-    rests = tuple((a / rate, b / rate) for a, b in unit.rests)
     period = None if unit.period is None else unit.period / rate
-    return Drive(name, signal, n / rate, rate, rests, period, 16 / rate)
+    drive = Drive(name, signal, n / rate, rate, (), period, 16 / rate)
+    return replace(drive, rests=_rests(drive))
+
+
+def _rests(drive: Drive, least: int = 10) -> tuple[tuple[float, float], ...]:
+    """Stretches of `least` samples or more of constant voltage, in s."""
+    still = np.abs(np.diff(drive(drive.times))) < 1e-9
+    ends = np.flatnonzero(np.diff(np.concatenate([[False], still, [False]]).astype(int)))
+    pairs = zip(ends[::2].tolist(), ends[1::2].tolist(), strict=True)
+    return tuple((a / drive.rate, b / drive.rate) for a, b in pairs if b - a >= least)
 
 
 def floor_of(drive: Drive) -> str:

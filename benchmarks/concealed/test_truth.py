@@ -13,7 +13,7 @@ H = 1 / 16000
 T = np.arange(0, 4 + H / 2, H)
 
 
-@pytest.mark.parametrize("order", [-0.9, -0.5, -0.13, -0.01, 0.01, 0.14, 0.5, 0.9])
+@pytest.mark.parametrize("order", [-0.9, -0.5, -0.13, -0.01, -1e-17, 1e-9, 0.01, 0.14, 0.5, 0.9])
 @pytest.mark.parametrize("k", [1.0, 2.0])
 def test_operator_of_powers(order: float, k: float) -> None:
     got = Path(20 + T**k, H).derivative(order)

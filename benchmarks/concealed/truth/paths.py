@@ -93,6 +93,8 @@ class Path:
         t^-p / Gamma(1-p) = sin(pi p)/pi int_0^inf r^(p-1) exp(-r t) dr acts on dv/dt with p = a
         for a > 0, and on v with p = 1 + a for a < 0. One pass over the modes serves all orders.
         """
+        # under 1e-12 the operator is the identity to rounding, and 1 - p below would vanish
+        orders = [a if abs(a) > 1e-12 else 0.0 for a in orders]
         out: dict[int, Array] = {k: self.thin(self.v) for k, a in enumerate(orders) if a == 0.0}
         for kind, sign in (("rate", 1), ("value", -1)):
             which = [k for k, a in enumerate(orders) if a * sign > 0]

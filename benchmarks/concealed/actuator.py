@@ -27,7 +27,7 @@ def grid(drive: Drive, over: int = OVER) -> Array:
 
 
 def draw_law(base: str, drive: Drive, seed: int) -> Params:
-    """A law within 20 % of nominal; the rate term of FOH is 0.3 to 5 % of the response.
+    """A law within 20 % of nominal; the rate term of FOH is 0.3 to 3 % of the response.
 
     Its gain is tied to the drive, for |du/dt| grows with the rate of the recording.
     """
@@ -37,7 +37,7 @@ def draw_law(base: str, drive: Drive, seed: int) -> Params:
         t = grid(drive, COARSE)
         columns = columns_of("foh", drive(t), t[1], COARSE)([law["alpha"], law["beta"]])
         rest = law["k_l"] * columns[0] + law["k_h"] * columns[1]
-        share = np.exp(rng.uniform(np.log(0.003), np.log(0.05)))
+        share = np.exp(rng.uniform(np.log(0.003), np.log(0.03)))
         law["k_p"] = float(share * np.std(rest) / np.std(columns[2]))
     return law
 

@@ -2,7 +2,7 @@
 
 A template returns pieces whose durations are in samples and whose values are in -1..1, and how
 often the whole repeats. The samples determine the drive: smooth parts have 20 samples per cycle or
-more, and corners are rounded over 10 samples, as an amplifier does (a spline through sharp corners
+more, and corners are rounded over 20 samples, as an amplifier does (a spline through sharp corners
 of 3,000 samples would miss FOH's |du/dt| term by 3.5 noise sd, a straight line through sines by
 0.1 to 0.4).
 """
@@ -21,13 +21,14 @@ Rng = np.random.Generator
 Template = Callable[[Rng, int, int], tuple[list[Piece], int]]  # (rng, samples, rest samples)
 
 
-SOFT = 5.0  # samples on either side of a corner
+SOFT = 10.0  # samples on either side of a corner
 
 
 def zigzag(legs: list[tuple[int, float]], start: float) -> Piece:
-    """Straight legs (samples, end) around a closed period, corners rounded to parabolas.
+    """Straight legs (samples, end) around a closed period, with rounded corners.
 
-    A moving average over 2 SOFT: a change of slope D adds D (SOFT - |x|)^2/(4 SOFT) at a corner.
+    The slope changes by D as the integral of 15/16 (1 - r^2)^2, r the distance over SOFT, which
+    adds D SOFT 15/16 ((1 - r^2)^3/6 - r (8/15 - r + 2 r^3/3 - r^5/5)) to the sharp corner.
     """
     times = np.concatenate([[0], np.cumsum([n for n, _ in legs])]).astype(float)
     values = np.array([start, *(v for _, v in legs)])
@@ -38,8 +39,9 @@ def zigzag(legs: list[tuple[int, float]], start: float) -> Piece:
     def signal(t: Array) -> Array:
         out = np.interp(t, times, values)
         for at, bend in zip(times[:-1], bends, strict=True):
-            x = np.abs((t - at + period / 2) % period - period / 2)
-            out += bend * np.maximum(SOFT - x, 0) ** 2 / (4 * SOFT)
+            r = np.minimum(np.abs((t - at + period / 2) % period - period / 2) / SOFT, 1.0)
+            tail = r * (8 / 15 - r + 2 * r**3 / 3 - r**5 / 5)
+            out += bend * SOFT * 15 / 16 * ((1 - r * r) ** 3 / 6 - tail)
         return out
 
     return float(period), signal
@@ -166,7 +168,7 @@ def sweep(g: Rng, n: int, still: int) -> tuple[list[Piece], int]:
 def speeds(g: Rng, n: int, still: int) -> tuple[list[Piece], int]:
     """Triangles of one amplitude at four speeds, a rest at the bottom; twice."""
     room = n // 2 - still
-    legs = [max(12, int(room / 2 * x)) for x in (0.6, 0.25, 0.1, 0.05)]
+    legs = [max(24, int(room / 2 * x)) for x in (0.6, 0.25, 0.1, 0.05)]
     body = [q for h in legs for q in ((h, 1.0), (h, -1.0))]
     return [zigzag([(n // 2 - 2 * sum(legs), -1.0), *body], -1.0)], 2
 
@@ -176,8 +178,8 @@ def decaying(g: Rng, n: int, still: int) -> tuple[list[Piece], int]:
     p = n - still
 
     def signal(t: Array) -> Array:
-        envelope = np.exp((np.abs(2 * t / p - 1) - 1) * 2.4)
-        return envelope * np.sin(20 * np.pi * t / p)
+        soft = np.sin(0.5 * np.pi * np.clip(np.minimum(t, p - t) / (0.06 * p), 0, 1)) ** 2
+        return soft * np.exp((np.abs(2 * t / p - 1) - 1) * 2.4) * np.sin(20 * np.pi * t / p)
 
     return [(p, signal), rest(still, 0.0)], 1
 

@@ -66,32 +66,42 @@ class Scaled:
 
 
 def scale(actuator: Actuator, key: str, level_um: float, rng: np.random.Generator) -> Scaled:
-    """Search the amplitude whose response, refitted by the base, leaves `level_um` (rms)."""
+    """The effect at the amplitude whose response, refitted by the base, leaves `level_um` (rms)."""
     e, absorber = ALL[key], actuator.absorber
     shape = e.shape(rng)
-    a = e.typical
-    for last in (False, True):  # again from the better basin, if the thorough refit finds one
-        low, high, power, before = 0.0, e.cap, 1.0, None
-        for _ in range(9):
-            params = e.parameters(a, shape, actuator.scene)
-            clean = actuator.with_one(e, params)
-            left = rms(absorber.fit(clean)[2])
-            error = np.log(max(left, 1e-12) / level_um)
-            if abs(error) < 0.04 or (a >= e.cap and error < 0):
-                break
-            low, high = (a, high) if error < 0 else (low, a)
-            if before and abs(np.log(a / before[0])) > 1e-9:
-                slope = (error - before[1]) / np.log(a / before[0])
-                power = float(np.clip(slope, 0.4, 12.0))
-            before = (a, error)
-            a = a * float(np.exp(np.clip(-error / power, -4, 4)))
-            if not low < a < high:
-                a = e.cap if a >= e.cap and high == e.cap else max(0.5 * (low + high), 1e-9)
+    for _ in range(2):  # again from the better basin, if the thorough refit finds one
+        a, left = _search(actuator, e, shape, level_um)
+        params = e.parameters(a, shape, actuator.scene)
+        clean = actuator.with_one(e, params)
         found = absorber.fit(clean, thorough=True)
-        if last or rms(found[2]) > 0.94 * left or a >= e.cap:
+        if rms(found[2]) > 0.94 * left or a >= e.cap:
             break
         absorber.shape = found[0]
-    return Scaled(key, e, params, float(a), clean, *found)
+    return Scaled(key, e, params, a, clean, *found)
+
+
+def _search(actuator: Actuator, e: Effect, shape: dict, level_um: float) -> tuple[float, float]:
+    """Amplitude and what its refit leaves: secants in the logarithms, kept within a bracket."""
+    a, low, high, power = e.typical, 0.0, e.cap, 1.0
+    tried: list[tuple[float, float]] = []
+    for _ in range(9):
+        clean = actuator.with_one(e, e.parameters(a, shape, actuator.scene))
+        left = rms(actuator.absorber.fit(clean)[2])
+        error = float(np.log(max(left, 1e-12) / level_um))
+        tried.append((a, left))
+        if abs(error) < 0.04 or (a >= e.cap and error < 0):
+            break
+        low, high = (a, high) if error < 0 else (low, a)
+        if len(tried) > 1:
+            (a0, left0), (a1, left1) = tried[-2:]
+            slope = np.log(max(left1, 1e-12) / max(left0, 1e-12)) / np.log(a1 / a0)
+            power = float(np.clip(slope, 0.4, 12.0))
+        a *= float(np.exp(np.clip(-error / power, -4, 4)))
+        if a >= high == e.cap:
+            a = e.cap
+        elif not low < a < high:
+            a = 0.5 * (low + high)
+    return min(tried, key=lambda x: abs(np.log(max(x[1], 1e-12) / level_um)))
 
 
 def build(spec: Spec) -> Made:

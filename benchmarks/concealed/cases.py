@@ -15,7 +15,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 from .drives import DRIVES, Array, Drive
-from .truth import BASES, EFFECTS, OVER, Base, Path, noise
+from .truth import BASES, EFFECTS, OVER, Base, Path, Scene, noise, response_side
 
 # The drive with about the largest least separability a^2 |P d|^2 (1 - rho^2) from the other eight,
 # at residual level 1 on FOH (creep: at its cap); drive_lag and delay part only at sharp corners.
@@ -134,6 +134,7 @@ def make_case(
     plain = model.response(u, t[1] - t[0], law)
     stroke = float(np.ptp(plain))
     sd = noise_fraction * stroke
+    scene = Scene.of(u, plain, t[1] - t[0], 1 / d.rate)
     refit = Refit(model, u, t[1] - t[0], [law[k] for k in model.shapes])
     clean, params, amplitude, capped = plain[::OVER], {}, 0.0, False  # the null
     if effect != "none":
@@ -141,10 +142,10 @@ def make_case(
         shape = e.shape(rng)
 
         def at(a: float) -> tuple[Array, dict]:
-            p = e.parameters(a, shape, float(u.min()), float(u.max()), stroke)
+            p = e.parameters(a, shape, scene)
             if e.side == "I":
                 return e.simulate(signal, t, model, law, p)[::OVER], p
-            return e.apply(t, plain, **p)[::OVER], p
+            return response_side([(e, p)], signal, t, plain)[::OVER], p
 
         amplitude = e.cap / 10
         for _ in range(3):  # again from the better basin, if the thorough refit finds one

@@ -20,7 +20,8 @@ class Drive:
     """A voltage u(t) in V on [0, duration] s; held constant before and after.
 
     `rests` are stretches (start, end) in s at constant voltage; `period` in s is set when the
-    whole drive is an exact repetition with that period.
+    whole drive is an exact repetition with that period. `margin` is how far (s) the signal goes on
+    past its end, for a clock that runs ahead.
     """
 
     name: str
@@ -29,9 +30,10 @@ class Drive:
     rate: float = RATE
     rests: tuple[tuple[float, float], ...] = ()
     period: float | None = None
+    margin: float = 0.0
 
     def __call__(self, t: Array) -> Array:
-        return self.signal(np.clip(t, 0.0, self.duration))
+        return self.signal(np.clip(t, 0.0, self.duration + self.margin))
 
     @property
     def times(self) -> Array:

@@ -1,0 +1,122 @@
+"""Which effects could pass for the truth on this recording: λ_kl = |P d_k|^2 (1 - ρ_kl^2).
+
+d_k is what the truth changed, d_l what another effect of the simulator changes, P takes out what a
+refit of the base absorbs, all in units of the noise. λ is the gain in log-likelihood (times two)
+of the truth over effect l at its best amplitude. A nuisance shape is taken at several draws.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .drives import Array, Signal
+from .refit import Chord
+from .truth import EFFECTS, Base, Params, Scene, drive_side, name_of, response_side, whiten
+
+DRAWS = {
+    "creep": 2,
+    "sensor_lag": 3,
+    "resonance": 2,
+    "second_mode": 3,
+    "electrostriction": 2,
+    "cubic_nonlinearity": 2,
+    "minor_loop_memory": 2,
+    "backlash": 2,
+    "coulomb_friction": 3,
+    "thermal_drift": 3,
+    "gain_drift": 3,
+    "sensor_nonlinearity": 2,
+    "viscoelastic_layer": 2,
+}
+SEPARABLE = 25.0
+
+
+class Bank:
+    """Changes that each catalogued effect makes to one actuator on one drive."""
+
+    def __init__(
+        self, base: Base, law: Params, signal: Signal, t: Array, keep: int, scene: Scene
+    ) -> None:
+        self.base, self.law, self.signal, self.t, self.keep = base, law, signal, t, keep
+        self.scene = scene
+        self.plain = base.response(signal(t), t[1] - t[0], law)
+
+    def change(self, key: str, amplitude: float, shape: dict) -> Array:
+        """What one effect changes at the recorded samples, in um, without noise."""
+        e = EFFECTS[key]
+        pair = [(e, e.parameters(amplitude, shape, self.scene))]
+        if e.side == "I":
+            u, h = drive_side(pair, self.signal, self.t), self.t[1] - self.t[0]
+            y = self.base.response(u, h, self.law, self.keep)
+        else:
+            y = response_side(pair, self.signal, self.t, self.plain)[:: self.keep]
+        return y - self.plain[:: self.keep]
+
+
+@dataclass(frozen=True)
+class Other:
+    """An effect that the truth is compared with: its entries, with draws of their shapes."""
+
+    name: str
+    draws: tuple[tuple[str, dict], ...]
+
+    def left(self, bank: Bank, chord: Chord, times: float = 1.0) -> Array:
+        """What the refit leaves, in um: a column per draw, at `times` the typical amplitude."""
+        columns = []
+        for key, shape in self.draws:
+            a = min(times * EFFECTS[key].typical, EFFECTS[key].cap)
+            columns.append(chord.left(chord.prediction + bank.change(key, a, shape)))
+        return np.column_stack(columns)
+
+
+def others(seed: int) -> list[Other]:
+    """Every catalogued effect that displaces (quantisation only makes noise)."""
+    rng = np.random.default_rng([seed, 17])
+    draws: dict[str, list[tuple[str, dict]]] = {}
+    for key, e in EFFECTS.items():
+        if e.side != "Q":
+            mine = [(key, e.shape(rng)) for _ in range(DRAWS.get(key, 1))]
+            draws.setdefault(name_of(key), []).extend(mine)
+    return [Other(k, tuple(v)) for k, v in draws.items()]
+
+
+class Off:
+    """Projection off the whitened tangent space, for columns or one signal."""
+
+    def __init__(self, chord: Chord, noise: str, sd: float) -> None:
+        self.q = np.linalg.qr(whiten(noise, chord.jacobian, sd))[0]
+
+    def __call__(self, r: Array) -> Array:
+        return r - self.q @ (self.q.T @ r)
+
+
+def unexplained(truth: Array, columns: Array) -> float:
+    """|truth|^2 less what the columns' span explains; directions under 5 % of the first are none.
+
+    The span stands for a free nuisance shape: a family of laws bends between its draws.
+    """
+    u, size, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
+    u = u[:, size > 0.05 * size[0]]
+    return float(truth @ truth - np.sum((u.T @ truth) ** 2))
+
+
+def separation(truth: Array, bank: Bank, chord: Chord, noise: str, sd: float, own: str,
+               seed: int) -> dict[str, float]:  # fmt: skip
+    """λ of a truth's whitened residual from every effect but its own.
+
+    Each is taken at its typical amplitude, and those that come near, also at the amplitude that
+    leaves as much as the truth does (large changes bend).
+    """
+    off, power, out = Off(chord, noise, sd), float(truth @ truth), {}
+    for other in others(seed):
+        if other.name == own:
+            continue
+        columns = off(whiten(noise, other.left(bank, chord), sd))
+        out[other.name] = unexplained(truth, columns)
+        if out[other.name] < 0.5 * power:
+            times = float(np.sqrt(power / np.mean(np.sum(columns**2, axis=0))))
+            matched = off(whiten(noise, other.left(bank, chord, times), sd))
+            out[other.name] = min(out[other.name], unexplained(truth, matched))
+    return out

@@ -466,7 +466,8 @@ def test_an_effect_is_no_other(name):
     def direction(effect, trial) -> np.ndarray:
         change = respond(effect.insert(base, trial), drive) - plain
         change = change - absorbed @ (absorbed.T @ change)
-        return change / np.linalg.norm(change)
+        # What a recording gives no scale for, such as a converter's steps, moves nothing here.
+        return change / max(float(np.linalg.norm(change)), 1e-9)
 
     trial = EFFECTS[name].trials(SETTINGS["common"])[0]
     own = direction(EFFECTS[name], trial)

@@ -78,7 +78,7 @@ def test_a_lag_and_a_delay_part_on_a_fast_drive():
         rivals = [DriveLag(2e-3) >> base, Delay(2e-3, longest=0.01) >> base]
         said: list[str] = []
         fast = propose(rivals, preparation, Limits(0, 100, 1e5), said.append)
-        slow = propose(rivals, preparation, Limits(0, 100, 100.0), said.append)
+        slow = propose(rivals, preparation, Limits(0, 100, 2.0), said.append)
     assert fast.probability > 0.95
     assert slow.probability < fast.probability
     rate = np.abs(np.diff(fast.drive.values)).max() / STEP

@@ -852,8 +852,17 @@ def _parameters(block: AbstractBlock) -> list[dict[str, Any]]:
 
 @cli.command("effects")
 @click.argument("name", required=False)
+@click.option(
+    "--picture",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Draw the effect's signature, as .svg, .png or .pdf.",
+)
 @_json
-def effects_command(name: str | None, as_json: bool) -> None:
+@click.pass_obj
+def effects_command(
+    saved: list[Path], name: str | None, picture: Path | None, as_json: bool
+) -> None:
     """List the effects that diagnose knows, or tell all about one."""
     from ._blocks import EFFECTS
     from ._recording import InputError
@@ -863,6 +872,8 @@ def effects_command(name: str | None, as_json: bool) -> None:
             f'effect "{name}": expected one of {", ".join(EFFECTS)}, found none of that name; '
             "correct it"
         )
+    if picture is not None:
+        _drawn(name, picture, saved)
     listed = [_effect(key) for key in ([name] if name else EFFECTS)]
     if as_json:
         print(json.dumps(listed[0] if name else listed, indent=1))
@@ -873,6 +884,21 @@ def effects_command(name: str | None, as_json: bool) -> None:
         )
     else:
         _table([], _effect_rows(listed[0]))
+
+
+def _drawn(name: str | None, picture: Path, saved: list[Path]) -> None:
+    from ._recording import InputError
+    from ._report._effect_picture import draw_effect
+
+    if name is None or picture.suffix not in (".svg", ".png", ".pdf"):
+        raise InputError.at(
+            "--picture",
+            "the name of an effect and a file ending in .svg, .png or .pdf",
+            f'"{picture}" for {name or "all effects"}',
+            "name one effect and such a file",
+        )
+    draw_effect(name, picture)
+    saved.append(picture)
 
 
 def _effect(name: str) -> dict[str, Any]:

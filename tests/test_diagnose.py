@@ -127,7 +127,7 @@ def test_the_family_wise_p_is_uniform_where_nothing_is_missing():
     directions = generator.standard_normal((30, 200)) + 2 * generator.standard_normal(200)
     directions /= np.linalg.norm(directions, axis=1, keepdims=True)
     p_values = [
-        family_wise_p([scores_of(directions, generator.standard_normal(200))], seed)
+        family_wise_p([scores_of(directions, generator.standard_normal(200))], 1e9, seed)
         for seed in range(150)
     ]
     assert kstest(p_values, "uniform").pvalue > 0.01

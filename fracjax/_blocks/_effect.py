@@ -54,6 +54,7 @@ class Effect:
     `trials(setting)` lists blocks of one structure at typical amplitudes and shapes: each is a
     direction of the score test and a start of the refit.  `separated_by` says, for each look-alike,
     which experiment tells the two apart.  `axes` are the places where its signature stands out.
+    `one_sided`: its trials show the only sign that physics allows, as a delay is never an advance.
     """
 
     name: str
@@ -65,6 +66,7 @@ class Effect:
     separated_by: dict[str, str]
     concealed_by: str
     axes: tuple[str, ...] = field(default=("time",))
+    one_sided: bool = False
 
     def insert(self, base: AbstractBlock, block: AbstractBlock) -> AbstractBlock:
         """The base with this effect's block at its site."""

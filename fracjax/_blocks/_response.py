@@ -22,7 +22,6 @@ from .pea_dynamics import PEADynamics
 from .quasi_static_force import QuasiStaticForce
 from .resonance import Resonance
 from .second_mode import SecondMode
-from .sensor_lag import SensorLag
 from .single_operator import SingleOperator
 
 _OVERSAMPLING = 8
@@ -95,9 +94,6 @@ def poles(block: AbstractBlock) -> np.ndarray:
             return np.concatenate([poles(law.first), poles(law.second)])
         case DriveLag() | DriveCircuit():
             return np.array([-1 / law.time_constant.value + 0j])
-        case SensorLag():
-            angles = np.pi * (0.5 + np.arange(0.5, law.order) / law.order)
-            return 2 * np.pi * np.asarray(law.corner.value) * np.exp(1j * angles)
         case Resonance() | PEADynamics():
             return _of_mode(law.frequency.value, law.damping.value)
         case SecondMode():

@@ -78,4 +78,5 @@ EFFECT = Effect(
     },
     concealed_by="the gain and the width of the hysteresis, while the amplitude does not change",
     axes=("level", "reversal", "phase", "harmonics"),
+    one_sided=True,
 )

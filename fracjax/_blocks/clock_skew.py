@@ -12,7 +12,7 @@ from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
 from .delay import read_between
 
-_PLAUSIBLE = 2e-4
+_PLAUSIBLE = 1e-3
 
 
 class ClockSkew(AbstractBlock):
@@ -29,7 +29,8 @@ class ClockSkew(AbstractBlock):
     generator sent; but the law after it takes the stretched record for whole steady periods, and
     where the record closes it sees the drive jump by ε T times its rate.
     Ranges: crystals of data acquisition are specified to ±50 ppm (NI 9234) or ±100 ppm (Contec), so
-    that two differ by up to 200 ppm.
+    that two differ by up to 200 ppm; a generator timed by a resonator or by software is several
+    times worse.
     Source: those data sheets.
     """
 

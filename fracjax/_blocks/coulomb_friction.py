@@ -79,4 +79,5 @@ EFFECT = Effect(
     },
     concealed_by="the width of the hysteresis loop, while one amplitude is driven",
     axes=("reversal", "phase", "harmonics"),
+    one_sided=True,
 )

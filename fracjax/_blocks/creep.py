@@ -95,4 +95,5 @@ EFFECT = Effect(
     },
     concealed_by="the order alpha and the gain k_h of the hysteresis",
     axes=("time", "reversal", "frequency"),
+    one_sided=True,
 )

@@ -81,4 +81,5 @@ EFFECT = Effect(
     },
     concealed_by="the orders alpha and beta of the hysteresis",
     axes=("frequency", "rate", "phase"),
+    one_sided=True,
 )

@@ -54,4 +54,5 @@ EFFECT = Effect(
     },
     concealed_by="the width of the hysteresis loop",
     axes=("frequency", "rate", "phase", "harmonics"),
+    one_sided=True,
 )

@@ -83,4 +83,5 @@ EFFECT = Effect(
     },
     concealed_by="the noise, once it reaches a third of a step",
     axes=("level", "phase", "time"),
+    one_sided=True,
 )

@@ -68,4 +68,5 @@ EFFECT = Effect(
     },
     concealed_by="the hysteresis, while the drive holds only low harmonics",
     axes=("frequency", "rate", "reversal"),
+    one_sided=True,
 )

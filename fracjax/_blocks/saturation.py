@@ -50,4 +50,5 @@ EFFECT = Effect(
     separated_by={"electrostriction": "a measured drive: saturation is flat beyond a threshold"},
     concealed_by="the asymmetry term k_p of the hysteresis",
     axes=("level", "phase", "harmonics"),
+    one_sided=True,
 )

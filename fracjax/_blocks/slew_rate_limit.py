@@ -85,4 +85,5 @@ EFFECT = Effect(
     },
     concealed_by="the rate-dependent terms of the hysteresis, the order alpha above all",
     axes=("rate", "phase", "harmonics", "frequency"),
+    one_sided=True,
 )

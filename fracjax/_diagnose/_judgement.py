@@ -18,6 +18,7 @@ from ._stage import Layer, Stage, path_of
 SIGNIFICANCE = 0.01
 DELTA_BIC = 10.0
 EXPLAINED = 0.9
+WORTH_NAMING = 0.1
 
 
 @dataclass(frozen=True)
@@ -81,9 +82,26 @@ def explained_fraction(base: Stage, solved: Solved) -> float:
 
     The excess itself is uncertain by the χ² distribution and by the noise level's own error.
     """
-    doubt = 3 * np.sqrt(6 * solved.samples)
+    known = noise_doubt(base.preparation)
+    doubt = 3 * solved.samples * np.sqrt(2 / solved.samples + known**2)
     fall = base.solved.cost - solved.cost
     return float(fall / max(fall, base.excess - doubt)) if fall > 0 else 0.0
+
+
+def share_of_excess(base: Stage, before: Stage, winner: Judged) -> float:
+    """The share of the base's excess residual that the winner takes away beyond what was adopted
+    before it."""
+    return (before.solved.cost - winner.solved.cost) / max(base.excess, 1e-300)
+
+
+def noise_doubt(preparation: Preparation) -> float:
+    """The relative standard error of the noise's variance, the worst of all recordings."""
+    return max(take.noise.doubt for take in preparation.takes if take.noise is not None)
+
+
+def freedom_of(preparation: Preparation) -> float:
+    """The degrees of freedom behind the noise level."""
+    return 2 / max(noise_doubt(preparation), 1e-6) ** 2
 
 
 def is_plausible(solved: Solved, layers: Sequence[Layer]) -> bool:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.stats import chi2, norm
+from scipy.stats import f, norm
 
 from .._fit import Preparation, Problem
 from ._result import Axis
@@ -22,10 +22,13 @@ _SIGNIFICANCE = 0.01
 
 
 def locate(
-    preparation: Preparation, problems: tuple[Problem, ...], residual: Residual
+    preparation: Preparation, problems: tuple[Problem, ...], residual: Residual, freedom: float
 ) -> list[Axis]:
-    """All axes that the recordings have, each with its map of strength."""
-    places = _Places(preparation, problems, residual)
+    """All axes that the recordings have, each with its map of strength.
+
+    `freedom`: the degrees of freedom behind the noise level.
+    """
+    places = _Places(preparation, problems, residual, freedom)
     axes = [places.time(), places.frequency(), places.level(), places.rate(), places.reversal()]
     if places.phases is not None:
         axes += [places.phase(), places.harmonics()]
@@ -35,8 +38,14 @@ def locate(
 class _Places:
     """The samples' coordinates, padded like the problems: time, drive, rate, reversals, phase."""
 
-    def __init__(self, preparation: Preparation, problems: tuple[Problem, ...], residual: Residual):
-        self.problems, self.residual = problems, residual
+    def __init__(
+        self,
+        preparation: Preparation,
+        problems: tuple[Problem, ...],
+        residual: Residual,
+        freedom: float,
+    ):
+        self.problems, self.residual, self.freedom = problems, residual, freedom
         first = preparation.takes[0].recording
         self.step = first.dt
         self.units = (first.drive_unit, first.response_unit)
@@ -73,11 +82,13 @@ class _Places:
         return np.concatenate(pieces, axis=1)
 
     def _p_value(self, columns: np.ndarray) -> float:
-        """χ² test of a group of columns (K, ΣL) after projection."""
+        """Test of a group of columns (K, ΣL) after projection: χ², with a noise level that is
+        itself an estimate, hence F."""
         projected = self.residual.project(self._whiten(columns))
         left, singular, _ = np.linalg.svd(projected.T, full_matrices=False)
         kept = left[:, singular > 1e-6 * max(float(singular[0]), 1e-300)]
-        return float(chi2.sf(np.sum((kept.T @ self.residual.whitened) ** 2), kept.shape[1]))
+        energy, count = np.sum((kept.T @ self.residual.whitened) ** 2), max(kept.shape[1], 1)
+        return float(f.sf(energy / count, count, self.freedom))
 
     def _axis(self, name: str, unit: str, edges: np.ndarray, groups: Iterator[np.ndarray]) -> Axis:
         return _map(name, unit, edges, np.array([self._p_value(g) for g in groups]))
@@ -174,7 +185,7 @@ class _Places:
             if inside.size:
                 # 2·Σ power is χ² with 2 per line; widened for the noise variance's own error.
                 excess = (inside.mean() - 1) / np.sqrt(1 / inside.size + 8 / kept.size)
-                exact = chi2.sf(2 * inside.sum(), 2 * inside.size)
+                exact = f.sf(inside.mean(), 2 * inside.size, self.freedom)
                 p_values[k] = max(exact, norm.sf(excess) if inside.size > 50 else 0.0)
         return _map("frequency", "Hz", edges, p_values)
 

@@ -13,11 +13,14 @@ from ._held_out import Prediction, gain
 from ._judgement import (
     DELTA_BIC,
     SIGNIFICANCE,
+    WORTH_NAMING,
     Judged,
     best_of,
     delta_bic,
     explained_fraction,
+    freedom_of,
     is_plausible,
+    share_of_excess,
 )
 from ._locate import locate
 from ._numerics import LIMIT, fine_enough, residual_of
@@ -69,7 +72,9 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
         found = _judge(base, stage, detection.scores, predict, seed, progress)
         judged = {**{j.name: j for j in found}, **judged}
         winner = best_of(found)
-        if winner is None:
+        # A remainder far smaller than what was explained may be no more than that effect's own law
+        # being another than ours.
+        if winner is None or (rounds and share_of_excess(base, stage, winner) < WORTH_NAMING):
             break
         rounds.append(Round(winner, found))
         stage = stage.extended(winner.layer, winner.solved, winner.preparation)
@@ -87,8 +92,9 @@ def _detect(stage: Stage, seed: int, progress: Progress) -> Detection:
     others = [effect for name, effect in EFFECTS.items() if name not in stage.adopted]
     scores = [scorer.score(effect, setting) for effect in others]
     progress("locating the mismatch")
-    axes = locate(stage.preparation, problems, residual)
-    tests = [family_wise_p(scores, seed), *(axis.p_value for axis in axes)]
+    freedom = freedom_of(stage.preparation)
+    axes = locate(stage.preparation, problems, residual, freedom)
+    tests = [family_wise_p(scores, freedom, seed), *(axis.p_value for axis in axes)]
     return Detection(scores, axes, min(1.0, min(tests) * len(tests)))
 
 
@@ -98,7 +104,10 @@ def _shortlist(scores: list[EffectScore], samples: int) -> list[EffectScore]:
     least = DELTA_BIC + np.log(samples)
     promising = [s for s in scores if 2 * float(np.max(s.z**2)) >= least]
     ranked = sorted(promising, key=lambda s: -s.log_evidence)
-    top, rest = ranked[:_SHORTLIST], ranked[_SHORTLIST:]
+    # Far from the base a secant may even have the wrong sign: the largest score is tried too.
+    largest = sorted(promising, key=lambda s: -float(np.abs(s.z).max()))[:1]
+    top = ranked[:_SHORTLIST] + [s for s in largest if s not in ranked[:_SHORTLIST]]
+    rest = [s for s in ranked if s not in top]
     alike = [s for s in rest if any(confusability(s, t) > _LIKE for t in top)]
     return [*top, *alike][:_LONGEST_SHORTLIST]
 

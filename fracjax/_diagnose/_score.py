@@ -22,6 +22,7 @@ import numpy as np
 from jax import Array
 from scipy.special import logsumexp
 from scipy.stats import norm
+from scipy.stats import t as student
 
 from .._blocks import AbstractBlock, Effect, Setting
 from .._fit import Problem
@@ -43,7 +44,7 @@ class Residual:
         return columns - (columns @ self.basis) @ self.basis.T
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class EffectScore:
     """The score test of one effect over its trials (K,): z, ‖P d‖, concealment, amplitudes.
 
@@ -66,9 +67,12 @@ class EffectScore:
 
     @property
     def log_evidence(self) -> float:
-        """Linear log Bayes factor for the effect, its amplitude's prior sd the typical one."""
+        """Linear log Bayes factor for the effect, its amplitude's prior sd the typical one; of an
+        effect with one sign only the half of that prior."""
         n2 = self.norms**2
         each = -0.5 * np.log1p(n2) + 0.5 * self.z**2 * n2 / (1 + n2)
+        if self.effect.one_sided:
+            each = each + np.log(2) + norm.logcdf(self.z * np.sqrt(n2 / (1 + n2)))
         return float(logsumexp(each) - np.log(each.size))
 
     @property
@@ -122,14 +126,17 @@ class Scorer:
         )
 
 
-def family_wise_p(scores: list[EffectScore], seed: int) -> float:
+def family_wise_p(scores: list[EffectScore], freedom: float, seed: int) -> float:
     """P(max |z| over all columns ≥ the one observed) where the model is right.
+
+    `freedom`: the degrees of freedom behind the noise level, as in Student's t.
 
     Simulated from the columns' Gram matrix, so that correlation, multiplicity and shapes are
     accounted for at once; beyond the simulation's reach Bonferroni's bound.
     """
     directions = np.concatenate([s.directions for s in scores])
-    observed = max(float(np.abs(s.z).max()) for s in scores)
+    largest = max(float(np.abs(s.z).max()) for s in scores)
+    observed = float(norm.isf(student.sf(largest, freedom)))
     values, vectors = np.linalg.eigh(directions @ directions.T)
     root = vectors * np.sqrt(np.maximum(values, 0.0))
     draws = np.random.default_rng(seed).standard_normal((_DRAWS, root.shape[1])) @ root.T

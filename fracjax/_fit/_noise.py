@@ -8,12 +8,16 @@ from typing import Literal
 import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.ndimage import median_filter
+from scipy.signal import lfilter
+from scipy.stats import kurtosis
 
 from .._recording import InputError, Recording
 
 Method = Literal["repeats", "static", "specification", "residual"]
 _LARGEST_ORDER = 12
 _REST_SECONDS = 0.2
+# Successive second differences have the correlations -2/3 and 1/6: 1 + 2 Σ ρ² ≈ 2.
+_SHARED = 2.0
 
 
 @dataclass(frozen=True)
@@ -22,6 +26,8 @@ class Noise:
 
     `sigma` is the rms of all that does not repeat, in `unit`; `method` says where it was read.  The
     filter leaves lines of the mains out, so that they count as mismatch and can be named.
+    `doubt` is the relative standard error of the variance: a floor read from a short rest, or from
+    noise with heavy tails, is known less well than the recording's length suggests.
     """
 
     sigma: float
@@ -29,6 +35,7 @@ class Noise:
     method: Method
     filter: np.ndarray
     innovation: float
+    doubt: float = 0.0
 
     @property
     def whitening(self) -> np.ndarray:
@@ -69,10 +76,15 @@ def autoregression(series: list[np.ndarray]) -> tuple[np.ndarray, float]:
     return best
 
 
-def _noise(series: list[np.ndarray], unit: str, method: Method) -> Noise:
+def _noise(series: list[np.ndarray], unit: str, method: Method, shared: float = 1.0) -> Noise:
+    """Noise from stretches that hold nothing else; `shared`: how many of their samples hold the
+    same noise."""
     coefficients, innovation = autoregression(series)
     sigma = float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
-    return Noise(sigma, unit, method, coefficients, innovation)
+    white = np.concatenate([lfilter(coefficients, 1.0, s)[coefficients.size - 1 :] for s in series])
+    spread = max(float(kurtosis(white, fisher=False)) - 1, 2.0)
+    doubt = float(np.sqrt(spread * shared / white.size))
+    return Noise(sigma, unit, method, coefficients, innovation, doubt)
 
 
 def _from_repeats(recording: Recording) -> list[np.ndarray]:
@@ -126,7 +138,7 @@ def measured_noise(
         difference = (repeat.response - recording.response) / np.sqrt(2)
         return _noise([difference - difference.mean()], unit, "repeats")
     if series := _from_repeats(recording):
-        return _noise(series, unit, "repeats")
+        return _noise(series, unit, "repeats", _SHARED)
     if series := _from_static(recording):
         return _noise(series, unit, "static")
     if specification is not None:

@@ -15,6 +15,10 @@ if TYPE_CHECKING:
     from ._blocks import frequency_response as frequency_response
     from ._blocks import poles as poles
     from ._blocks import step_response as step_response
+    from ._compensate import Compensation as Compensation
+    from ._compensate import Trajectory as Trajectory
+    from ._compensate import compensate as compensate
+    from ._compensate import load_compensation as load_compensation
     from ._diagnose import Diagnosis as Diagnosis
     from ._diagnose import diagnose as diagnose
     from ._fit import AmplitudeRatios as AmplitudeRatios
@@ -65,6 +69,7 @@ _HOMES = {
         "poles",
         "step_response",
     ),
+    "_compensate": ("Compensation", "Trajectory", "compensate", "load_compensation"),
     "_diagnose": ("Diagnosis", "diagnose"),
     "_fit": (
         "AmplitudeRatios",
@@ -106,6 +111,7 @@ __all__ = [
     "AbstractBlock",
     "AbstractLinearBlock",
     "AmplitudeRatios",
+    "Compensation",
     "CreepIdentification",
     "Crosscheck",
     "Diagnosis",
@@ -122,16 +128,19 @@ __all__ = [
     "Recording",
     "Simulation",
     "StudentNoise",
+    "Trajectory",
     "WhiteNoise",
     "amplitude_ratios",
     "blocks",
     "bode",
+    "compensate",
     "crosscheck",
     "derivative",
     "diagnose",
     "fit",
     "fit_batch",
     "frequency_response",
+    "load_compensation",
     "load_model",
     "load_posterior",
     "ofocim",

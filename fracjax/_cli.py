@@ -38,7 +38,6 @@ if TYPE_CHECKING:
 
 UNUSABLE, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
 _NOTES = 5
-_OPENINGS = {"V": "voltage", "A": "current", "m": "displacement", "N": "force"}
 
 Progress = Callable[[str], None]
 
@@ -652,7 +651,7 @@ def simulate_command(
     """
     import numpy as np
 
-    from ._io import read_drive, write
+    from ._io import column_name, read_drive, write
     from ._models import parse_model
     from ._simulate import simulate
 
@@ -668,7 +667,10 @@ def simulate_command(
         progress(f"simulating {model.name}")
         response, error = simulate(model, samples, step, history)
     signals = {"time_s": step * np.arange(len(samples))}
-    signals |= {_head("drive", drive_unit): samples, _head("response", response_unit): response}
+    signals |= {
+        column_name("drive", drive_unit): samples,
+        column_name("response", response_unit): response,
+    }
     write(out, signals)
     saved.append(out)
     sentence = (
@@ -700,12 +702,6 @@ def _fitted(path: str, drive: np.ndarray, drive_unit: str) -> tuple[Model, np.nd
     units = json.loads(Path(path).read_text(encoding="utf-8"))["units"]
     scale = parse_quantity(f"1 {drive_unit}", units["drive"], "drive")
     return model, drive * scale, units["drive"], units["response"]
-
-
-def _head(role: str, unit: str) -> str:
-    """A column's name that says its unit: voltage_V, displacement_um, or drive [V/um]."""
-    plain = re.fullmatch(r"[numkµμ]?([VAmN])", unit)
-    return f"{_OPENINGS[plain[1]]}_{unit}" if plain else f"{role} [{unit}]"
 
 
 # info, models, effects ----------------------------------------------------------------------------

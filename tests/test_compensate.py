@@ -1,0 +1,331 @@
+"""Compensation: model and drive in closed loop, limits that bind, and what is said of both."""
+
+import jax
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from scipy.optimize import lsq_linear
+
+import fracjax as fj
+from fracjax import blocks
+from fracjax._compensate import SCHEMA, load_compensation
+from fracjax._compensate._bounded import Bounds
+from fracjax._compensate._inverse import inverse_of
+from fracjax._compensate._plant import Plant, between
+from fracjax._compensate._unbounded import respond
+from fracjax._operators import Grid
+
+STEP, COUNT = 1e-2, 120
+TIMES = STEP * np.arange(COUNT)
+SINE = 5 - 5 * np.cos(2 * np.pi * TIMES)
+TRIANGLE = 10 * (1 - np.abs(1 - 2 * (TIMES % 1)))
+HYSTERESIS = blocks.FOH(0.05, 0.05, 2e-6, 0.1, -0.1)
+WEIGHTS = 0.004 * np.array([1.0, -1.0, 2.0, 1.0, 0.5, 1.0, -1.0, 1.0])
+MEMORY = blocks.MinorLoopMemory(WEIGHTS, span=100.0)
+
+
+def model(block) -> fj.Model:
+    return fj.Model(block, "model")
+
+
+def wanted(response=SINE, **options) -> fj.Trajectory:
+    return fj.Trajectory(response, STEP, **options)
+
+
+# Closed loop --------------------------------------------------------------------------------------
+
+LINEAR = {
+    "lfdh": blocks.LFDH(),
+    "creep": blocks.Creep(0.1, 0.01),
+    "pea_dynamics": blocks.PEADynamics(0.1, 0.01, -0.1, 500.0, 0.05),
+    "lfdh >> log creep": blocks.LFDH() >> blocks.LogarithmicCreep(0.02, 0.05),
+}
+NONLINEAR = {
+    "foh": HYSTERESIS,
+    "foh, strong rate term": blocks.FOH(0.05, 0.05, 1e-5, 0.1, -0.1),
+    "foh, negative order": blocks.FOH(0.05, 0.05, 1e-6, -0.2, -0.1),
+    "coupled": HYSTERESIS >> blocks.Creep(1.0, 0.01, fixed_gain=True),
+    "coupled_model_3": HYSTERESIS >> blocks.PEADynamics(1.0, 0.05, -0.1, 500.0, fixed_gain=True),
+    "bouc_wen": blocks.BoucWen(0.1, -0.1),
+    "foh + minor_loop_memory": HYSTERESIS + MEMORY,
+    "electrostriction >> foh": blocks.Electrostriction(0.1, centre=50, span=100) >> HYSTERESIS,
+}
+
+
+@pytest.mark.parametrize("name", [*LINEAR, *NONLINEAR])
+def test_model_and_drive_in_closed_loop(name, float32_default):
+    block = {**LINEAR, **NONLINEAR}[name]
+    found = fj.compensate(model(block), wanted())
+    assert found.verdict == "followed"
+    assert found.converged
+    assert found.max_error <= 1e-6 * found.stroke
+    assert found.drive.dtype == np.float64
+    # The package's simulation, on a grid of its own and with other curves between samples, agrees.
+    simulated = fj.simulate(model(block), found.drive, STEP)
+    assert np.abs(simulated.response - SINE).max() < 3e-4 * found.stroke
+
+
+@pytest.mark.parametrize("name", ["lfdh", "creep"])
+def test_a_closed_form_needs_no_more_than_the_grid_does(name):
+    found = fj.compensate(model(LINEAR[name]), wanted())
+    assert found.method in ("closed form", "fixed point")
+    assert found.iterations <= 4
+
+
+@pytest.mark.parametrize("history", ["rest", "periodic"])
+def test_other_histories(history):
+    desired = SINE[:100]
+    found = fj.compensate(model(HYSTERESIS), wanted(desired), history=history)
+    assert found.verdict == "followed"
+    simulated = fj.simulate(model(HYSTERESIS), found.drive, STEP, history)
+    np.testing.assert_allclose(simulated.response, desired, atol=1e-3)
+
+
+def test_kinks_are_followed_at_the_samples():
+    found = fj.compensate(model(HYSTERESIS), wanted(TRIANGLE))
+    assert found.verdict == "followed"
+    simulated = fj.simulate(model(HYSTERESIS), found.drive, STEP)
+    assert np.abs(simulated.response - TRIANGLE).max() < 2e-3 * found.stroke
+
+
+def test_an_offset_is_where_the_sensor_reads_zero():
+    found = fj.compensate(model(HYSTERESIS), wanted(SINE - 130.0), offset=-130.0)
+    plain = fj.compensate(model(HYSTERESIS), wanted())
+    np.testing.assert_allclose(found.drive, plain.drive, atol=1e-4)
+    assert found.max_error <= 1e-6 * found.stroke
+
+
+def test_a_block_without_a_known_inverse():
+    class Softening(fj.AbstractBlock):
+        linear = False
+
+        def __call__(self, drive, grid):
+            return -0.1 * drive + 2e-4 * drive**2
+
+    found = fj.compensate(model(Softening()), wanted())
+    assert found.verdict == "followed"
+    np.testing.assert_allclose(-0.1 * found.drive + 2e-4 * found.drive**2, SINE, atol=1e-5)
+
+
+def test_disturbances_of_the_recorded_run_are_left_out():
+    drift = fj.parse_model("foh + thermal_drift + mains_interference").block
+    found = fj.compensate(model(drift), wanted())
+    assert found.left_out == ("ThermalDrift", "MainsInterference")
+    plain = fj.compensate(model(blocks.FOH()), wanted())
+    np.testing.assert_array_equal(found.drive, plain.drive)
+
+
+# Sums of plays ------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("history", ["rest", "constant", "periodic"])
+@pytest.mark.parametrize("sign", [1.0, -1.0])
+def test_a_sum_of_plays_has_its_own_inverse(history, sign):
+    block = blocks.QuasiStaticForce(sign * 0.1) + blocks.MinorLoopMemory(sign * WEIGHTS, span=100)
+    inverse = inverse_of(block)
+    assert inverse is not None
+    assert inverse.exact
+    generator = np.random.default_rng(3)
+    drive = np.cumsum(generator.normal(0, 10, 200))
+    drive = drive - (drive[-1] - drive[0]) * np.arange(200) / 199
+    grid = Grid(STEP, history)
+    recovered = np.asarray(inverse.block(block(jax.numpy.asarray(drive), grid), grid))
+    np.testing.assert_allclose(recovered, drive, atol=1e-10 * np.ptp(drive))
+
+
+def test_plays_whose_slope_changes_sign_have_none():
+    inverse = inverse_of(
+        blocks.QuasiStaticForce(0.1) + blocks.MinorLoopMemory(-WEIGHTS * 20, span=100)
+    )
+    assert inverse is None or not inverse.exact
+
+
+# The grid -----------------------------------------------------------------------------------------
+
+
+@settings(max_examples=10)
+@given(st.integers(2, 6), st.booleans(), st.sampled_from(["constant", "periodic"]))
+def test_between_samples_the_drive_is_linear_in_them(finer, smooth, history):
+    drive = np.random.default_rng(0).normal(size=(2, 12))
+    one, two = (np.asarray(between(jax.numpy.asarray(d), finer, smooth, history)) for d in drive)
+    both = np.asarray(between(jax.numpy.asarray(drive[0] - 3 * drive[1]), finer, smooth, history))
+    np.testing.assert_allclose(both, one - 3 * two, atol=1e-12)
+    np.testing.assert_allclose(one[::finer][:12], drive[0], atol=1e-14)
+
+
+def test_between_samples_a_cubic_is_exact_inside():
+    t = np.arange(12.0)
+    fine = np.asarray(between(jax.numpy.asarray(t**3 - 4 * t**2), 4, True, "constant"))
+    s = np.arange(45) / 4
+    np.testing.assert_allclose(fine[4:-4], (s**3 - 4 * s**2)[4:-4], atol=1e-10)
+
+
+# Limits -------------------------------------------------------------------------------------------
+
+
+def test_limits_that_do_not_bind_change_nothing():
+    free = fj.compensate(model(HYSTERESIS), wanted())
+    wide = fj.compensate(model(HYSTERESIS), wanted(), limits=(-50.0, 300.0), slew=5000.0)
+    np.testing.assert_array_equal(free.drive, wide.drive)
+    assert wide.binding == ()
+    assert wide.verdict == "followed"
+
+
+def test_out_of_reach_it_is_the_best_drive_within_the_limits():
+    block = blocks.FOH(0.05, 0.05, 0.0, 0.1, -0.1)
+    found = fj.compensate(model(block), wanted(), limits=(0.0, 70.0))
+    assert found.verdict == "limited"
+    assert found.converged
+    assert found.drive.min() >= 0
+    assert found.drive.max() <= 70
+    assert {stretch.kind for stretch in found.binding} == {"upper limit"} | (
+        {"lower limit"} if found.drive.min() == 0 else set()
+    )
+    worst = max(found.missed, key=lambda stretch: stretch.largest)
+    assert worst.largest == pytest.approx(found.max_error)
+    assert worst.start < 0.5 < worst.stop
+    # An oracle for the linear law: its matrix, column by column, and SciPy's bounded least squares.
+    with jax.enable_x64(True):
+        plant = Plant(block, np.asarray(STEP), np.asarray(0.0), "constant", 8, True)
+        unit = np.eye(COUNT)
+        matrix = np.stack([np.asarray(respond(plant, column)) for column in unit], axis=1)
+    oracle = lsq_linear(matrix, SINE, (0.0, 70.0), tol=1e-12)
+    rms = np.sqrt(2 * oracle.cost / COUNT)
+    assert found.rms_error == pytest.approx(rms, rel=1e-3)
+
+
+def test_a_slew_limit_is_kept_and_anticipated():
+    step = np.where(TIMES % 1 > 0.5, 10.0, 0.0)
+    found = fj.compensate(model(HYSTERESIS), wanted(step), slew=400.0)
+    change = np.abs(np.diff(found.drive))
+    assert change.max() <= 400.0 * STEP * (1 + 1e-9)
+    assert any(stretch.kind == "slew limit" for stretch in found.binding)
+    assert found.verdict == "limited"
+    free = fj.compensate(model(HYSTERESIS), wanted(step))
+    greedy = Bounds(-np.inf, np.inf, 400.0 * STEP).applied(free.drive, "constant")
+    late = fj.simulate(model(HYSTERESIS), greedy, STEP).response
+    assert found.rms_error < 0.7 * np.sqrt(np.mean((late - step) ** 2))
+
+
+def test_limits_of_a_nonlinear_law():
+    found = fj.compensate(
+        model(blocks.BoucWen(0.1, -0.1)), wanted(), limits=(5.0, 80.0), slew=350.0
+    )
+    assert found.verdict == "limited"
+    assert found.drive.min() >= 5.0
+    assert found.drive.max() <= 80.0
+    assert np.abs(np.diff(found.drive)).max() <= 350.0 * STEP * (1 + 1e-9)
+
+
+def test_a_law_that_saturates_cannot_be_followed():
+    saturated = blocks.Saturation(70.0, low=0, high=100) >> blocks.FOH(0.05, 0.05, 0.0)
+    found = fj.compensate(model(saturated), wanted(SINE[:60]))
+    assert found.verdict == "approximate"
+    assert found.missed
+    assert found.max_error > 0.1 * found.stroke
+
+
+@settings(max_examples=30)
+@given(
+    st.lists(st.floats(-100, 100), min_size=3, max_size=30),
+    st.floats(0.1, 50),
+    st.sampled_from(["rest", "constant", "periodic"]),
+)
+def test_whatever_is_applied_keeps_within_the_bounds(levels, change, history):
+    bounds = Bounds(-60.0, 40.0, change)
+    drive = bounds.applied(np.array(levels), history)
+    assert bounds.admits(drive, history) or np.ptp(drive) == 0
+    np.testing.assert_allclose(bounds.applied(drive, history), drive, atol=1e-12)
+
+
+def test_regularisation_smooths_the_drive():
+    rough = SINE + 0.05 * np.random.default_rng(0).normal(size=COUNT)
+    plain = fj.compensate(model(blocks.LFDH()), wanted(rough))
+    smooth = fj.compensate(model(blocks.LFDH()), wanted(rough), regularisation=0.02)
+    bend = [np.abs(np.diff(c.drive, 2)).mean() for c in (plain, smooth)]
+    assert bend[1] < 0.1 * bend[0]
+    assert smooth.rms_error < 0.02 * smooth.stroke
+
+
+# Draws, results, refusals -------------------------------------------------------------------------
+
+
+def test_the_band_of_draws():
+    generator = np.random.default_rng(1)
+    gains = generator.normal(0.1, 1e-3, (4, 60))
+    law = model(blocks.Creep(0.1, 0.01))
+    found = fj.compensate(law, wanted(), draws={"k_c": gains, "mu": np.full((4, 60), 0.01)})
+    assert found.band is not None
+    # Linear in the gain: the band is that of the gain itself.
+    low, high = np.percentile(gains.ravel()[np.linspace(0, 239, 200).astype(int)], [2.5, 97.5])
+    np.testing.assert_allclose(found.band[0], SINE * low / 0.1, atol=1e-4)
+    np.testing.assert_allclose(found.band[1], SINE * high / 0.1, atol=1e-4)
+    with pytest.raises(fj.InputError, match="none of mu"):
+        fj.compensate(law, wanted(), draws={"k_c": gains})
+
+
+@pytest.mark.parametrize("limits", [None, (0.0, 70.0)])
+def test_saved_and_loaded_without_loss(tmp_path, limits):
+    found = fj.compensate(
+        model(blocks.Creep(0.1, 0.01)),
+        wanted(source="sine.csv"),
+        limits=limits,
+        draws={"k_c": np.array([0.1, 0.11]), "mu": np.array([0.01, 0.02])},
+    )
+    found.save(tmp_path / "compensation.json")
+    again = load_compensation(tmp_path / "compensation.json")
+    assert again.to_dict() == found.to_dict()
+    assert again.to_dict()["schema"] == SCHEMA
+    np.testing.assert_array_equal(again.drive, found.drive)
+    found.write_drive(tmp_path / "drive.csv")
+    recording = fj.read(tmp_path / "drive.csv")
+    np.testing.assert_array_equal(recording.drive, found.drive)
+    np.testing.assert_array_equal(recording.response, SINE)
+
+
+@pytest.mark.parametrize("content", ["", "{}", '{"schema": "fracjax.fit/1"}', "[]"])
+def test_what_is_no_compensation_is_refused(tmp_path, content):
+    path = tmp_path / "compensation.json"
+    path.write_text(content)
+    with pytest.raises(fj.InputError, match="expected a compensation saved by fracjax"):
+        load_compensation(path)
+
+
+@pytest.mark.parametrize(
+    ("options", "said"),
+    [
+        ({"limits": (70.0, 0.0)}, "the lower limit, then the upper"),
+        ({"limits": (np.nan, 0.0)}, "the lower limit, then the upper"),
+        ({"slew": 0.0}, "a rate above 0"),
+        ({"regularisation": -1.0}, "a time of 0 s or more"),
+        ({"offset": np.inf}, "a finite number"),
+        ({"history": "never"}, "one of rest, constant, periodic"),
+        ({"drive_unit": "volt-ish"}, "expected a unit"),
+    ],
+)
+def test_unusable_calls_are_refused(options, said):
+    with pytest.raises(fj.InputError, match=said):
+        fj.compensate(model(HYSTERESIS), wanted(), **options)
+
+
+@pytest.mark.parametrize(
+    ("response", "said"),
+    [
+        (np.zeros(100), "a signal that varies"),
+        (np.arange(5.0), "at least 32 samples"),
+        (np.full(100, np.nan), "a finite number"),
+        (np.ones((50, 2)), "one axis"),
+    ],
+)
+def test_unusable_trajectories_are_refused(response, said):
+    with pytest.raises(fj.InputError, match=said):
+        fj.Trajectory(response, STEP)
+
+
+def test_a_model_without_a_drive_is_refused():
+    drift = blocks.ThermalDrift(1.0, longest=10.0)
+    with pytest.raises(fj.InputError, match="a model with a drive"):
+        fj.compensate(model(drift), wanted())
+    with pytest.raises(fj.InputError, match="whose response follows its drive"):
+        fj.compensate(model(blocks.Creep(0.0, 0.01)), wanted())

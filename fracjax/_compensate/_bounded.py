@@ -102,7 +102,9 @@ def best_within(
 ) -> Reached:
     """The drive of least squared error within bounds, from a drive that need not keep to them.
 
-    `smoothing`: τ in samples.  It has converged when one more linearisation gains less than 0.1 %.
+    `smoothing`: τ in samples.  With `constant` history the first sample, held for ever before,
+    stays what the trajectory starts from.  It has converged when one more linearisation gains less
+    than 0.1 %.
     """
     history, count = plant.history, len(desired)
     span = float(np.ptp(start.drive))
@@ -110,10 +112,15 @@ def best_within(
     # counts as much as the span.
     stretch = count / 100
     fastest = bounds.change * stretch
+    low = np.repeat([bounds.low, -fastest], count) / span
+    high = np.repeat([bounds.high, fastest], count) / span
+    if history == "constant":
+        # What was held for ever before is where the trajectory starts, and no means to an end.
+        low[0] = high[0] = np.clip(start.drive[0], bounds.low, bounds.high) / span
     task = Task(
         jnp.asarray(desired / stroke),
-        jnp.repeat(jnp.array([bounds.low, -fastest]) / span, count),
-        jnp.repeat(jnp.array([bounds.high, fastest]) / span, count),
+        jnp.asarray(low),
+        jnp.asarray(high),
         jnp.asarray(stretch),
         jnp.asarray(smoothing**2),
     )
@@ -131,7 +138,8 @@ def best_within(
         progress("looking for the best drive within the limits")
         drive, state, splits = _split(plant, jnp.asarray(best.drive), task, scales, state)
         iterations += int(splits)
-        found = judged(bounds.applied(np.asarray(drive), history))
+        kept = np.clip(np.asarray(drive), low[:count] * span, high[:count] * span)
+        found = judged(bounds.applied(kept, history))
         converged = found.cost > (1 - _GAIN) * best.cost
         best = min(best, found, key=lambda one: one.cost)
         if converged:

@@ -143,7 +143,7 @@ def _inverse(plant: Plant, trajectory: Trajectory) -> AbstractBlock:
     if known is not None:
         return known.block
     shape = (trajectory.response - trajectory.response[0]) / trajectory.stroke
-    span = trajectory.stroke
+    span, response = trajectory.stroke, shape
     for _ in range(10):
         response = np.asarray(respond(plant, span * shape))
         found = np.ptp(response)

@@ -85,7 +85,10 @@ def follow(system: Inverted, desired: np.ndarray, stroke: float, progress: Progr
     """
     asked = best = jnp.asarray(desired)
     least = last = np.inf
-    for iterations in range(1, _ROUNDS + 1):
+    drive = response = asked
+    iterations = 0
+    while iterations < _ROUNDS:
+        iterations += 1
         drive, response = _ask(system, asked)
         missed = jnp.asarray(desired) - response
         error = float(jnp.abs(missed).max()) / stroke
@@ -112,6 +115,7 @@ def _by_least_squares(
 ) -> Reached:
     """Levenberg–Marquardt from a motion asked for (N,); done too where ten steps gain little."""
     before, done = np.inf, False
+    drive = response = asked
     for _ in range(_BATCHES):
         progress("inverting by Levenberg–Marquardt")
         asked, steps, done = _improve(system, asked, desired, jnp.asarray(stroke))

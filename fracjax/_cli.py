@@ -29,7 +29,7 @@ if TYPE_CHECKING:
 
     from ._batch import Count
     from ._blocks import AbstractBlock
-    from ._compensate import Trajectory
+    from ._compensate import Compensation, Trajectory
     from ._diagnose import Diagnosis
     from ._fit import Fit, Past
     from ._models import Model
@@ -783,18 +783,45 @@ def compensate_command(
         found.write_drive(drive_file)
         saved.append(drive_file)
         _save(found.save, out / "compensation.json", saved)
+        notes = warnings_of(found)
+        if streaming:
+            progress("writing the streaming inverse")
+            notes.append(_streamed(model, found, out, saved))
         progress("writing the report")
         _save(lambda path: write_report(found, path), out / "report.html", saved)
     if as_json:
         print(json.dumps(found.to_dict(), indent=1))
     elif not quiet:
-        _summary(sentence_of(found), compensation_figures(found), warnings_of(found), saved)
+        _summary(sentence_of(found), compensation_figures(found), notes, saved)
     if found.converged:
         return 0
     return _fail(
         f"The inversion of {model.name} did not converge; the best drive it reached was saved in "
         f"{out}.",
         NOT_CONVERGED,
+    )
+
+
+def _streamed(model: Model, found: Compensation, out: Path, saved: list[Path]) -> str:
+    """Write the streaming inverse, and say how near it comes."""
+    import numpy as np
+
+    from ._compensate import streaming_inverse
+    from ._report._text import figure
+    from ._simulate import simulate
+
+    band = 0.1 / (found.dt * len(found.drive)), 0.02 / found.dt
+    inverse = streaming_inverse(model, found.dt, band, offset=found.offset, units=found.units)
+    _save(inverse.save, out / "inverse.json", saved)
+    _save(inverse.save_header, out / "inverse.h", saved)
+    drive = inverse.run(found.desired, settled=found.history != "rest")
+    response = simulate(model, drive, found.dt, found.history).response + found.offset
+    missed = float(np.abs(response - found.desired).max() / found.stroke)
+    which = "inverse" if inverse.complete else "inverse of the linear part"
+    return (
+        f"Streaming: {len(inverse.decay)} sections, within {figure(100 * inverse.error)} % of the "
+        f"{which} from {figure(band[0])} to {figure(band[1])} Hz; along this trajectory it misses "
+        f"by {figure(100 * missed)} % of the stroke at most."
     )
 
 

@@ -80,6 +80,11 @@ def inverse_of(block: AbstractBlock) -> Inversion | None:
     return None if part is None else Inversion(part.inverse(), False)
 
 
+def linear_part_of(block: AbstractBlock) -> tuple[AbstractLinearBlock | None, bool]:
+    """The linear part of a block, and whether that is all of it."""
+    return _linear_part(block), isinstance(block, AbstractLinearBlock)
+
+
 def _linear_part(block: AbstractBlock) -> AbstractLinearBlock | None:
     """What of a law superposition holds for, or the steepest line along it; None without any."""
     match block:

@@ -59,7 +59,7 @@ class StreamingInverse:
     @property
     def paired(self) -> np.ndarray:
         """Which sections are of second order (n,)."""
-        return self.decay.imag != 0
+        return np.imag(self.decay) != 0
 
     def run(self, desired: np.ndarray, *, settled: bool = True) -> np.ndarray:
         """The drive (N,) for a desired response (N,), from its first value held or from rest."""
@@ -67,7 +67,7 @@ class StreamingInverse:
         v = np.asarray(desired) - datum
         drive = self.direct * v + self.static * (datum - self.offset)
         for weight, e, b, n in zip(1 + self.paired, self.decay, self.before, self.now, strict=True):
-            drive = drive + weight * lfilter([n, b], [1, -e], v).real
+            drive = drive + weight * np.real(lfilter([n, b], [1, -e], v))
         return drive
 
     def frequency_response(self, frequencies: np.ndarray) -> np.ndarray:
@@ -152,14 +152,14 @@ def streaming_inverse(
     s = 2j * np.pi * frequencies
     modal = system.d + np.sum(residues / (s[:, None] - poles), axis=1)
     sound = np.allclose(modal, system.at(s), rtol=_SOUND, atol=0)
-    if not (sound and np.all(poles.real < 0)):
+    if not (sound and np.all(np.real(poles) < 0)):
         raise InputError.at(
             "streaming inverse",
             "a law whose inverse is stable, with poles apart from each other",
-            f"{np.sum(poles.real >= 0)} unstable poles of {poles.size}",
+            f"{np.sum(np.real(poles) >= 0)} unstable poles of {poles.size}",
             "compensate off line",
         )
-    one = poles.imag >= 0
+    one = np.imag(poles) >= 0
     with jax.enable_x64(True):
         exact = np.asarray(inverse.symbol(jax.numpy.asarray(s)))
         static = float(np.asarray(inverse.static_gain()))
@@ -203,11 +203,11 @@ def header_of(inverse: StreamingInverse) -> str:
     parts = {
         "decay": inverse.decay, "before": inverse.before, "now": inverse.now,
     }  # fmt: skip
-    one = {name: values[~pair].real for name, values in parts.items()}
+    one = {name: np.real(values[~pair]) for name, values in parts.items()}
     two = {
-        f"{name}_{part}": getattr(values[pair], kind)
+        f"{name}_{part}": kind(values[pair])
         for name, values in parts.items()
-        for part, kind in (("re", "real"), ("im", "imag"))
+        for part, kind in (("re", np.real), ("im", np.imag))
     }
     count, pairs = int((~pair).sum()), int(pair.sum())
     low, high = inverse.band

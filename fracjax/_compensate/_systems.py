@@ -180,7 +180,7 @@ def rational(block: AbstractLinearBlock, band: Band) -> System:
         case Inverse():
             return rational(block.block, band).reciprocal()
         case QuasiStaticForce():
-            return System.constant(block.stiffness.value)
+            return System.constant(float(block.stiffness.value))
         case LogarithmicCreep():
             # It is a sum of relaxations as it stands.
             poles, share = _NODES / block.onset.value, block.gamma.value / np.log(10)

@@ -2,7 +2,7 @@
 
 Hysteresis is a sum of stops (elastoplastic elements) seen through a slightly bent line, creep a
 ladder of relaxations spaced so that it goes with the logarithm of time, the mechanism a mass on a
-spring integrated as an ODE, and the sensor is noisy.  Everything runs 16 times faster than sampled,
+spring integrated as an ODE, and the sensor is noisy.  Everything runs 32 times faster than sampled,
 on a drive held between samples as a converter holds it, then smoothed by the amplifier's lag.
 """
 
@@ -11,11 +11,11 @@ from __future__ import annotations
 import numpy as np
 from scipy.linalg import expm
 
-STEP = 2e-3  # s
+STEP = 4e-3  # s
 STROKE = 10.0  # um over 0 to 100 V
 NOISE = 3e-3  # um rms
 OPENING = 0.195
-_FINER = 16
+_FINER = 32
 _YIELDS = np.geomspace(2.0, 60.0, 24)  # V
 _CREEP = 0.012  # of the stroke per decade of time
 _TIMES = np.geomspace(3e-3, 3e2, 16)  # s
@@ -67,7 +67,7 @@ def measure(drive: np.ndarray, seed: int, rest: float = 4.0) -> np.ndarray:
     force = _hysteresis(smooth, WEIGHT)
     x = force / 100
     force = STROKE * (x + 4 * _BENT * x * (x - 1))
-    return _mechanism(force, fine)[:: _FINER][-drive.size :] + NOISE * np.random.default_rng(
+    return _mechanism(force, fine)[::_FINER][-drive.size :] + NOISE * np.random.default_rng(
         seed
     ).standard_normal(drive.size)
 

@@ -43,9 +43,9 @@ def main() -> None:
     for name in MODELS:
         report(name, recording, applied, read, desired)
     print(
-        "Not to be concluded: what error our drive would leave.  Its predicted error is the "
-        "model's own; the sensor's error under the authors' drive that the model does not predict "
-        "is the least that a drive of ours must be expected to leave."
+        "Not to be concluded: what error our drive would leave.  The predicted error is the "
+        "model's own, and large only where the motion starts amid its swing; what the model does "
+        "not predict of the sensor under the authors' drive would come on top."
     )
 
 
@@ -81,7 +81,8 @@ def report(
         f"{percent(slope * change, stroke)} rms of the stroke, correlation with the correction "
         f"that their error calls for {sense:+.2f}; it is {found.drive.min():.2f} to "
         f"{found.drive.max():.2f} V (theirs {applied.min():.2f} to {applied.max():.2f} V), "
-        f"predicted error {100 * found.max_error / stroke:.2g} % at most ({found.method})"
+        f"predicted error {percent(found.error, stroke)} rms, {100 * found.max_error / stroke:.2g} "
+        f"% at most ({found.method})"
     )
 
 

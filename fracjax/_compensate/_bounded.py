@@ -39,10 +39,6 @@ class Bounds(NamedTuple):
     high: float
     change: float
 
-    @property
-    def any(self) -> bool:
-        return bool(np.isfinite([-self.low, self.high, self.change]).any())
-
     def admits(self, drive: np.ndarray, history: History) -> bool:
         """Whether a drive (N,) keeps within them, to rounding."""
         slack = 1e-9 * np.ptp(drive)

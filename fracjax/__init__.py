@@ -15,6 +15,12 @@ if TYPE_CHECKING:
     from ._blocks import frequency_response as frequency_response
     from ._blocks import poles as poles
     from ._blocks import step_response as step_response
+    from ._compensate import Compensation as Compensation
+    from ._compensate import StreamingInverse as StreamingInverse
+    from ._compensate import Trajectory as Trajectory
+    from ._compensate import compensate as compensate
+    from ._compensate import load_compensation as load_compensation
+    from ._compensate import streaming_inverse as streaming_inverse
     from ._diagnose import Diagnosis as Diagnosis
     from ._diagnose import diagnose as diagnose
     from ._fit import AmplitudeRatios as AmplitudeRatios
@@ -65,6 +71,14 @@ _HOMES = {
         "poles",
         "step_response",
     ),
+    "_compensate": (
+        "Compensation",
+        "StreamingInverse",
+        "Trajectory",
+        "compensate",
+        "load_compensation",
+        "streaming_inverse",
+    ),
     "_diagnose": ("Diagnosis", "diagnose"),
     "_fit": (
         "AmplitudeRatios",
@@ -106,6 +120,7 @@ __all__ = [
     "AbstractBlock",
     "AbstractLinearBlock",
     "AmplitudeRatios",
+    "Compensation",
     "CreepIdentification",
     "Crosscheck",
     "Diagnosis",
@@ -121,17 +136,21 @@ __all__ = [
     "Posterior",
     "Recording",
     "Simulation",
+    "StreamingInverse",
     "StudentNoise",
+    "Trajectory",
     "WhiteNoise",
     "amplitude_ratios",
     "blocks",
     "bode",
+    "compensate",
     "crosscheck",
     "derivative",
     "diagnose",
     "fit",
     "fit_batch",
     "frequency_response",
+    "load_compensation",
     "load_model",
     "load_posterior",
     "ofocim",
@@ -142,6 +161,7 @@ __all__ = [
     "sample_posterior",
     "simulate",
     "step_response",
+    "streaming_inverse",
     "tfocim",
     "write",
     "write_report",

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
 
     from ._batch import Count
     from ._blocks import AbstractBlock
+    from ._compensate import Compensation, Trajectory
     from ._diagnose import Diagnosis
     from ._fit import Fit, Past
     from ._models import Model
@@ -38,7 +39,6 @@ if TYPE_CHECKING:
 
 UNUSABLE, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
 _NOTES = 5
-_OPENINGS = {"V": "voltage", "A": "current", "m": "displacement", "N": "force"}
 
 Progress = Callable[[str], None]
 
@@ -667,7 +667,7 @@ def simulate_command(
     """
     import numpy as np
 
-    from ._io import read_drive, write
+    from ._io import column_name, read_drive, write
     from ._models import parse_model
     from ._simulate import simulate
 
@@ -683,7 +683,10 @@ def simulate_command(
         progress(f"simulating {model.name}")
         response, error = simulate(model, samples, step, history)
     signals = {"time_s": step * np.arange(len(samples))}
-    signals |= {_head("drive", drive_unit): samples, _head("response", response_unit): response}
+    signals |= {
+        column_name("drive", drive_unit): samples,
+        column_name("response", response_unit): response,
+    }
     write(out, signals)
     saved.append(out)
     sentence = (
@@ -717,10 +720,163 @@ def _fitted(path: str, drive: np.ndarray, drive_unit: str) -> tuple[Model, np.nd
     return model, drive * scale, units["drive"], units["response"]
 
 
-def _head(role: str, unit: str) -> str:
-    """A column's name that says its unit: voltage_V, displacement_um, or drive [V/um]."""
-    plain = re.fullmatch(r"[numkµμ]?([VAmN])", unit)
-    return f"{_OPENINGS[plain[1]]}_{unit}" if plain else f"{role} [{unit}]"
+# compensate ---------------------------------------------------------------------------------------
+
+
+@cli.command("compensate")
+@click.argument("trajectory")
+@click.option("--fit", "fitted", required=True, metavar="FILE", help="A fit.json.")
+@_folder_option
+@click.option("--limits", metavar='"0..100 V"', help="Lowest and highest drive.")
+@click.option("--slew", metavar='"50 V/ms"', help="Fastest change of the drive.")
+@click.option(
+    "--regularisation", metavar='"2 ms"', help="Damp detail of the drive faster than this time."
+)
+@click.option(
+    "--offset",
+    metavar='"-3 um"',
+    help="What the sensor reads where the model says zero; by default as in the fitted recording.",
+)
+@click.option(
+    "--history",
+    type=click.Choice(["rest", "constant", "periodic"]),
+    default="constant",
+    show_default=True,
+    help="What the drive did before the first sample.",
+)
+@click.option(
+    "--posterior", "posterior", metavar="DIR", help="Its draws give the prediction's band."
+)
+@click.option(
+    "--streaming", is_flag=True, help="Write the linear inverse for a real-time loop, too."
+)
+@_options(_time, _output, _rate, _output_unit, _resample, _quiet, _json)
+@click.pass_obj
+def compensate_command(
+    saved: list[Path],
+    trajectory: str,
+    fitted: str,
+    out: Path,
+    limits: str | None,
+    slew: str | None,
+    regularisation: str | None,
+    offset: str | None,
+    history: History,
+    posterior: str | None,
+    streaming: bool,
+    quiet: bool,
+    as_json: bool,
+    **columns: str | None,
+) -> int:
+    """Find the drive that makes a fitted model's response follow a trajectory.
+
+    Writes the drive (in the trajectory's format), compensation.json and report.html; with
+    --streaming also inverse.json and inverse.h.  The file's drive, if it has one, is not used.
+    """
+    from ._compensate import compensate
+    from ._io import SUFFIXES
+    from ._recording import parse_quantity
+    from ._report import write_report
+    from ._report._compensation_page import compensation_figures, sentence_of, warnings_of
+
+    desired, model, drive_unit, zero = _wanted(trajectory, fitted, columns)
+    unit = desired.response_unit
+    options: dict[str, Any] = {
+        "limits": limits and _range(limits, drive_unit, "--limits"),
+        "slew": slew and parse_quantity(slew, f"{drive_unit}/s", "--slew"),
+        "regularisation": parse_quantity(regularisation or 0.0, "s", "--regularisation"),
+        "offset": zero if offset is None else parse_quantity(offset, unit, "--offset"),
+        "history": history,
+        "drive_unit": drive_unit,
+        "draws": posterior and _draws(posterior),
+    }
+    suffix = Path(trajectory).suffix.lower()
+    _prepare_jax()
+    with _folder(out), _stages(quiet) as progress:
+        found = compensate(model, desired, progress=progress, **options)
+        drive_file = out / f"drive{suffix if suffix in SUFFIXES else '.csv'}"
+        found.write_drive(drive_file)
+        saved.append(drive_file)
+        _save(found.save, out / "compensation.json", saved)
+        notes = warnings_of(found)
+        if streaming:
+            progress("writing the streaming inverse")
+            notes.append(_streamed(model, found, out, saved))
+        progress("writing the report")
+        _save(lambda path: write_report(found, path), out / "report.html", saved)
+    if as_json:
+        print(json.dumps(found.to_dict(), indent=1))
+    elif not quiet:
+        _summary(sentence_of(found), compensation_figures(found), notes, saved)
+    if found.converged:
+        return 0
+    return _fail(
+        f"The inversion of {model.name} did not converge; the best drive it reached was saved in "
+        f"{out}.",
+        NOT_CONVERGED,
+    )
+
+
+def _streamed(model: Model, found: Compensation, out: Path, saved: list[Path]) -> str:
+    """Write the streaming inverse, and say how near it comes."""
+    import numpy as np
+
+    from ._compensate import streaming_inverse
+    from ._report._text import figure
+    from ._simulate import simulate
+
+    band = 0.1 / (found.dt * len(found.drive)), 0.02 / found.dt
+    inverse = streaming_inverse(model, found.dt, band, offset=found.offset, units=found.units)
+    _save(inverse.save, out / "inverse.json", saved)
+    _save(inverse.save_header, out / "inverse.h", saved)
+    drive = inverse.run(found.desired, settled=found.history != "rest")
+    response = simulate(model, drive, found.dt, found.history).response + found.offset
+    missed = float(np.abs(response - found.desired).max() / found.stroke)
+    which = "inverse" if inverse.complete else "inverse of the linear part"
+    return (
+        f"Streaming: {len(inverse.decay)} sections, within {figure(100 * inverse.error)} % of the "
+        f"{which} from {figure(band[0])} to {figure(band[1])} Hz; along this trajectory it misses "
+        f"by {figure(100 * missed)} % of the stroke at most."
+    )
+
+
+def _wanted(
+    path: str, fitted: str, columns: dict[str, str | None]
+) -> tuple[Trajectory, Model, str, float]:
+    """The trajectory in the unit of a fit, its model, the drive's unit, and the fit's offset."""
+    from ._compensate import Trajectory
+    from ._fit import load_model
+    from ._io import read_response
+    from ._recording import parse_quantity
+
+    model = load_model(fitted)
+    told = json.loads(Path(fitted).read_text(encoding="utf-8"))
+    samples, step, written = read_response(path, **columns)
+    unit = told["units"]["response"]
+    scale = parse_quantity(f"1 {written}", unit, f"{path}, response")
+    trajectory = Trajectory(scale * samples, step, unit, path)
+    return trajectory, model, told["units"]["drive"], told["offsets"][0]
+
+
+def _range(text: str, unit: str, where: str) -> tuple[float, float]:
+    """Two values such as "0..100 V", in a unit; what the first leaves unsaid the second tells."""
+    from ._recording import InputError, parse_quantity
+
+    low, dots, high = text.partition("..")
+    if not dots:
+        raise InputError.at(where, f'a range such as "0..100 {unit}"', f'"{text}"', "correct it")
+    written = re.sub(r"^\s*[-+0-9.eE]*", "", high)
+    bare = re.fullmatch(r"\s*[-+0-9.eE]+\s*", low)
+    return (
+        parse_quantity(f"{low} {written}" if bare else low, unit, where),
+        parse_quantity(high, unit, where),
+    )
+
+
+def _draws(folder: str) -> dict[str, np.ndarray]:
+    from ._posterior import load_posterior
+
+    return load_posterior(folder).samples
 
 
 # info, models, effects ----------------------------------------------------------------------------

@@ -8,7 +8,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fracjax._io._columns import drive, recording
+from fracjax._io._columns import drive, recording, response
 from fracjax._io._hdf5 import read_hdf5, write_hdf5
 from fracjax._io._mat import read_mat, write_mat
 from fracjax._io._numpy import read_npy, read_npz, write_npy, write_npz
@@ -19,7 +19,15 @@ from fracjax._io._text import read_text, write_text
 from fracjax._io._xlsx import read_xlsx, write_xlsx
 from fracjax._recording import InputError, Recording
 
-__all__ = ["SUFFIXES", "read", "read_drive", "write", "write_text"]
+__all__ = [
+    "SUFFIXES",
+    "column_name",
+    "read",
+    "read_drive",
+    "read_response",
+    "write",
+    "write_text",
+]
 
 
 class _Format(NamedTuple):
@@ -40,6 +48,7 @@ _FORMATS: dict[str, _Format] = {
 }
 """By suffix; any other suffix is tried as text."""
 SUFFIXES = tuple(_FORMATS)
+_OPENINGS = {"V": "voltage", "A": "current", "m": "displacement", "N": "force"}
 _NAME = re.compile(r"(?!(nan|inf|infinity)$)[^\W\d_](.*\S)?", re.IGNORECASE)
 
 
@@ -100,6 +109,34 @@ def read_drive(
         unit=input_unit,
         resample=resample,
     )
+
+
+def read_response(
+    path: str | PathLike[str],
+    *,
+    time: str | int | None = None,
+    output: str | int | None = None,
+    rate: str | float | None = None,
+    output_unit: str | None = None,
+    resample: str | float | None = None,
+) -> tuple[np.ndarray, float, str]:
+    """The response in a file, its step [s] and its unit; there need be no drive.
+
+    **Arguments** and **raises:** as `read`.
+    """
+    return response(
+        _table(path),
+        {"time": time, "output": output},
+        rate=rate,
+        unit=output_unit,
+        resample=resample,
+    )
+
+
+def column_name(role: str, unit: str) -> str:
+    """A column's name that says its unit: voltage_V, displacement_um, or drive [V/um]."""
+    plain = re.fullmatch(r"[numkµμ]?([VAmN])", unit)
+    return f"{_OPENINGS[plain[1]]}_{unit}" if plain else f"{role} [{unit}]"
 
 
 def write(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:

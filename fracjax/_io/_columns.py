@@ -86,6 +86,22 @@ def drive(
     return samples["input"], step, told["input"]
 
 
+def response(
+    table: Table,
+    columns: Mapping[str, str | int | None],
+    *,
+    rate: str | float | None,
+    unit: str | None,
+    resample: str | float | None,
+) -> tuple[np.ndarray, float, str]:
+    """The response of a table, its step [s] and its unit; the table need not hold a drive.
+
+    **Arguments** and **raises:** as `recording`, `columns` for time and output only.
+    """
+    samples, told, step, _ = _signals(table, columns, rate, {"output": unit}, resample)
+    return samples["output"], step, told["output"]
+
+
 def _signals(
     table: Table,
     columns: Mapping[str, str | int | None],
@@ -99,7 +115,7 @@ def _signals(
     chosen = _choose(table, columns)
     told = {role: _unit(table, role, column, units.get(role)) for role, column in chosen.items()}
     samples = {role: table.numbers(column) for role, column in chosen.items() if role != "time"}
-    count = len(samples["input"])
+    count = len(next(iter(samples.values())))
     require_samples(count, table.source)
     units_told = {role: unit for role, (unit, _) in told.items()}
     if "time" in chosen:

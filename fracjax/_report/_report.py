@@ -11,10 +11,12 @@ import jinja2
 from markupsafe import Markup
 
 from .._blocks import EFFECTS
+from .._compensate import Compensation
 from .._diagnose import Candidate, Diagnosis
 from .._fit import Crosscheck, Fit
 from .._posterior import Posterior
 from . import _figures
+from ._compensation_page import of_compensation
 from ._posterior_page import of_posterior
 from ._text import (
     crosscheck_figures,
@@ -45,11 +47,11 @@ _BADGES = {
 }
 
 
-Reported = Fit | Diagnosis | Crosscheck | Posterior | Sequence[Fit]
+Reported = Fit | Diagnosis | Crosscheck | Posterior | Compensation | Sequence[Fit]
 
 
 def write_report(result: Reported, path: str | Path) -> None:
-    """Write a fit, several compared, a cross-check, a diagnosis or a posterior as one HTML file."""
+    """Write a result as one HTML file: fits, a cross-check, diagnosis, posterior, compensation."""
     template = "report.html.jinja"
     if isinstance(result, Diagnosis):
         content = _of_diagnosis(result)
@@ -57,6 +59,8 @@ def write_report(result: Reported, path: str | Path) -> None:
         content = _of_crosscheck(result)
     elif isinstance(result, Posterior):
         template, content = "posterior.html.jinja", of_posterior(result)
+    elif isinstance(result, Compensation):
+        template, content = "compensation.html.jinja", of_compensation(result)
     else:
         content = _of_fits([result] if isinstance(result, Fit) else list(result))
     page = _environment().get_template(template).render(content)

@@ -1,0 +1,149 @@
+r"""Inverses of laws by their structure: exact where they have one, else of their linear part.
+
+A sum of plays y = w_0 u + Σ_i w_i p_i(u, r_i) whose slopes s_j = w_0 + Σ_{i≤j} w_i are all positive
+(or all negative) is undone by another:
+
+    u = y/w_0 + Σ_i w'_i p_i(y, r'_i),    r'_i = Σ_{j≤i} s_{j-1} (r_j - r_{j-1}),
+    w'_i = 1/s_i - 1/s_{i-1}
+
+Source: Krejci & Kuhnen, IEE Proc. Control Theory Appl. 148 (2001) 185.
+"""
+
+from __future__ import annotations
+
+from typing import NamedTuple
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from .._blocks import (
+    FOH,
+    AbstractBlock,
+    AbstractLinearBlock,
+    BoucWen,
+    Delay,
+    Electrostriction,
+    MainsInterference,
+    MinorLoopMemory,
+    QuasiStaticForce,
+    Saturation,
+    ThermalDrift,
+)
+from .._blocks._block import Parallel, Series
+from .._blocks.minor_loop_memory import play
+from .._operators import Grid
+
+
+class Inversion(NamedTuple):
+    """A block from response to drive, and whether it undoes the law, up to discretisation."""
+
+    block: AbstractBlock
+    exact: bool
+
+
+class InversePlaySum(AbstractBlock):
+    """The inverse of w_0 u + Σ w_i play(u, r_i), of the same form: weights and radii (R,).
+
+    first [drive/response], weights [drive/response], radii [response].
+    """
+
+    first: float
+    weights: np.ndarray
+    radii: np.ndarray
+
+    @property
+    def linear(self) -> bool:
+        return False
+
+    def __call__(self, drive: Array, grid: Grid) -> Array:
+        before = {"rest": 0.0, "constant": drive[0], "periodic": drive[-1]}[grid.history]
+        radii = jnp.asarray(self.radii)
+        plays = play(drive, radii, before)
+        if grid.history == "periodic":
+            plays = play(drive, radii, plays[-1])
+        return self.first * drive + plays @ jnp.asarray(self.weights)
+
+
+def inverse_of(block: AbstractBlock) -> Inversion | None:
+    """The inverse of a block, or of its linear part; None where neither is known."""
+    if isinstance(block, AbstractLinearBlock):
+        return Inversion(block.inverse(), True)
+    if isinstance(block, Series):
+        last, first = inverse_of(block.second), inverse_of(block.first)
+        if last is None or first is None:
+            return None
+        return Inversion(last.block >> first.block, last.exact and first.exact)
+    if isinstance(block, Parallel) and (plays := _inverse_play_sum(block)) is not None:
+        return Inversion(plays, True)
+    part = _linear_part(block)
+    return None if part is None else Inversion(part.inverse(), False)
+
+
+def linear_part_of(block: AbstractBlock) -> tuple[AbstractLinearBlock | None, bool]:
+    """The linear part of a block, and whether that is all of it."""
+    return _linear_part(block), isinstance(block, AbstractLinearBlock)
+
+
+def _linear_part(block: AbstractBlock) -> AbstractLinearBlock | None:
+    """What of a law superposition holds for, or the steepest line along it; None without any."""
+    match block:
+        case AbstractLinearBlock():
+            return block
+        case FOH():
+            return block.linear_part
+        case Electrostriction() | Saturation() | Delay():
+            return QuasiStaticForce(1.0)
+        case MinorLoopMemory():
+            return QuasiStaticForce(float(np.sum(block.weights.value)))
+        case BoucWen():
+            steepest = np.maximum(0.0, block.rho.value * block.k_h.value)
+            return QuasiStaticForce(float(block.k_u.value + steepest))
+        case Series():
+            first, second = _linear_part(block.first), _linear_part(block.second)
+            return None if first is None or second is None else _linear(first >> second)
+        case Parallel():
+            parts = [_linear_part(side) for side in (block.first, block.second)]
+            known = [part for part in parts if part is not None]
+            return _linear(known[0] + known[1]) if len(known) == 2 else next(iter(known), None)
+    return None
+
+
+def _linear(block: AbstractBlock) -> AbstractLinearBlock:
+    assert isinstance(block, AbstractLinearBlock)  # two linear laws joined are one
+    return block
+
+
+def _inverse_play_sum(block: Parallel) -> InversePlaySum | None:
+    """The inverse of a gain beside plays, where their slopes keep one sign."""
+    sides = (block.first, block.second)
+    gains = [side for side in sides if isinstance(side, QuasiStaticForce)]
+    memories = [side for side in sides if isinstance(side, MinorLoopMemory)]
+    if not (gains and memories):
+        return None
+    first = float(gains[0].stiffness.value)
+    radii = np.asarray(memories[0].radii)
+    slopes = first + np.concatenate([[0.0], np.cumsum(memories[0].weights.value)])
+    if not (np.all(slopes > 0) or np.all(slopes < 0)):
+        return None
+    steps = np.diff(radii, prepend=0.0)
+    return InversePlaySum(1 / first, np.diff(1 / slopes), np.cumsum(np.abs(slopes[:-1]) * steps))
+
+
+def without_disturbances(block: AbstractBlock) -> tuple[AbstractBlock | None, tuple[str, ...]]:
+    """The block without what came from the recorded run and not from its drive, and what that was.
+
+    A thermal drift or a mains line will stand elsewhere in the next run; None where nothing is
+    left.
+    """
+    if isinstance(block, ThermalDrift | MainsInterference):
+        return None, (type(block).__name__,)
+    if not isinstance(block, Series | Parallel):
+        return block, ()
+    (first, named), (second, others) = map(without_disturbances, (block.first, block.second))
+    if isinstance(block, Series):
+        # A law after a disturbance alone has no drive left.
+        left = None if first is None or second is None else first >> second
+    else:
+        left = second if first is None else first if second is None else first + second
+    return left, (*named, *others)

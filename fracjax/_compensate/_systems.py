@@ -1,0 +1,200 @@
+r"""Rational laws as state spaces, and the Laplace variable whose powers they are.
+
+    ẋ = A x + b u,   y = c x + d u,     G(s) = c (s - A)^-1 b + d
+
+Sums, products and reciprocals of such laws are such laws again, without a polynomial ever being
+formed.  A fractional power is Oustaloup's filter on a band [ω_b, ω_h]; a whole power n > 0 is
+n differentiators s/(1 + s/p) with poles p beyond ω_h.  A block's symbol, called with `Variable`,
+so becomes the rational law that stands for it.
+"""
+
+from __future__ import annotations
+
+from itertools import count
+
+import numpy as np
+
+from .._blocks import AbstractLinearBlock, Inverse, LogarithmicCreep, QuasiStaticForce
+from .._blocks._block import LinearParallel, LinearSeries
+from .._blocks.creep import _NODES, _WEIGHTS
+from .._operators import oustaloup
+from .._recording import InputError
+
+_PAIRS_PER_DECADE = 3
+_APART = 1.07
+_REACH, _FURTHER = 10.0, 1.5
+
+
+class Band:
+    """Angular frequencies [rad/s] between which powers of s are followed.
+
+    No two filters of one band share a pole, for which partial fractions would have no place: each
+    power's band is a little wider than the last one's.
+    """
+
+    def __init__(self, low: float, high: float):
+        self.low, self.high = low, high
+        self._turns = count()
+
+    def power(self, order: float) -> System:
+        """s^order."""
+        whole = int(order)
+        if whole < 0:
+            raise _unknown("a power of s below -1")
+        law = System.constant(1.0)
+        if order != whole:
+            wider = _APART ** next(self._turns)
+            number = int(np.ceil(_PAIRS_PER_DECADE * np.log10(self.high / self.low) / 2))
+            edges = self.low / wider, self.high * wider
+            filtered = oustaloup(order - whole, *edges, number)
+            law = System.parallel(-filtered.poles, filtered.residues(), filtered.gain)
+        for _ in range(whole):
+            pole = _REACH * self.high * _FURTHER ** next(self._turns)
+            law = law * System.parallel(np.array([-pole]), np.array([-(pole**2)]), pole)
+        return law
+
+
+class System:
+    """A rational law: A (n, n), b (n,), c (n,) and d."""
+
+    __array_ufunc__ = None  # NumPy leaves `array * system` to this class
+
+    def __init__(self, a: np.ndarray, b: np.ndarray, c: np.ndarray, d: float):
+        self.a, self.b, self.c, self.d = a, b, c, float(d)
+
+    @classmethod
+    def constant(cls, gain: float) -> System:
+        return cls(np.zeros((0, 0)), np.zeros(0), np.zeros(0), gain)
+
+    @classmethod
+    def parallel(cls, poles: np.ndarray, residues: np.ndarray, direct: float) -> System:
+        """direct + Σ residues/(s - poles)."""
+        # Both ways in and out alike, for the sake of the eigenvalues.
+        root = np.sqrt(np.abs(residues))
+        return cls(np.diag(poles), root, np.sign(residues) * root, direct)
+
+    def reciprocal(self) -> System:
+        gain = 1 / self.d
+        return System(self.a - gain * np.outer(self.b, self.c), gain * self.b, -gain * self.c, gain)
+
+    def __add__(self, other: Law) -> System:
+        two = as_system(other)
+        return System(
+            _corner(self.a, two.a, np.zeros((self.b.size, two.b.size))),
+            np.concatenate([self.b, two.b]),
+            np.concatenate([self.c, two.c]),
+            self.d + two.d,
+        )
+
+    def __mul__(self, other: Law) -> System:
+        two = as_system(other)
+        return System(
+            _corner(self.a, two.a, np.outer(self.b, two.c)),
+            np.concatenate([self.b * two.d, two.b]),
+            np.concatenate([self.c, self.d * two.c]),
+            self.d * two.d,
+        )
+
+    def __truediv__(self, other: Law) -> System:
+        return self * as_system(other).reciprocal()
+
+    def __rtruediv__(self, other: Law) -> System:
+        return self.reciprocal() * other
+
+    __radd__, __rmul__ = __add__, __mul__
+
+    def modes(self) -> tuple[np.ndarray, np.ndarray]:
+        """Poles and residues (n,) of Σ residues/(s - poles) + d."""
+        poles, vectors = np.linalg.eig(self.a)
+        return poles, (self.c @ vectors) * np.linalg.solve(vectors, self.b)
+
+    def at(self, s: np.ndarray) -> np.ndarray:
+        """G (F,) at complex s (F,) [1/s], by solving."""
+        size = np.eye(self.b.size)
+        return np.array([self.c @ np.linalg.solve(x * size - self.a, self.b) + self.d for x in s])
+
+
+class Variable:
+    """gain · s^order, until it must become a system on its band."""
+
+    __array_ufunc__ = None
+
+    def __init__(self, band: Band, order: float = 1.0, gain: float = 1.0):
+        self.band, self.order, self.gain = band, order, gain
+
+    def system(self) -> System:
+        return self.band.power(self.order) * self.gain
+
+    def __pow__(self, exponent: float) -> Variable:
+        exponent = float(exponent)
+        return Variable(self.band, self.order * exponent, self.gain**exponent)
+
+    def __neg__(self) -> Variable:
+        return Variable(self.band, self.order, -self.gain)
+
+    def __mul__(self, other: Law) -> Variable | System:
+        if isinstance(other, Variable):
+            return Variable(self.band, self.order + other.order, self.gain * other.gain)
+        if isinstance(other, System):
+            return self.system() * other
+        return Variable(self.band, self.order, self.gain * float(other))
+
+    def __truediv__(self, other: Law) -> Variable | System:
+        if isinstance(other, System):
+            return self.system() / other
+        return self * (other**-1 if isinstance(other, Variable) else 1 / float(other))
+
+    def __rtruediv__(self, other: float) -> Variable | System:
+        return self**-1 * other
+
+    def __add__(self, other: Law) -> System:
+        return self.system() + other
+
+    __radd__, __rmul__ = __add__, __mul__
+
+
+Law = System | Variable | float
+
+
+def as_system(law: Law) -> System:
+    """A system, a power of s or a number as a system."""
+    if isinstance(law, System):
+        return law
+    return law.system() if isinstance(law, Variable) else System.constant(float(law))
+
+
+def _corner(one: np.ndarray, two: np.ndarray, joint: np.ndarray) -> np.ndarray:
+    return np.block([[one, joint], [np.zeros((len(two), len(one))), two]])
+
+
+def rational(block: AbstractLinearBlock, band: Band) -> System:
+    """The rational law that stands for a block on a band.
+
+    Raises InputError for a law that is no arithmetic of powers of s.
+    """
+    match block:
+        case LinearSeries():
+            return rational(block.first, band) * rational(block.second, band)
+        case LinearParallel():
+            return rational(block.first, band) + rational(block.second, band)
+        case Inverse():
+            return rational(block.block, band).reciprocal()
+        case QuasiStaticForce():
+            return System.constant(float(block.stiffness.value))
+        case LogarithmicCreep():
+            # It is a sum of relaxations as it stands.
+            poles, share = _NODES / block.onset.value, block.gamma.value / np.log(10)
+            return System.parallel(-poles, share * _WEIGHTS / block.onset.value, 1.0)
+    try:
+        return as_system(block.symbol(Variable(band)))  # type: ignore[arg-type]
+    except TypeError:
+        raise _unknown(type(block).__name__) from None
+
+
+def _unknown(found: str) -> InputError:
+    return InputError.at(
+        "streaming inverse",
+        "a law made of sums, products and powers of s above -1",
+        found,
+        "compensate off line",
+    )

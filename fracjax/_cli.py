@@ -592,7 +592,7 @@ def _diagnosed(
 ) -> Diagnosis:
     """The diagnosis, saved."""
     from ._diagnose import diagnose
-    from ._io import write
+    from ._io import column_name, write
     from ._report import write_report
 
     _prepare_jax()
@@ -602,7 +602,7 @@ def _diagnosed(
     _save((diagnosis.extended or diagnosis.base).save, out / "fit.json", saved)
     if diagnosis.next_experiment:
         drive = diagnosis.next_experiment.drive
-        head = _head("drive", diagnosis.base.preparation.takes[0].recording.drive_unit)
+        head = column_name("drive", diagnosis.base.preparation.takes[0].recording.drive_unit)
         write(out / "next_experiment.csv", {"time_s": drive.times, head: drive.values})
         saved.append(out / "next_experiment.csv")
     _save(lambda path: write_report(diagnosis, path), out / "report.html", saved)

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
 import time
 from concurrent.futures import ProcessPoolExecutor
 from functools import partial
@@ -44,6 +45,8 @@ def main() -> None:
     parser.add_argument("--cases", default=":")
     parser.add_argument("--jobs", type=int, default=1)
     options = parser.parse_args()
+    # Workers inherit it: what one has compiled the other need not.
+    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(options.answers / ".programs"))
     labels = json.loads((options.exam / "labels.json").read_text())
     first, last = (int(end) if end else None for end in options.cases.split(":"))
     told = ("case", "holdout", "base", "samples")

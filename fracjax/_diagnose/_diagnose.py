@@ -7,7 +7,6 @@ from dataclasses import replace
 
 import jax
 import numpy as np
-from scipy.special import softmax
 
 from .._fit import (
     Estimate,
@@ -28,7 +27,15 @@ from .._fit import (
 from .._models import Model
 from .._recording import Recording, require_units_of
 from ._held_out import Prediction, predict_recording, predict_stretches
-from ._judgement import EXPLAINED, SIGNIFICANCE, Judged, explained_fraction, reason, rivals_of
+from ._judgement import (
+    EXPLAINED,
+    SIGNIFICANCE,
+    Judged,
+    explained_fraction,
+    probability_of,
+    reason,
+    rivals_of,
+)
 from ._next_experiment import Limits, propose, recorded_limits
 from ._numerics import TARGET, fine_enough
 from ._procedure import Course, Round, run
@@ -174,11 +181,10 @@ class _Conclusion:
 
     def _named(self, round_: Round, own: tuple[Estimate, ...]) -> NamedEffect:
         winner = round_.winner
-        rivals = [winner, *(j for j in round_.found if j.admissible and j is not winner)]
         return NamedEffect(
             name=winner.name,
             site=winner.layer.effect.site,
-            probability=float(softmax([0.5 * j.delta_bic for j in rivals])[0]),
+            probability=probability_of(winner, round_.found),
             explained_fraction=float(np.clip(winner.explained, 0.0, 1.0)),
             parameters=own,
             confusable_with=tuple(j.name for j in rivals_of(winner, round_.found)),

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.special import softmax
 
 from .._fit import Preparation, Solved, layout_of
 from .._parameters import named_parameters
@@ -19,6 +20,7 @@ SIGNIFICANCE = 0.01
 DELTA_BIC = 10.0
 EXPLAINED = 0.9
 WORTH_NAMING = 0.1
+_INEXACT = 0.05
 
 
 @dataclass(frozen=True)
@@ -62,14 +64,31 @@ def best_of(found: Sequence[Judged]) -> Judged | None:
     return max((j for j in found if j.admissible), key=lambda j: j.delta_bic, default=None)
 
 
+def margin_of(winner: Judged) -> float:
+    """How far behind in BIC another effect must be to be excluded.
+
+    No law of the catalogue is exact: besides 10, a twentieth of what the winner itself gains, within
+    which the difference may be that of the effect's own law from ours.
+    """
+    return max(DELTA_BIC, _INEXACT * winner.delta_bic)
+
+
 def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
     """The admissible effects that fit as well as the winner, best first."""
+    margin = margin_of(winner)
     close = [
         j
         for j in found
-        if j.admissible and j is not winner and winner.delta_bic - j.delta_bic < DELTA_BIC
+        if j.admissible and j is not winner and winner.delta_bic - j.delta_bic < margin
     ]
     return sorted(close, key=lambda j: -j.delta_bic)
+
+
+def probability_of(winner: Judged, found: Sequence[Judged]) -> float:
+    """The winner's share of the evidence, which counts in units of the margin."""
+    rivals = [winner, *(j for j in found if j.admissible and j is not winner)]
+    unit = margin_of(winner) / DELTA_BIC
+    return float(softmax([0.5 * j.delta_bic / unit for j in rivals])[0])
 
 
 def delta_bic(before: Solved, after: Solved) -> float:

@@ -15,10 +15,11 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
-from itertools import permutations
+from itertools import combinations, permutations
 
 import jax.numpy as jnp
 import numpy as np
+from jax import Array
 from scipy.signal import chirp, lfilter, sawtooth
 from scipy.stats import norm
 
@@ -32,6 +33,7 @@ _FASTER = 10.0
 _LEAST_PER_PERIOD = 16
 _DELTA_BIC = 10.0
 _LEAD = 0.05
+_EXAMINED = 10
 
 
 @dataclass(frozen=True)
@@ -207,8 +209,12 @@ def propose(
     assert noise is not None  # a diagnosis has one
     candidates = drives(limits, take.recording.dt, take.recording.drive_unit)
     progress(f"choosing the next experiment among {len(candidates)} drives")
-    worth = [_separability(drive, rivals, noise, preparation.oversampling) for drive in candidates]
-    best = int(np.argmax(worth))
+    grids = [_Trial(drive, noise, preparation.oversampling) for drive in candidates]
+    # What the parameters can take up costs ten times more to find than the responses themselves.
+    gaps = [trial.gap(rivals) for trial in grids]
+    promising = np.argsort(gaps)[::-1][:_EXAMINED]
+    worth = {int(k): grids[k].separability(rivals) for k in promising}
+    best = max(worth, key=worth.__getitem__)
     return Proposal(candidates[best], _probability(worth[best]))
 
 
@@ -217,25 +223,38 @@ def _probability(separability: float) -> float:
     return float(norm.cdf((separability - _DELTA_BIC) / (2 * np.sqrt(separability) + 1e-12)))
 
 
-def _separability(
-    drive: Drive, rivals: Sequence[AbstractBlock], noise: Noise, oversampling: int
-) -> float:
-    """The least λ over all pairs of rivals."""
-    grid = Grid(np.asarray(drive.step / oversampling), "constant")
-    fine = jnp.asarray(refine(drive.values, oversampling, "constant"))
-    responses, bases = [], []
-    for block in rivals:
-        layout = layout_of(block)
-        names = [name for name, _ in layout.shapes + layout.gains]
-        response, columns, _ = block.linearise(fine, grid, names, ())
-        pieces = [np.asarray(columns[name])[::oversampling] for name in names]
-        own = np.ones((drive.values.size, 1))
-        spanned = lfilter(noise.whitening, 1.0, np.concatenate([*pieces, own], axis=1), axis=0)
-        bases.append(orthonormal(np.asarray(spanned)))
-        responses.append(lfilter(noise.whitening, 1.0, np.asarray(response)[::oversampling]))
-    worth = []
-    for one, other in permutations(range(len(rivals)), 2):
-        difference = np.asarray(responses[one]) - np.asarray(responses[other])
-        left = difference - bases[other] @ (bases[other].T @ difference)
-        worth.append(float(left @ left))
-    return float(np.nan_to_num(min(worth), nan=0.0))
+class _Trial:
+    """A drive made ready to be simulated."""
+
+    def __init__(self, drive: Drive, noise: Noise, oversampling: int):
+        self.noise, self.oversampling = noise, oversampling
+        self.grid = Grid(np.asarray(drive.step / oversampling), "constant")
+        self.fine = jnp.asarray(refine(drive.values, oversampling, "constant"))
+
+    def _whitened(self, signals: Array | np.ndarray) -> np.ndarray:
+        """Signals (M, …) on the fine grid, at the samples and whitened."""
+        sampled = np.asarray(signals)[:: self.oversampling]
+        return np.asarray(lfilter(self.noise.whitening, 1.0, sampled, axis=0))
+
+    def gap(self, rivals: Sequence[AbstractBlock]) -> float:
+        """The least difference of two rivals' responses, before any parameter takes it up."""
+        found = [self._whitened(block.respond(self.fine, self.grid)) for block in rivals]
+        return min(float(np.var(one - other)) for one, other in combinations(found, 2))
+
+    def separability(self, rivals: Sequence[AbstractBlock]) -> float:
+        """The least λ over all pairs of rivals."""
+        responses, bases = [], []
+        for block in rivals:
+            layout = layout_of(block)
+            names = [name for name, _ in layout.shapes + layout.gains]
+            response, columns, _ = block.linearise(self.fine, self.grid, names, ())
+            pieces = [np.asarray(columns[name]) for name in names]
+            own = np.ones((self.fine.size, 1))
+            bases.append(orthonormal(self._whitened(np.concatenate([*pieces, own], axis=1))))
+            responses.append(self._whitened(response))
+        worth = []
+        for one, other in permutations(range(len(rivals)), 2):
+            difference = responses[one] - responses[other]
+            left = difference - bases[other] @ (bases[other].T @ difference)
+            worth.append(float(left @ left))
+        return float(np.nan_to_num(min(worth), nan=0.0))

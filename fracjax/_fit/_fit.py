@@ -23,7 +23,7 @@ from ._uncertainty import Estimate, estimates
 
 SCHEMA = "fracjax.fit/1"
 _ROUNDS = 20
-_LOOKS = 12
+_FIRST_LOOKS, _LOOKS = 5, 12
 
 Progress = Callable[[str], None]
 
@@ -177,7 +177,8 @@ def starts_of(block: AbstractBlock, count: int, seed: int) -> list[AbstractBlock
 def solve_from(
     starts: list[AbstractBlock], preparation: Preparation, hopeless: float = np.inf
 ) -> Solved:
-    """A few looks from every start, then the two best to convergence; the best of them finished.
+    """A few looks from every start, some more from the better half, then the two best to
+    convergence; the best of them finished.
 
     A fit counts as converged too when twelve looks gain less than a tenth in χ², or less than 1e-4
     of what is left beyond the noise.  Above `hopeless` in χ² the first looks are all that is spent.
@@ -185,7 +186,11 @@ def solve_from(
     make_room()
     problems = preparation.problems()
     samples = int(sum(p.weights.sum() for p in problems))
-    descents = [descend(begin(start), problems, _LOOKS) for start in starts]
+    descents = [descend(begin(start), problems, _FIRST_LOOKS) for start in starts]
+    descents.sort(key=lambda d: d.cost)
+    for k, descent in enumerate(descents[: -(-len(starts) // 2)]):
+        if not descent.converged and descent.cost <= hopeless:
+            descents[k] = descend(descent, problems, _LOOKS)
     for _ in range(_ROUNDS):
         order = np.argsort([d.cost for d in descents])
         best = descents[order[0]]

@@ -12,8 +12,7 @@ import numpy as np
 from jax import Array
 
 from .._blocks import AbstractBlock, QuasiStaticForce
-from .._fit import Progress, layout_of, silent
-from .._fit._least_squares import split
+from .._fit import Progress, layout_of, silent, split
 from .._models import Model
 from .._operators import interpolate
 from .._operators._grid import HISTORIES, History

@@ -67,8 +67,8 @@ def best_of(found: Sequence[Judged]) -> Judged | None:
 def margin_of(winner: Judged) -> float:
     """How far behind in BIC another effect must be to be excluded.
 
-    No law of the catalogue is exact: besides 10, a twentieth of what the winner itself gains, within
-    which the difference may be that of the effect's own law from ours.
+    No law of the catalogue is exact: besides 10, a twentieth of what the winner itself gains,
+    within which the difference may be that of the effect's own law from ours.
     """
     return max(DELTA_BIC, _INEXACT * winner.delta_bic)
 

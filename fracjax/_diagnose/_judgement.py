@@ -101,7 +101,7 @@ def explained_fraction(base: Stage, solved: Solved) -> float:
 
     The excess itself is uncertain by the χ² distribution and by the noise level's own error.
     """
-    known = noise_doubt(base.preparation)
+    known = noise_doubt(base.preparation, solved.kurtosis)
     doubt = 3 * solved.samples * np.sqrt(2 / solved.samples + known**2)
     fall = base.solved.cost - solved.cost
     return float(fall / max(fall, base.excess - doubt)) if fall > 0 else 0.0
@@ -113,9 +113,9 @@ def share_of_excess(base: Stage, before: Stage, winner: Judged) -> float:
     return (before.solved.cost - winner.solved.cost) / max(base.excess, 1e-300)
 
 
-def noise_doubt(preparation: Preparation) -> float:
+def noise_doubt(preparation: Preparation, kurtosis: float = 3.0) -> float:
     """The relative standard error of the noise's variance, the worst of all recordings."""
-    return max(take.noise.doubt for take in preparation.takes if take.noise is not None)
+    return max(take.noise.doubt(kurtosis) for take in preparation.takes if take.noise is not None)
 
 
 def freedom_of(preparation: Preparation) -> float:

@@ -98,10 +98,11 @@ def _detect(stage: Stage, seed: int, progress: Progress) -> Detection:
     return Detection(scores, axes, min(1.0, min(tests) * len(tests)))
 
 
-def _shortlist(scores: list[EffectScore], samples: int) -> list[EffectScore]:
-    """The effects with the most evidence, and those that look like them."""
-    # What a refit can gain is about z²; where even twice that is no evidence, none is needed.
-    least = DELTA_BIC + np.log(samples)
+def _shortlist(scores: list[EffectScore], least: float) -> list[EffectScore]:
+    """The effects with the most evidence, and those that look like them.
+
+    What a refit can gain in χ² is about z²; where even twice that is less than `least`, none is made.
+    """
     promising = [s for s in scores if 2 * float(np.max(s.z**2)) >= least]
     ranked = sorted(promising, key=lambda s: -s.log_evidence)
     # Far from the base a secant may even have the wrong sign: the largest score is tried too.
@@ -124,7 +125,10 @@ def _judge(
     before = predict(stage.solved, stage.preparation)
     found: list[Judged] = []
     hopeless = np.inf
-    for score in _shortlist(scores, stage.solved.samples):
+    least = DELTA_BIC + np.log(stage.solved.samples)
+    if stage.layers:
+        least = max(least, WORTH_NAMING * base.excess)
+    for score in _shortlist(scores, least):
         progress(f"refitting with {score.effect.name}")
         attempt = refit(score, stage, seed, hopeless)
         # A rival that is not halfway to the best after its first steps will not overtake it.

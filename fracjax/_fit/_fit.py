@@ -9,6 +9,7 @@ from pathlib import Path
 
 import jax
 import numpy as np
+from scipy.stats import kurtosis
 
 from .._blocks import AbstractBlock, Setting
 from .._models import Model, parse_model
@@ -52,7 +53,8 @@ class Solved:
     """A block at its optimum, χ² and convergence.
 
     `own`: each recording's own coefficients (q,), its offset first; `simulations` (N,) hold them.
-    `evaluations` counts how often the objective was computed, over all starts.
+    `evaluations` counts how often the objective was computed, over all starts; `kurtosis` is that of
+    the whitened residual.
     """
 
     block: AbstractBlock
@@ -63,6 +65,7 @@ class Solved:
     start_costs: tuple[float, ...]
     samples: int
     evaluations: int
+    kurtosis: float
 
     @property
     def bic(self) -> float:
@@ -225,6 +228,7 @@ def solved_at(
     """The block at the best position that was found, finished; `costs` (S,) of all starts."""
     problems = preparation.problems()
     point = Objective(block, problems).at(position)
+    counted = np.concatenate([p.weights for p in problems]) > 0
     counts = [p.own.shape[1] for p in problems]
     own = np.split(point.own, np.cumsum(counts)[:-1])
     simulations = [
@@ -240,6 +244,7 @@ def solved_at(
         start_costs=costs,
         samples=int(sum(p.weights.sum() for p in problems)),
         evaluations=evaluations,
+        kurtosis=float(kurtosis(point.residual[counted], fisher=False)),
     )
 
 

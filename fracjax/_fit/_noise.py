@@ -26,8 +26,8 @@ class Noise:
 
     `sigma` is the rms of all that does not repeat, in `unit`; `method` says where it was read.  The
     filter leaves lines of the mains out, so that they count as mismatch and can be named.
-    `doubt` is the relative standard error of the variance: a floor read from a short rest, or from
-    noise with heavy tails, is known less well than the recording's length suggests.
+    It was read from `effective` independent samples, of this `kurtosis`: a floor read from a short
+    rest, or from noise with heavy tails, is known less well than the recording's length suggests.
     """
 
     sigma: float
@@ -35,7 +35,12 @@ class Noise:
     method: Method
     filter: np.ndarray
     innovation: float
-    doubt: float = 0.0
+    effective: float = np.inf
+    kurtosis: float = 3.0
+
+    def doubt(self, kurtosis: float = 3.0) -> float:
+        """The relative standard error of the variance, with the heavier of both tails."""
+        return float(np.sqrt((max(kurtosis, self.kurtosis) - 1) / self.effective))
 
     @property
     def whitening(self) -> np.ndarray:
@@ -82,9 +87,8 @@ def _noise(series: list[np.ndarray], unit: str, method: Method, shared: float = 
     coefficients, innovation = autoregression(series)
     sigma = float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
     white = np.concatenate([lfilter(coefficients, 1.0, s)[coefficients.size - 1 :] for s in series])
-    spread = max(float(kurtosis(white, fisher=False)) - 1, 2.0)
-    doubt = float(np.sqrt(spread * shared / white.size))
-    return Noise(sigma, unit, method, coefficients, innovation, doubt)
+    tails = max(float(kurtosis(white, fisher=False)), 3.0)
+    return Noise(sigma, unit, method, coefficients, innovation, white.size / shared, tails)
 
 
 def _from_repeats(recording: Recording) -> list[np.ndarray]:

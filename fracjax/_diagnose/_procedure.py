@@ -101,7 +101,7 @@ def _detect(stage: Stage, seed: int, progress: Progress) -> Detection:
 def _shortlist(scores: list[EffectScore], least: float) -> list[EffectScore]:
     """The effects with the most evidence, and those that look like them.
 
-    What a refit can gain in χ² is about z²; where even twice that is less than `least`, none is made.
+    What a refit gains in χ² is about z²; where even twice that is less than `least`, none is made.
     """
     promising = [s for s in scores if 2 * float(np.max(s.z**2)) >= least]
     ranked = sorted(promising, key=lambda s: -s.log_evidence)

@@ -53,8 +53,8 @@ class Solved:
     """A block at its optimum, χ² and convergence.
 
     `own`: each recording's own coefficients (q,), its offset first; `simulations` (N,) hold them.
-    `evaluations` counts how often the objective was computed, over all starts; `kurtosis` is that of
-    the whitened residual.
+    `evaluations` counts how often the objective was computed, over all starts; `kurtosis` is that
+    of the whitened residual.
     """
 
     block: AbstractBlock

@@ -20,9 +20,11 @@ if TYPE_CHECKING:
     from ._fit import AmplitudeRatios as AmplitudeRatios
     from ._fit import CreepIdentification as CreepIdentification
     from ._fit import Crosscheck as Crosscheck
+    from ._fit import Combination as Combination
     from ._fit import Estimate as Estimate
     from ._fit import Fit as Fit
     from ._fit import Noise as Noise
+    from ._fit import Normal as Normal
     from ._fit import amplitude_ratios as amplitude_ratios
     from ._fit import crosscheck as crosscheck
     from ._fit import fit as fit
@@ -68,11 +70,13 @@ _HOMES = {
     "_diagnose": ("Diagnosis", "diagnose"),
     "_fit": (
         "AmplitudeRatios",
+        "Combination",
         "CreepIdentification",
         "Crosscheck",
         "Estimate",
         "Fit",
         "Noise",
+        "Normal",
         "amplitude_ratios",
         "crosscheck",
         "fit",
@@ -106,6 +110,7 @@ __all__ = [
     "AbstractBlock",
     "AbstractLinearBlock",
     "AmplitudeRatios",
+    "Combination",
     "CreepIdentification",
     "Crosscheck",
     "Diagnosis",
@@ -117,6 +122,7 @@ __all__ = [
     "MeasuredNoise",
     "Model",
     "Noise",
+    "Normal",
     "Parameter",
     "Posterior",
     "Recording",

@@ -2,6 +2,8 @@
 
 from ._amplitude_ratios import AmplitudeRatios as AmplitudeRatios
 from ._amplitude_ratios import amplitude_ratios as amplitude_ratios
+from ._combinations import Combination as Combination
+from ._conditions import Conditions as Conditions
 from ._creep_identification import CreepEstimate as CreepEstimate
 from ._creep_identification import CreepIdentification as CreepIdentification
 from ._creep_identification import ofocim as ofocim
@@ -30,6 +32,8 @@ from ._noise import Noise as Noise
 from ._noise import autoregression as autoregression
 from ._noise import measured_noise as measured_noise
 from ._noise import residual_noise as residual_noise
+from ._normal import AbstractPrior as AbstractPrior
+from ._normal import Normal as Normal
 from ._preparation import Past as Past
 from ._preparation import Preparation as Preparation
 from ._preparation import Take as Take
@@ -37,6 +41,10 @@ from ._preparation import settling_samples as settling_samples
 from ._preparation import take_of as take_of
 from ._problem import Problem as Problem
 from ._problem import top_frequency as top_frequency
+from ._robust import LOSSES as LOSSES
+from ._robust import Loss as Loss
+from ._robust import Robust as Robust
+from ._spelling import options_of as options_of
 from ._uncertainty import Estimate as Estimate
 from ._uncertainty import orthonormal as orthonormal
 from ._uncertainty import physical_unit as physical_unit

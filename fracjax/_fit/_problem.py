@@ -68,8 +68,10 @@ def make_problem(
     used: np.ndarray,
     whitening: np.ndarray,
     past: bool,
+    weights: np.ndarray | None = None,
 ) -> Problem:
-    """Assemble a problem; `used` (N,) is true where a sample counts, `past` fits a prehistory."""
+    """Assemble a problem; `used` (N,) is true where a sample counts, `past` fits a prehistory;
+    `weights` (N,) multiply the whitened residual."""
     samples = len(recording)
     drive, response = recording.drive, recording.response
     taps = np.zeros(_FILTER_TAPS)
@@ -77,8 +79,9 @@ def make_problem(
     # A whitened sample mixes its predecessors: it counts only if all of them do.
     support = np.ones(whitening.size)
     left_out = np.asarray(lfilter(support, 1.0, np.where(used, 0.0, 1.0)))
-    weights = (left_out < 0.5).astype(float)
-    weights[: whitening.size - 1] = 0.0
+    counts = (left_out < 0.5).astype(float)
+    counts[: whitening.size - 1] = 0.0
+    weights = counts if weights is None else counts * weights
     length = samples if history == "periodic" else bucket(samples)
     fine = refine(drive, oversampling, history)
     if history != "periodic":

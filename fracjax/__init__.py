@@ -18,19 +18,26 @@ if TYPE_CHECKING:
     from ._diagnose import Diagnosis as Diagnosis
     from ._diagnose import diagnose as diagnose
     from ._fit import AmplitudeRatios as AmplitudeRatios
+    from ._fit import Combination as Combination
+    from ._fit import Comparison as Comparison
     from ._fit import CreepIdentification as CreepIdentification
     from ._fit import Crosscheck as Crosscheck
-    from ._fit import Combination as Combination
     from ._fit import Estimate as Estimate
     from ._fit import Fit as Fit
     from ._fit import Noise as Noise
     from ._fit import Normal as Normal
+    from ._fit import Profile as Profile
+    from ._fit import ResidualAnalysis as ResidualAnalysis
     from ._fit import amplitude_ratios as amplitude_ratios
+    from ._fit import analyse_residuals as analyse_residuals
+    from ._fit import compare as compare
     from ._fit import crosscheck as crosscheck
     from ._fit import fit as fit
     from ._fit import load_model as load_model
     from ._fit import ofocim as ofocim
+    from ._fit import profile as profile
     from ._fit import tfocim as tfocim
+    from ._fit import with_profiles as with_profiles
     from ._io import read as read
     from ._io import write as write
     from ._models import MODELS as MODELS
@@ -71,18 +78,25 @@ _HOMES = {
     "_fit": (
         "AmplitudeRatios",
         "Combination",
+        "Comparison",
         "CreepIdentification",
         "Crosscheck",
         "Estimate",
         "Fit",
         "Noise",
         "Normal",
+        "Profile",
+        "ResidualAnalysis",
         "amplitude_ratios",
+        "analyse_residuals",
+        "compare",
         "crosscheck",
         "fit",
         "load_model",
         "ofocim",
+        "profile",
         "tfocim",
+        "with_profiles",
     ),
     "_io": ("read", "write"),
     "_models": ("MODELS", "Model", "parse_model"),
@@ -111,6 +125,7 @@ __all__ = [
     "AbstractLinearBlock",
     "AmplitudeRatios",
     "Combination",
+    "Comparison",
     "CreepIdentification",
     "Crosscheck",
     "Diagnosis",
@@ -125,13 +140,17 @@ __all__ = [
     "Normal",
     "Parameter",
     "Posterior",
+    "Profile",
     "Recording",
+    "ResidualAnalysis",
     "Simulation",
     "StudentNoise",
     "WhiteNoise",
     "amplitude_ratios",
+    "analyse_residuals",
     "blocks",
     "bode",
+    "compare",
     "crosscheck",
     "derivative",
     "diagnose",
@@ -144,11 +163,13 @@ __all__ = [
     "operators",
     "parse_model",
     "poles",
+    "profile",
     "read",
     "sample_posterior",
     "simulate",
     "step_response",
     "tfocim",
+    "with_profiles",
     "write",
     "write_report",
 ]

@@ -2,6 +2,7 @@
 
 import json
 
+import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.optimize import minimize
@@ -10,6 +11,7 @@ import fracjax as fj
 from fracjax._fit import LOSSES, options_of
 from fracjax._fit._combinations import combinations_of
 from fracjax._fit._robust import _SHAPES
+from fracjax._fit._uncertainty import _coloured
 
 STEP, SAMPLES, SIGMA = 2e-3, 600, 0.01
 TIMES = STEP * np.arange(SAMPLES)
@@ -21,7 +23,7 @@ TRUE = {"k_c": 0.08, "mu": 0.02}
 def response_of(values: dict[str, float], drive=DRIVE, model: str = "creep") -> np.ndarray:
     """By the package's own simulation: here nothing is asked of the numerics."""
     block = fj.parse_model(model).with_values(values).block
-    return np.asarray(block(drive, fj.Grid(STEP)))
+    return np.asarray(block(jnp.asarray(drive), fj.Grid(STEP)))
 
 
 CLEAN = response_of(TRUE)
@@ -32,9 +34,10 @@ def record(response: np.ndarray, drive: np.ndarray = DRIVE, seed: int = 0) -> fj
     return fj.Recording(drive, response + noise, STEP)
 
 
-def fit(recording, model: str = "creep", **options) -> fj.Fit:
+def fit(recording, model: str | fj.Model = "creep", **options) -> fj.Fit:
     options = {"noise": KNOWN, "starts": 1, "history": "constant", "settling": 0} | options
-    return fj.fit(fj.parse_model(model), recording, **options)
+    model = fj.parse_model(model) if isinstance(model, str) else model
+    return fj.fit(model, recording, **options)
 
 
 def by_name(found: fj.Fit) -> dict[str, fj.Estimate]:
@@ -75,9 +78,11 @@ def spoilt() -> tuple[fj.Recording, np.ndarray]:
     return record(response), bad
 
 
-def test_least_squares_is_drawn_away_by_outliers(spoilt):
-    assert max(errors(fit(spoilt[0]))) > 1.5
-    assert by_name(fit(spoilt[0]))["k_c"].standard_error > 5 * SIGMA / 1000
+def test_least_squares_is_drawn_away_by_outliers(spoilt, plain):
+    found = by_name(fit(spoilt[0]))
+    good = by_name(plain)
+    assert any(abs(found[n].value - TRUE[n]) > 5 * good[n].standard_error for n in TRUE)
+    assert all(found[n].standard_error > 5 * good[n].standard_error for n in TRUE)
 
 
 @pytest.mark.parametrize("loss", _SHAPES)
@@ -100,6 +105,7 @@ def test_robust_losses_are_not(spoilt, plain, loss):
 def test_the_optimum_of_a_robust_loss_is_that_of_the_loss_itself(spoilt):
     """Against a direct minimisation of the soft_l1 loss over gain, order and offset."""
     found = fit(spoilt[0], loss="soft_l1")
+    assert found.robust is not None
     scale = found.robust.scale * SIGMA
 
     def cost(v: np.ndarray) -> float:
@@ -122,7 +128,7 @@ def test_without_outliers_a_robust_loss_changes_little(plain):
 
 
 def test_an_unknown_loss_is_refused():
-    with pytest.raises(fj.InputError, match=f"expected one of {', '.join(LOSSES)}, found \"l3\""):
+    with pytest.raises(fj.InputError, match=f'expected one of {", ".join(LOSSES)}, found "l3"'):
         fit(record(CLEAN), loss="l3")
 
 
@@ -146,7 +152,9 @@ def test_a_masked_stretch_has_no_say(plain):
 
 def test_a_weight_of_four_is_half_the_noise(plain):
     found = fit(record(CLEAN), weights=np.full(SAMPLES, 4.0))
-    half = fit(record(CLEAN), noise=fj.Noise(SIGMA / 2, "um", "specification", np.ones(1), SIGMA / 2))
+    half = fit(
+        record(CLEAN), noise=fj.Noise(SIGMA / 2, "um", "specification", np.ones(1), SIGMA / 2)
+    )
     for one, other in zip(found.estimates, half.estimates, strict=True):
         assert one.value == pytest.approx(other.value, rel=1e-9)
         assert one.standard_error == pytest.approx(other.standard_error, rel=1e-9)
@@ -154,10 +162,11 @@ def test_a_weight_of_four_is_half_the_noise(plain):
 
 def test_a_bad_period_does_not_spoil_the_measured_noise():
     drive = np.tile(40 - 20 * np.cos(2 * np.pi * np.arange(100) / 100), 8)
-    response = response_of(TRUE, drive)
+    response = response_of(TRUE, drive).copy()
     response[430:470] += 5.0
     found = fit(record(response, drive), noise=None, mask=[(0.86, 0.938)])
     noise = found.preparation.takes[0].noise
+    assert noise is not None
     assert noise.method == "repeats"
     assert noise.sigma == pytest.approx(SIGMA, rel=0.15)
     assert max(errors(found)) < 4
@@ -171,7 +180,10 @@ def test_a_bad_period_does_not_spoil_the_measured_noise():
         ({"mask": [(0.0, 1.19)]}, "expected at least 32 samples that count, found 4"),
         ({"weights": np.ones(7)}, r"expected 600 numbers, none below 0, found shape \(7,\)"),
         ({"weights": -np.ones(SAMPLES)}, "none below 0, found others"),
-        ({"weights": [np.ones(SAMPLES)] * 2}, "expected an array for each of 1 recordings, found 2"),
+        (
+            {"weights": [np.ones(SAMPLES)] * 2},
+            "expected an array for each of 1 recordings, found 2",
+        ),
     ],
 )
 def test_weights_that_do_not_fit_are_refused(options, said):
@@ -196,13 +208,13 @@ def test_a_prior_counts_as_one_more_measurement(plain, name):
 
 
 def test_a_prior_decides_what_the_data_leave_open():
-    model, values = "foh", {"k_l": 0.07, "k_h": 0.04, "alpha": 0.14}
+    model, values = "foh", {"k_l": 0.07, "k_h": 0.04, "alpha": 0.14, "k_p": 0.0}
     recording = record(response_of(values, model=model))
     options = {"fixed": {"k_p": 0.0, "beta": -0.1}}
     open_ = by_name(fit(recording, model, **options))
-    found = by_name(fit(recording, model, priors={"alpha": fj.Normal(0.14, 1e-3)}, **options))
-    assert found["alpha"].standard_error == pytest.approx(1e-3, rel=0.02)
-    assert found["k_h"].standard_error < 0.5 * open_["k_h"].standard_error
+    found = by_name(fit(recording, model, priors={"alpha": fj.Normal(0.14, 3e-4)}, **options))
+    assert found["alpha"].standard_error == pytest.approx(3e-4, rel=0.02)
+    assert found["k_h"].standard_error < 0.3 * open_["k_h"].standard_error
 
 
 @pytest.mark.parametrize(
@@ -224,13 +236,14 @@ def test_conditions_that_make_no_sense_are_refused(options, said):
 
 # Ties ---------------------------------------------------------------------------------------------
 
-CASCADE = "creep >> creep"
+CASCADE = fj.Model(fj.blocks.Creep() >> fj.blocks.Creep(fixed_gain=True))
+BESIDE = fj.Model(fj.blocks.Creep() + fj.blocks.Creep())
 
 
 def test_a_tied_parameter_follows():
-    """Two creeps in a row are one of the sum of their orders: tied one to two, they are 1/3, 2/3."""
+    """Two creeps in a row are one of the sum of their orders: tied 1 to 2, they are 1/3, 2/3."""
     recording = record(response_of({"k_c": 0.08, "mu": 0.03}))
-    options = {"fixed": {"second.k_c": 1.0}, "tied": {"second.mu": ("first.mu", 2.0)}}
+    options = {"tied": {"second.mu": ("first.mu", 2.0)}}
     found = fit(recording, CASCADE, **options)
     parameters = {name: float(p.value) for name, p in found.model.parameters.items()}
     assert by_name(found).keys() == {"first.k_c", "first.mu"}
@@ -248,7 +261,7 @@ def test_tied_gains_stay_eliminated_side_by_side():
     clean = response_of({"k_c": 0.02, "mu": 0.2}) + 2 * response_of({"k_c": 0.02, "mu": 0.01})
     tied = {"second.k_c": ("first.k_c", 2.0)}
     options = {"fixed": {"first.mu": 0.2, "second.mu": 0.01}, "tied": tied}
-    found = fit(record(clean), "creep + creep", **options)
+    found = fit(record(clean), BESIDE, **options)
     (gain,) = found.estimates
     assert gain.name == "first.k_c"
     assert abs(gain.value - 0.02) < 4 * gain.standard_error
@@ -355,7 +368,9 @@ def test_a_slow_loop_of_foh_fixes_the_sum_of_the_gains_and_the_product_with_the_
     times = 5e-3 * np.arange(1500)
     drive = 50 - 45 * np.cos(2 * np.pi * times) + 5 * np.sin(2 * np.pi * 3 * times)
     law = {"k_l": 0.07, "k_h": 0.04, "alpha": 0.03, "k_p": 0.0}
-    clean = np.asarray(fj.parse_model("foh").with_values(law).block(drive, fj.Grid(5e-3)))
+    clean = np.asarray(
+        fj.parse_model("foh").with_values(law).block(jnp.asarray(drive), fj.Grid(5e-3))
+    )
     sigma = 1e-3 * np.ptp(clean)
     noise = fj.Noise(sigma, "um", "specification", np.ones(1), sigma)
     recording = fj.Recording(
@@ -438,8 +453,6 @@ def test_intervals_cover_the_truth_though_the_noise_was_called_white(phi):
 
 def test_colour_widens_or_narrows_as_theory_says():
     """Of a mean of AR(1) noise the variance is (1 + φ)/(1 - φ) times that of white noise."""
-    from fracjax._fit._uncertainty import _coloured
-
     phi = 0.6
     ones = np.ones((4000, 1)) / np.sqrt(4000)
     found = float(np.sum(_coloured(ones, np.array([1.0, -phi])) ** 2))

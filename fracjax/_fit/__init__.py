@@ -3,6 +3,10 @@
 from ._amplitude_ratios import AmplitudeRatios as AmplitudeRatios
 from ._amplitude_ratios import amplitude_ratios as amplitude_ratios
 from ._combinations import Combination as Combination
+from ._compare import Comparison as Comparison
+from ._compare import compare as compare
+from ._compare import compared as compared
+from ._compare import ranked as ranked
 from ._conditions import Conditions as Conditions
 from ._creep_identification import CreepEstimate as CreepEstimate
 from ._creep_identification import CreepIdentification as CreepIdentification
@@ -41,6 +45,11 @@ from ._preparation import settling_samples as settling_samples
 from ._preparation import take_of as take_of
 from ._problem import Problem as Problem
 from ._problem import top_frequency as top_frequency
+from ._profile import Profile as Profile
+from ._profile import profile as profile
+from ._profile import with_profiles as with_profiles
+from ._residuals import ResidualAnalysis as ResidualAnalysis
+from ._residuals import analyse_residuals as analyse_residuals
 from ._robust import LOSSES as LOSSES
 from ._robust import Loss as Loss
 from ._robust import Robust as Robust

@@ -20,6 +20,7 @@ from scipy.sparse.csgraph import connected_components
 _CLOSE = 0.995
 _SHARE = 0.2
 """Least part that a parameter has in a group's vector, and most of its error that a product has."""
+_RELATED = 0.3
 _LOSS = 2.0
 """How much wider than the best a combination may be for the sake of rounder coefficients."""
 _DECIMALS = 4
@@ -76,7 +77,7 @@ def combinations_of(
 
 
 def _base(unit: str) -> str:
-    """A unit without its powers of a second that another parameter decides: um/V*s^alpha is um/V."""
+    """A unit without the power of a second that an order decides: um/V*s^alpha is um/V."""
     return re.sub(r"\*s\^[^*/]+", "", unit)
 
 
@@ -86,7 +87,7 @@ def _groups(covariance: np.ndarray) -> list[list[int]]:
     correlation = covariance / np.outer(errors, errors)
     eigenvalues, vectors = np.linalg.eigh(correlation)
     weak = np.abs(vectors[:, eigenvalues < 1 - _CLOSE]) > _SHARE
-    together = (weak.astype(int) @ weak.T.astype(int) > 0) & (np.abs(correlation) > 0.5)
+    together = (weak.astype(int) @ weak.T.astype(int) > 0) & (np.abs(correlation) > _RELATED)
     count, of = connected_components(together, directed=False)
     groups = [np.flatnonzero(of == k).tolist() for k in range(count)]
     return [group for group in groups if len(group) > 1]

@@ -15,6 +15,7 @@ from dataclasses import dataclass, field
 from typing import NamedTuple
 
 import numpy as np
+from jax.typing import ArrayLike
 
 from .._blocks import AbstractBlock, linear_gains
 from .._parameters import Parameter, named_parameters, replace_parameters, set_values
@@ -182,21 +183,22 @@ def _components(sizes: tuple[tuple[str, int], ...]) -> Iterator[tuple[str, int]]
 def prior_rows(block: AbstractBlock, numbers: Numbers, conditions: Conditions) -> PriorRows:
     """The priors as rows over the numbers; of an own parameter a row for every recording."""
     layout = layout_of(block)
-    places = [list(_components(layout.shapes)), list(_components(layout.gains))]
-    rows, means, sds = [], [], []
+    sizes = dict(layout.shapes + layout.gains)
+    places = list(_components(layout.shapes)), list(_components(layout.gains))
+    rows: list[tuple[np.ndarray, np.ndarray]] = []
+    means, sds = [], []
     for name, prior in conditions.priors.items():
         source = conditions.ties.get(name, (name, 1.0))[0]
         recordings = len(numbers.shape_maps) if source in conditions.own else 1
-        size = dict(layout.shapes + layout.gains)[name]
         for r in range(recordings):
-            for k in range(size):
+            for k in range(sizes[name]):
+                of_shapes, of_gains = numbers.shape_maps[r], numbers.gain_maps[r]
+                member = (name, k)
                 rows.append(
-                    [
-                        maps[r][of.index((name, k))] if (name, k) in of else np.zeros(maps[r].shape[1])
-                        for maps, of in zip(
-                            (numbers.shape_maps, numbers.gain_maps), places, strict=True
-                        )
-                    ]
+                    (
+                        np.sum(of_shapes[[p == member for p in places[0]]], axis=0),
+                        np.sum(of_gains[[p == member for p in places[1]]], axis=0),
+                    )
                 )
                 means.append(float(np.ravel(prior.mean)[k % prior.mean.size]))
                 sds.append(float(np.ravel(prior.sd)[k % prior.sd.size]))
@@ -272,7 +274,7 @@ def _require_free(name: str, parameters: Mapping[str, Parameter]) -> None:
 
 
 def _joined(block: AbstractBlock, ties: Mapping[str, tuple[str, float]]) -> dict[str, Parameter]:
-    """Tied parameters and those they follow: within both bounds, and eliminated only if both are."""
+    """Tied parameters and those they follow: within both bounds, eliminated only if both are."""
     parameters, eliminated = named_parameters(block), linear_gains(block)
     changed: dict[str, Parameter] = {}
     for name, (source, factor) in ties.items():
@@ -289,7 +291,7 @@ def _joined(block: AbstractBlock, ties: Mapping[str, tuple[str, float]]) -> dict
     return changed
 
 
-def _within(p: Parameter, low: np.ndarray, high: np.ndarray, gain: bool) -> Parameter:
+def _within(p: Parameter, low: ArrayLike, high: ArrayLike, gain: bool) -> Parameter:
     plausible = [np.clip(end, low, high) for end in p.plausible]
     return Parameter(
         np.clip(p.value, low, high),

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
@@ -26,6 +27,9 @@ from ._programs import make_room
 from ._robust import ROUNDS, SETTLED, Loss, Robust, shape_of, weigh
 from ._uncertainty import Estimate, uncertainty_of
 from ._weights import Mask, Weights, weights_of
+
+if TYPE_CHECKING:
+    from ._profile import Profile
 
 SCHEMA = "fracjax.fit/1"
 _ROUNDS = 20
@@ -89,8 +93,8 @@ class Fit:
     response's unit; `correlated` names parameters that the data only know together, `combinations`
     what they know of them; `warnings` are what later checks held against it.  `residual_order` is
     that of the whitened residual's autoregression, which the standard errors allow for; `robust`
-    says how a robust loss weighed the samples.  Where recordings have parameters of their own,
-    `models` are theirs and `model` is the first's.
+    says how a robust loss weighed the samples; `profiles` are those that were asked for.  Where
+    recordings have parameters of their own, `models` are theirs and `model` is the first's.
     """
 
     model: Model
@@ -107,6 +111,14 @@ class Fit:
     combinations: tuple[Combination, ...] = ()
     residual_order: int = 0
     robust: Robust | None = None
+    profiles: tuple[Profile, ...] = ()
+
+    @property
+    def weighed(self) -> Preparation:
+        """The recordings with the weights that a robust loss ended with."""
+        if self.robust is None:
+            return self.preparation
+        return self.preparation.with_trust(self.robust.weights)
 
     @property
     def residuals(self) -> tuple[np.ndarray, ...]:
@@ -154,6 +166,7 @@ class Fit:
             "samples_left_out": [
                 int(np.count_nonzero(~t.used[t.settling :])) for t in self.preparation.takes
             ],
+            "profiles": [profile.to_dict() for profile in self.profiles],
             "residual_order": self.residual_order,
             "loss": {"name": "least_squares"} if self.robust is None else self.robust.to_dict(),
             "oversampling": self.preparation.oversampling,
@@ -324,9 +337,7 @@ def prepare(
             settling,
             counts,
         )
-        for recording, counts in zip(
-            recordings, weights_of(recordings, weights, mask), strict=True
-        )
+        for recording, counts in zip(recordings, weights_of(recordings, weights, mask), strict=True)
     )
     return Preparation(takes, coarse_oversampling(list(recordings)), conditions)
 
@@ -389,14 +400,14 @@ def reweighted(
     counted = [np.asarray(p.weights) > 0 for p in preparation.problems()]
     sizes = [len(take.recording) for take in preparation.takes]
     roots = [np.ones(len(c)) for c in counted]
-    cost, settled = np.inf, False
-    for rounds in range(ROUNDS):
+    cost, rounds = np.inf, 0
+    while True:
         plain = [r / root for r, root in zip(solved.whitened, roots, strict=True)]
         seen = weigh(shape, plain, counted)
         settled = abs(cost - seen.cost) <= SETTLED * seen.cost
-        if settled:
+        if settled or rounds == ROUNDS:
             break
-        cost, roots = seen.cost, [np.sqrt(w) for w in seen.weights]
+        cost, roots, rounds = seen.cost, [np.sqrt(w) for w in seen.weights], rounds + 1
         trust = [w[:size] for w, size in zip(seen.weights, sizes, strict=True)]
         solved = solve_from([solved.block], preparation.with_trust(trust))
     one = shape.weight(np.zeros(1))[0]
@@ -463,8 +474,8 @@ def fit(
     `history` and `settling` [samples] are decided from the data where not given; the history
     "estimated" fits what the drive before the first sample still adds.
 
-    By name, `fixed` holds parameters at values, `bounds` narrows their range, `priors` says what was
-    known of them before, `tied` lets one equal another, `{"second.mu": "first.alpha"}`, or a
+    By name, `fixed` holds parameters at values, `bounds` narrows their range, `priors` says what
+    was known of them before, `tied` lets one equal another, `{"second.mu": "first.alpha"}`, or a
     multiple of it, `("first.alpha", 2.0)`; of `own` every recording has its own value, told as
     `name@1`, `name@2`, ….  `weights` (N,), one array per recording, multiply the squared residuals,
     `mask` leaves out times [s], ends included.  `loss`: "huber", "soft_l1" or "student_t" let

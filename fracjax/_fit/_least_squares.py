@@ -149,7 +149,7 @@ class Objective:
             found = found @ gain_map
             columns.append(np.concatenate([problem.whiten(found), white_own], axis=1))
             targets.append(problem.whiten(problem.response - response + found @ self.gains))
-        prior, nothing = self.priors, np.zeros((len(self.priors.means), white_own.shape[1]))
+        prior, nothing = self.priors, np.zeros((len(self.priors.means), self.white_own[0].shape[1]))
         columns.append(np.concatenate([(prior.gains.T / prior.sds).T, nothing], axis=1))
         targets.append((prior.means - prior.shapes @ shapes) / prior.sds)
         solution, residual, basis = _least(np.concatenate(columns), np.concatenate(targets))

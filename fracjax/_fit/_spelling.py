@@ -10,6 +10,7 @@ from .._recording import InputError, parse_quantity
 from ._normal import Normal
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_NAME = r"[A-Za-z_][\w.]*"
 
 
 def options_of(
@@ -34,7 +35,7 @@ def options_of(
 
 
 def _read(option: str, pattern: str, example: str, text: str) -> re.Match:
-    found = re.fullmatch(rf"\s*([\w.]+)\s*=\s*{pattern}\s*", text)
+    found = re.fullmatch(rf"\s*({_NAME})\s*=\s*{pattern}\s*", text)
     if found is None:
         raise InputError.at(f"--{option}", f'a text such as "{example}"', f'"{text}"', "correct it")
     return found
@@ -56,7 +57,7 @@ def _prior(text: str) -> tuple[str, Normal]:
 
 
 def _tie(text: str) -> tuple[str, tuple[str, float]]:
-    found = _read("tie", rf"(?:({_NUMBER})\s*\*\s*)?([\w.]+)", "second.mu=2*first.alpha", text)
+    found = _read("tie", rf"(?:({_NUMBER})\s*\*\s*)?({_NAME})", "second.mu=2*first.alpha", text)
     return found[1], (found[3], float(found[2] or 1))
 
 

@@ -88,7 +88,8 @@ def uncertainty_of(
     R from an autoregression rather than from products of scores (Newey & West), whose truncated
     sums are too small for the errors of tens of correlated samples; the noise being stationary and
     independent of J, it is the same covariance, better known.
-    Sources: Newey & West, Econometrica 55 (1987) 703; Andrews & Monahan, Econometrica 60 (1992) 953.
+    Sources: Newey & West, Econometrica 55 (1987) 703; Andrews & Monahan, Econometrica 60 (1992)
+    953.
     """
     problems = preparation.problems()
     numbers = numbers_of(blocks[0], len(problems), preparation.conditions)

@@ -6,14 +6,14 @@ import base64
 import json
 import re
 from collections.abc import Sequence
-from math import floor, isfinite, log, log10
+from math import floor, isfinite, log10
 from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
 
 from .._diagnose import Diagnosis
-from .._fit import Crosscheck, Estimate, Fit, Noise
+from .._fit import Crosscheck, Estimate, Fit, Noise, ranked
 
 _METHODS = {
     "repeats": "from repeats",
@@ -97,23 +97,6 @@ def fit_sentence(fits: Sequence[Fit]) -> str:
 def file_name(model: str) -> str:
     """A model's name as part of a file's: foh >> creep becomes foh-then-creep."""
     return model.replace(" >> ", "-then-").replace(" + ", "-plus-")
-
-
-def ranked(fits: Sequence[Fit]) -> list[tuple[Fit, float]]:
-    """Fits of the same recordings with their BIC, best first.
-
-    Where the noise was taken from the residuals each fit has a noise of its own; then the BIC with
-    that noise unknown, n ln(rmse²) + k ln n, makes them comparable.
-    """
-    if all(noise_of(fit).method != "residual" for fit in fits):
-        return sorted(((fit, fit.scores.bic) for fit in fits), key=lambda pair: pair[1])
-    count = int(sum(take.used.sum() for take in fits[0].preparation.takes))
-
-    def bic(fit: Fit) -> float:
-        free = len(fit.estimates) + len(fit.offsets)
-        return 2 * count * log(fit.scores.rmse) + free * log(count)
-
-    return sorted(((fit, bic(fit)) for fit in fits), key=lambda pair: pair[1])
 
 
 def estimate_row(estimate: Estimate) -> dict[str, str]:

@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ._batch import Count
     from ._blocks import AbstractBlock
     from ._diagnose import Diagnosis
-    from ._fit import Fit, Past
+    from ._fit import Fit, Loss, Past
     from ._models import Model
     from ._operators._grid import History
     from ._posterior import AbstractNoiseModel, Posterior
@@ -38,6 +38,7 @@ if TYPE_CHECKING:
 
 UNUSABLE, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
 _NOTES = 5
+_ASKED = ("fix", "bound", "prior", "tie", "own", "mask")
 _OPENINGS = {"V": "voltage", "A": "current", "m": "displacement", "N": "force"}
 
 Progress = Callable[[str], None]
@@ -151,34 +152,74 @@ def cli() -> None:
 # fit ----------------------------------------------------------------------------------------------
 
 
+_asking = _options(
+    click.option("--fix", multiple=True, metavar='"alpha=0.1"', help="Hold a parameter."),
+    click.option(
+        "--bound", multiple=True, metavar='"alpha=0.05..0.2"', help="Narrow its range; as often."
+    ),
+    click.option(
+        "--prior", multiple=True, metavar='"alpha=0.1±0.02"', help="What was known of it (or +-)."
+    ),
+    click.option(
+        "--tie", multiple=True, metavar='"second.mu=2*first.alpha"', help="Let one equal another."
+    ),
+    click.option(
+        "--own", multiple=True, metavar="NAME", help="A value of its own for every recording."
+    ),
+    click.option("--mask", multiple=True, metavar='"3 s..4 s"', help="Leave out these times."),
+)
+_loss = click.option(
+    "--loss",
+    type=click.Choice(["least_squares", "huber", "soft_l1", "student_t"]),
+    default="least_squares",
+    show_default=True,
+    help="All but the first let outliers weigh less.",
+)
+
+
 @cli.command("fit")
 @_recordings
 @click.option("--model", "names", multiple=True, required=True, help="Once or more; see `models`.")
 @_folder_option
-@_options(_reading, _history, _settle, _seed, _quiet, _json)
+@click.option(
+    "--holdout", "unseen", multiple=True, metavar="FILE", help="A recording that no fit sees."
+)
+@click.option(
+    "--profile", "profiled", multiple=True, metavar="NAME", help="Its profile likelihood too."
+)
+@_asking
+@_options(_loss, _reading, _history, _settle, _seed, _quiet, _json)
 @click.pass_obj
 def fit_command(
     saved: list[Path],
     recordings: tuple[str, ...],
     names: tuple[str, ...],
     out: Path,
+    unseen: tuple[str, ...],
+    profiled: tuple[str, ...],
+    loss: Loss,
     history: str,
     settle: str | None,
     seed: int,
     quiet: bool,
     as_json: bool,
-    **columns: str | None,
+    **others: Any,
 ) -> int:
     """Fit models to recordings, jointly where there are several.
 
     Writes fit.json (of the best model by BIC), report.html and, for several models, one
-    fit_MODEL.json each.
+    fit_MODEL.json each and comparison.json: all of them on the data fitted and on data held out,
+    the recordings of --holdout or stretches set aside in turn.
     """
-    taken, models = _understood(recordings, names, columns)
-    settling = _samples(settle, taken)
-    from ._fit import fit
+    from ._fit import Comparison, compared, fit, options_of, with_profiles
+    from ._io import read
     from ._report import write_report
-    from ._report._text import file_name, fit_sentence, key_figures, ranked
+    from ._report._text import file_name, fit_sentence, key_figures
+
+    asked = options_of(**{name: others.pop(name) for name in _ASKED})
+    taken, models = _understood(recordings, names, others)
+    settling = _samples(settle, taken)
+    held_out = [read(path, **others) for path in unseen]
 
     _prepare_jax()
     with _folder(out):
@@ -190,30 +231,50 @@ def fit_command(
                     taken,
                     history=_known(history),
                     settling=settling,
+                    loss=loss,
                     seed=seed,
                     progress=progress,
+                    **asked,
                 )
+                found = with_profiles(found, profiled, progress)
                 fits.append(found)
                 if len(models) > 1:
                     _save(found.save, out / f"fit_{file_name(model.name)}.json", saved)
+            several = len(models) > 1 or bool(held_out)
+            result = compared(fits, holdout=held_out, progress=progress) if several else fits[0]
+            best = list(result.fits) if isinstance(result, Comparison) else fits
             progress("writing the report")
-            best = [found for found, _ in ranked(fits)]
             _save(best[0].save, out / "fit.json", saved)
-            _save(lambda path: write_report(fits, path), out / "report.html", saved)
+            if several:
+                _save(result.save, out / "comparison.json", saved)
+            _save(lambda path: write_report(result, path), out / "report.html", saved)
     if as_json:
-        print(json.dumps(_fits_as_data(ranked(fits)), indent=1))
+        print(json.dumps(result.to_dict(), indent=1))
     elif not quiet:
-        notes = [note for found in best for note in _doubts(found)]
-        _summary(fit_sentence(best), key_figures(best), notes, saved)
+        notes = [note for found in best for note in (*_profile_notes(found), *_doubts(found))]
+        figures = key_figures(result if isinstance(result, Comparison) else fits)
+        _summary(fit_sentence(best), figures, notes, saved, _parameter_figures(best[0]))
     return _status(fits, out)
 
 
-def _fits_as_data(fits: Sequence[tuple[Fit, float]]) -> dict:
-    best = fits[0][0].to_dict()
-    if len(fits) == 1:
-        return best
-    rows = [{"bic": bic, **found.to_dict()} for found, bic in fits]
-    return {"schema": "fracjax.comparison/1", "best": best["model"], "fits": rows}
+def _parameter_figures(found: Fit) -> tuple[list[str], list[list[str]]]:
+    """The parameters of a fit, and what is known of them together."""
+    from ._report._text import parameter_rows
+
+    heads = [found.model.name, "value", "95 % interval", "unit", "remark"]
+    return heads, [list(row.values()) for row in parameter_rows(found)]
+
+
+def _profile_notes(found: Fit) -> list[str]:
+    """The intervals of the profiles that were asked for."""
+    from ._report._text import figure, pretty_unit
+
+    notes = []
+    for profile in found.profiles:
+        low, high = ("open" if end is None else figure(end, 5) for end in profile.interval_95)
+        unit = pretty_unit(profile.unit)
+        notes.append(f"Profile of {profile.name}: 95 % from {low} to {high} {unit}".strip() + ".")
+    return notes
 
 
 # crosscheck ---------------------------------------------------------------------------------------
@@ -1071,13 +1132,16 @@ def _summary(
     table: tuple[list[str], list[list[str]]],
     notes: Sequence[str],
     saved: Sequence[Path],
+    parameters: tuple[list[str], list[list[str]]] | None = None,
 ) -> None:
-    """The plain sentence, the key figures, what to mind, and where everything is."""
+    """The plain sentence, the key figures, parameters, what to mind, and where everything is."""
     from rich.console import Console
 
     Console(markup=False, highlight=False).print(sentence, style="bold", soft_wrap=True)
     if table[1]:
         _table(*table)
+    if parameters is not None and parameters[1]:
+        _table(*parameters)
     for note in notes:
         print(note)
     if saved:

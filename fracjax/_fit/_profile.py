@@ -38,14 +38,15 @@ Interval = tuple[float | None, float | None]
 class Profile:
     """Δχ² (K,) at values (K,) of a parameter, in `unit`.
 
-    `estimate` is the fit's.  Of the intervals an end is None where Δ stays below its level up to
-    the parameter's bound, or as far as was looked.  `lower_found` says that a better fit than the
-    fit itself was met: it had stopped short of the optimum.
+    `estimate` and `standard_error` are the fit's.  Of the intervals an end is None where Δ stays
+    below its level up to the parameter's bound, or as far as was looked.  `lower_found` says that a
+    better fit than the fit itself was met: it had stopped short of the optimum.
     """
 
     name: str
     unit: str
     estimate: float
+    standard_error: float
     values: np.ndarray
     delta: np.ndarray
     interval_68: Interval
@@ -63,6 +64,7 @@ class Profile:
             "name": self.name,
             "unit": self.unit,
             "estimate": self.estimate,
+            "standard_error": self.standard_error,
             "values": self.values.tolist(),
             "delta": self.delta.tolist(),
             "interval_68": list(self.interval_68),
@@ -124,6 +126,7 @@ def profile(fit: Fit, name: str) -> Profile:
         name=name,
         unit=estimate.unit,
         estimate=estimate.value,
+        standard_error=estimate.standard_error,
         values=values,
         delta=delta - lower,
         interval_68=_interval(values, delta - lower, 0.68),

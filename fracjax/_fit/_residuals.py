@@ -144,7 +144,7 @@ def analysed(
     wide = min(n // 4, 10 * lags)
     common = _correlation(u, u, wide) * _correlation(e, e, wide)
     edges = np.linspace(times[0], times[-1] + dt, _STRETCHES + 1)
-    stretches = np.split(used, np.searchsorted(times, edges[1:-1]))
+    stretches = np.split(used, np.searchsorted(times + dt / 2, edges[1:-1]))
     return ResidualAnalysis(
         source=source,
         times=times,

@@ -44,7 +44,8 @@ class Problem(eqx.Module):
         """Signals (L, …) through the whitening filter, unit variance where the weight is 1."""
         if isinstance(signals, np.ndarray) and isinstance(self.weights, np.ndarray):
             taps = np.trim_zeros(np.asarray(self.whitening), "b")
-            filtered = lfilter(taps, 1.0, signals, axis=0) if taps.size > 1 else taps * signals
+            coloured = taps.size > 1 and signals.size > 0
+            filtered = lfilter(taps, 1.0, signals, axis=0) if coloured else taps[0] * signals
             return (np.transpose(np.asarray(filtered)) * self.weights).T
         length, others = signals.shape[0], [(0, 0)] * (signals.ndim - 1)
         padded = jnp.pad(jnp.asarray(signals), [(_FILTER_TAPS - 1, 0), *others])

@@ -29,6 +29,8 @@ _STEP = 0.5
 """Of √Δ from one point to the next."""
 _BEYOND = 2.2
 _LONGEST, _SHORTEST = 3.0, 0.4
+_PARTS = 12
+"""In which a step never takes more than one of the way between the bounds."""
 _LOWER = 0.05
 
 Interval = tuple[float | None, float | None]
@@ -170,6 +172,13 @@ class _Held:
             moved = start + z * self.error
         return float(np.clip(moved, self.parameter.lower, self.parameter.upper))
 
+    @property
+    def longest(self) -> float:
+        """The longest step [standard errors]."""
+        if not self.parameter.bounded:
+            return np.inf
+        return float(self.parameter.slope()) / self.error / _PARTS
+
     def at(self, z: float) -> float:
         """χ² and what the priors add, all other parameters at their best."""
         value = self.value(z)
@@ -205,7 +214,7 @@ def _walk(held: _Held, centre: float, factor: float, side: int) -> tuple[list[fl
     """Places [standard errors] and Δ to one side, until Δ is beyond 95 % or the bound is met."""
     places: list[float] = []
     deltas: list[float] = []
-    block, z, step, root = held.block, 0.0, _STEP, 0.0
+    block, z, step, root = held.block, 0.0, min(_STEP, held.longest), 0.0
     for _ in range(_MOST):
         before, z = z, z + step
         if held.value(side * z) == held.value(side * before):
@@ -216,6 +225,7 @@ def _walk(held: _Held, centre: float, factor: float, side: int) -> tuple[list[fl
         if now > _BEYOND:
             break
         step *= np.clip(_STEP / max(now - root, 1e-9), _SHORTEST, _LONGEST)
+        step = min(step, held.longest)
         root = now
     held.block = block
     return places, deltas

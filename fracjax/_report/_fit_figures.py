@@ -17,6 +17,7 @@ from ._text import pretty_unit
 _BINS = 41
 _WIDEST = 5.0
 _COLUMNS = 3
+_DECADES = 30.0
 
 
 def _within(panel: Axes, low: float, high: float) -> None:
@@ -79,6 +80,8 @@ def profiles(found: Sequence[Profile]) -> Markup:
             panel.annotate(name, (1, level), (-2, 2), xycoords=("axes fraction", "data"),
                            textcoords="offset points", ha="right", fontsize=9)  # fmt: skip
         panel.set_ylim(0, 6)
+        if profile.values.min() > 0 and profile.values.max() > _DECADES * profile.values.min():
+            panel.set_xscale("log")
         unit = pretty_unit(profile.unit)
         panel.set_xlabel(f"{profile.name} [{unit}]" if unit else profile.name)
         panel.set_title("open" if profile.open else "")

@@ -24,6 +24,8 @@ if TYPE_CHECKING:
     from ._fit import Crosscheck as Crosscheck
     from ._fit import Estimate as Estimate
     from ._fit import Fit as Fit
+    from ._fit import FrequencyFit as FrequencyFit
+    from ._fit import FrequencyTable as FrequencyTable
     from ._fit import Noise as Noise
     from ._fit import Normal as Normal
     from ._fit import Profile as Profile
@@ -33,9 +35,12 @@ if TYPE_CHECKING:
     from ._fit import compare as compare
     from ._fit import crosscheck as crosscheck
     from ._fit import fit as fit
+    from ._fit import fit_frequency_response as fit_frequency_response
+    from ._fit import frequency_table as frequency_table
     from ._fit import load_model as load_model
     from ._fit import ofocim as ofocim
     from ._fit import profile as profile
+    from ._fit import read_frequency_table as read_frequency_table
     from ._fit import tfocim as tfocim
     from ._fit import with_profiles as with_profiles
     from ._io import read as read
@@ -83,6 +88,8 @@ _HOMES = {
         "Crosscheck",
         "Estimate",
         "Fit",
+        "FrequencyFit",
+        "FrequencyTable",
         "Noise",
         "Normal",
         "Profile",
@@ -92,9 +99,12 @@ _HOMES = {
         "compare",
         "crosscheck",
         "fit",
+        "fit_frequency_response",
+        "frequency_table",
         "load_model",
         "ofocim",
         "profile",
+        "read_frequency_table",
         "tfocim",
         "with_profiles",
     ),
@@ -132,6 +142,8 @@ __all__ = [
     "Effect",
     "Estimate",
     "Fit",
+    "FrequencyFit",
+    "FrequencyTable",
     "Grid",
     "InputError",
     "MeasuredNoise",
@@ -156,7 +168,9 @@ __all__ = [
     "diagnose",
     "fit",
     "fit_batch",
+    "fit_frequency_response",
     "frequency_response",
+    "frequency_table",
     "load_model",
     "load_posterior",
     "ofocim",
@@ -165,6 +179,7 @@ __all__ = [
     "poles",
     "profile",
     "read",
+    "read_frequency_table",
     "sample_posterior",
     "simulate",
     "step_response",

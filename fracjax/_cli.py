@@ -30,7 +30,7 @@ if TYPE_CHECKING:
     from ._batch import Count
     from ._blocks import AbstractBlock
     from ._diagnose import Diagnosis
-    from ._fit import Fit, Loss, Past
+    from ._fit import Fit, FrequencyFit, Loss, Past
     from ._models import Model
     from ._operators._grid import History
     from ._posterior import AbstractNoiseModel, Posterior
@@ -187,6 +187,12 @@ _loss = click.option(
 @click.option(
     "--profile", "profiled", multiple=True, metavar="NAME", help="Its profile likelihood too."
 )
+@click.option(
+    "--frequency-response",
+    "of_frequency",
+    is_flag=True,
+    help="Of a table of frequency, amplitude and phase, by a linear law.",
+)
 @_asking
 @_options(_loss, _reading, _history, _settle, _seed, _quiet, _json)
 @click.pass_obj
@@ -197,6 +203,7 @@ def fit_command(
     out: Path,
     unseen: tuple[str, ...],
     profiled: tuple[str, ...],
+    of_frequency: bool,
     loss: Loss,
     history: str,
     settle: str | None,
@@ -211,6 +218,10 @@ def fit_command(
     fit_MODEL.json each and comparison.json: all of them on the data fitted and on data held out,
     the recordings of --holdout or stretches set aside in turn.
     """
+    if of_frequency:
+        return _fit_table(
+            recordings, names, out, others, seed=seed, quiet=quiet, as_json=as_json, saved=saved
+        )
     from ._fit import Comparison, compared, fit, options_of, with_profiles
     from ._io import read
     from ._report import write_report
@@ -257,7 +268,57 @@ def fit_command(
     return _status(fits, out)
 
 
-def _parameter_figures(found: Fit) -> tuple[list[str], list[list[str]]]:
+def _fit_table(
+    paths: Sequence[str],
+    names: Sequence[str],
+    out: Path,
+    options: dict[str, Any],
+    *,
+    seed: int,
+    quiet: bool,
+    as_json: bool,
+    saved: list[Path],
+) -> int:
+    """`fracjax fit --frequency-response`: linear laws, fitted to one table."""
+    from ._fit import fit_frequency_response, options_of, read_frequency_table
+    from ._models import parse_model
+    from ._report import write_report
+    from ._report._text import file_name, frequency_figures, frequency_sentence
+
+    asked = options_of(**{name: options[name] for name in _ASKED})
+    if len(paths) > 1 or asked.keys() & {"mask", "own"}:
+        raise click.UsageError(
+            "--frequency-response takes one table, and neither --mask nor --own",
+            click.get_current_context(),
+        )
+    table = read_frequency_table(
+        paths[0], drive_unit=options["input_unit"], response_unit=options["output_unit"]
+    )
+    models = [parse_model(name, table.setting) for name in dict.fromkeys(names)]
+    _prepare_jax()
+    with _folder(out), _stages(quiet) as progress:
+        fits = [
+            fit_frequency_response(model, table, seed=seed, progress=progress, **asked)
+            for model in models
+        ]
+        fits.sort(key=lambda found: found.bic)
+        progress("writing the report")
+        if len(fits) > 1:
+            for found in fits:
+                _save(found.save, out / f"fit_{file_name(found.model.name)}.json", saved)
+        _save(fits[0].save, out / "fit.json", saved)
+        _save(lambda path: write_report(fits, path), out / "report.html", saved)
+    if as_json:
+        told = [found.to_dict() for found in fits]
+        print(json.dumps(told[0] if len(told) == 1 else told, indent=1))
+    elif not quiet:
+        notes = [note for found in fits for note in _doubts(found)]
+        figures = frequency_figures(fits)
+        _summary(frequency_sentence(fits), figures, notes, saved, _parameter_figures(fits[0]))
+    return _status(fits, out)
+
+
+def _parameter_figures(found: Fit | FrequencyFit) -> tuple[list[str], list[list[str]]]:
     """The parameters of a fit, and what is known of them together."""
     from ._report._text import parameter_rows
 
@@ -1112,7 +1173,7 @@ def _chain_bar(quiet: bool, steps: int) -> Iterator[Callable[[int, int, str], No
         yield told
 
 
-def _doubts(fit: Fit) -> list[str]:
+def _doubts(fit: Fit | FrequencyFit) -> list[str]:
     """What the data do not determine, by name, and what was held against the fit."""
     unknown = [e.name for e in fit.estimates if not e.identified]
     bound = [e.name for e in fit.estimates if e.at_bound]
@@ -1163,7 +1224,7 @@ def _table(heads: list[str], rows: list[list[str]]) -> None:
     Console(markup=False, emoji=False, highlight=False, width=width).print(table)
 
 
-def _status(fits: Sequence[Fit], out: Path | None) -> int:
+def _status(fits: Sequence[Fit | FrequencyFit], out: Path | None) -> int:
     """0, or 3 and a sentence where a fit did not converge."""
     failed = [fit.model.name for fit in fits if not fit.converged]
     if not failed:

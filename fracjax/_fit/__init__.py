@@ -27,6 +27,11 @@ from ._fit import scores_of as scores_of
 from ._fit import settle as settle
 from ._fit import silent as silent
 from ._fit import solve_from as solve_from
+from ._frequency_fit import FrequencyFit as FrequencyFit
+from ._frequency_fit import fit_frequency_response as fit_frequency_response
+from ._frequency_table import FrequencyTable as FrequencyTable
+from ._frequency_table import frequency_table as frequency_table
+from ._frequency_table import read_frequency_table as read_frequency_table
 from ._layout import layout_of as layout_of
 from ._layout import split as split
 from ._least_squares import jacobian as jacobian

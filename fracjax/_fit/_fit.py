@@ -431,7 +431,15 @@ def fit_of(
         inflation = max(1.0, float(np.sqrt(solved.cost / solved.samples)))
     else:
         solved, robust, inflation = reweighted(solved, preparation, loss)
-    known = uncertainty_of(solved.blocks, preparation, solved.whitened, inflation)
+    first = preparation.takes[0].recording
+    known = uncertainty_of(
+        solved.blocks,
+        preparation.problems(),
+        preparation.conditions,
+        units=(first.drive_unit, first.response_unit),
+        inflation=inflation,
+        residuals=solved.whitened,
+    )
     return Fit(
         model=Model(solved.block, model.name),
         preparation=preparation,

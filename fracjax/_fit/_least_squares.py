@@ -12,7 +12,7 @@ Coleman & Li, SIAM J. Sci. Comput. 21 (1999) 1.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import jax.numpy as jnp
 import numpy as np
@@ -23,6 +23,11 @@ from .._blocks import AbstractBlock
 from ._conditions import Conditions, Numbers, numbers_of, prior_rows
 from ._layout import layout_of, own_columns
 from ._problem import Problem
+
+if TYPE_CHECKING:
+    from ._frequency_fit import FrequencyProblem
+
+Problems: TypeAlias = "tuple[Problem, ...] | tuple[FrequencyProblem, ...]"
 
 _RIDGE = 1e-9
 _RELATIVE = 1e-8
@@ -48,24 +53,13 @@ def simulate_all(
     )
 
 
-def _linearised(
-    block: AbstractBlock, problem: Problem, names: Sequence[str]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Response (L,) and its derivatives (L, Σ size) with respect to the named parameters."""
-    drive = jnp.asarray(problem.drive)
-    response, columns, _ = block.linearise(drive, problem.grid, names, ())
-    pieces = [np.asarray(columns[name])[:: problem.oversampling] for name in names]
-    response = np.asarray(response)[:: problem.oversampling]
-    return response, np.concatenate([np.zeros((response.size, 0)), *pieces], axis=1)
-
-
 def jacobian(block: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Derivative (ΣL, shapes + gains + own) of the simulation in physical values: as it is, and
     whitened with left-out samples zero."""
     layout = layout_of(block)
     names = [name for name, _ in layout.shapes + layout.gains]
     raw = [
-        np.concatenate([_linearised(block, problem, names)[1], own], axis=1)
+        np.concatenate([problem.linearised(block, names)[1], own], axis=1)
         for problem, own in zip(problems, own_columns(problems), strict=True)
     ]
     whitened = [p.whiten(columns) for p, columns in zip(problems, raw, strict=True)]
@@ -74,7 +68,7 @@ def jacobian(block: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[np.nd
 
 def sensitivity(
     blocks: Sequence[AbstractBlock],
-    problems: tuple[Problem, ...],
+    problems: Problems,
     numbers: Numbers,
 ) -> np.ndarray:
     """Derivative (ΣL, numbers + own) of the whitened simulation in the values of a fit's numbers,
@@ -83,7 +77,7 @@ def sensitivity(
     for r, (block, problem) in enumerate(zip(blocks, problems, strict=True)):
         layout = layout_of(block)
         shapes, gains = ([name for name, _ in part] for part in layout)
-        found = _linearised(block, problem, shapes + gains)[1]
+        found = problem.linearised(block, shapes + gains)[1]
         count = sum(size for _, size in layout.shapes)
         mapped = found[:, :count] @ numbers.shape_maps[r], found[:, count:] @ numbers.gain_maps[r]
         columns.append(problem.whiten(np.concatenate(mapped, axis=1)))
@@ -116,7 +110,7 @@ class Objective:
     def __init__(
         self,
         block: AbstractBlock,
-        problems: tuple[Problem, ...],
+        problems: Problems,
         conditions: Conditions | None = None,
     ):
         self.block, self.problems = block, problems
@@ -145,7 +139,7 @@ class Objective:
         for block, problem, white_own, gain_map in zip(
             blocks, self.problems, self.white_own, self.numbers.gain_maps, strict=True
         ):
-            response, found = _linearised(block, problem, names)
+            response, found = problem.linearised(block, names)
             found = found @ gain_map
             columns.append(np.concatenate([problem.whiten(found), white_own], axis=1))
             targets.append(problem.whiten(problem.response - response + found @ self.gains))
@@ -166,7 +160,7 @@ class Objective:
         point = self.at(position)
         names = [name for name, _ in self.layout.shapes]
         columns = [
-            problem.whiten(_linearised(block, problem, names)[1] @ shape_map)
+            problem.whiten(problem.linearised(block, names)[1] @ shape_map)
             for block, problem, shape_map in zip(
                 point.blocks, self.problems, self.numbers.shape_maps, strict=True
             )
@@ -208,9 +202,7 @@ def begin(start: AbstractBlock, recordings: int, conditions: Conditions) -> Desc
     return Descent(start, position, np.inf, 0, False)
 
 
-def descend(
-    at: Descent, problems: tuple[Problem, ...], looks: int, conditions: Conditions
-) -> Descent:
+def descend(at: Descent, problems: Problems, looks: int, conditions: Conditions) -> Descent:
     """Up to `looks` evaluations further."""
     objective = Objective(at.block, problems, conditions)
     first = objective.at(at.position)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -39,6 +40,21 @@ class Problem(eqx.Module):
     def simulate(self, block: AbstractBlock) -> Array:
         """The block's response (L,) at the recording's samples."""
         return block(jnp.asarray(self.drive), self.grid)[:: self.oversampling]
+
+    def linearised(
+        self, block: AbstractBlock, names: Sequence[str]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Response (L,) and its derivatives (L, Σ size) with respect to the named parameters."""
+        drive = jnp.asarray(self.drive)
+        response, columns, _ = block.linearise(drive, self.grid, names, ())
+        pieces = [np.asarray(columns[name])[:: self.oversampling] for name in names]
+        response = np.asarray(response)[:: self.oversampling]
+        return response, np.concatenate([np.zeros((response.size, 0)), *pieces], axis=1)
+
+    @property
+    def size(self) -> float:
+        """Length of the whitened response about its mean."""
+        return float(np.linalg.norm(self.whiten(self.response - self.response.mean())))
 
     def whiten(self, signals: Any) -> Any:
         """Signals (L, …) through the whitening filter, unit variance where the weight is 1."""

@@ -110,12 +110,11 @@ def profile(fit: Fit, name: str) -> Profile:
         preparation = fit.weighed
         blocks = tuple(model.block for model in fit.models)
         problems = preparation.problems()
-        residuals = [
-            p.whiten(np.pad(r, (0, len(p.response) - len(r))))
-            for p, r in zip(problems, fit.residuals, strict=True)
-        ]
-        curvature = uncertainty_of(blocks, preparation, residuals, 1.0).curvature[at]
         estimate = fit.estimates[at]
+        alone = uncertainty_of(
+            blocks, problems, preparation.conditions, units=("1", "1"), inflation=1.0
+        )
+        curvature = alone.curvature[at]
         held = _Held(parameters[name], estimate.standard_error, fit.model.block, name, preparation)
         centre = held.at(0.0)
         factor = (estimate.standard_error / curvature) ** 2

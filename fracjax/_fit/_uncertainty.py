@@ -12,10 +12,9 @@ from scipy.signal import lfilter
 from .._blocks import AbstractBlock
 from .._parameters import Parameter, named_parameters
 from ._combinations import Combination, combinations_of
-from ._conditions import Number, numbers_of, prior_rows
-from ._least_squares import sensitivity
+from ._conditions import Conditions, Number, numbers_of, prior_rows
+from ._least_squares import Problems, sensitivity
 from ._noise import autoregression
-from ._preparation import Preparation
 
 _CLOSE = 0.995
 _SHARE_OF_RESPONSE = 0.05
@@ -71,9 +70,12 @@ class Uncertainty:
 
 def uncertainty_of(
     blocks: tuple[AbstractBlock, ...],
-    preparation: Preparation,
-    residuals: Sequence[np.ndarray],
+    problems: Problems,
+    conditions: Conditions,
+    *,
+    units: tuple[str, str],
     inflation: float,
+    residuals: Sequence[np.ndarray] | None = None,
 ) -> Uncertainty:
     r"""The uncertainty of all free parameters.
 
@@ -82,19 +84,19 @@ def uncertainty_of(
         covariance = A⁻¹ (f² JᵀRJ + PᵀP) A⁻¹
 
     f = `inflation` ≥ 1 is the ratio of residual to noise, so that a model that does not fit gets
-    wider, not narrower, intervals.  R is the autocorrelation of the whitened `residuals`, the unit
-    matrix where the noise is as it was taken to be: from their autoregression, its order by BIC.
-    A noise given as white that is not, and a mismatch that lasts, then count for what they are.
+    wider, not narrower, intervals.  R is the autocorrelation of the whitened `residuals`, from
+    their autoregression, its order by BIC: the unit matrix where there are none, or the noise is as
+    it was taken to be.  A noise given as white that is not, and a mismatch that lasts, then count
+    for what they are.
     R from an autoregression rather than from products of scores (Newey & West), whose truncated
     sums are too small for the errors of tens of correlated samples; the noise being stationary and
     independent of J, it is the same covariance, better known.
     Sources: Newey & West, Econometrica 55 (1987) 703; Andrews & Monahan, Econometrica 60 (1992)
     953.
     """
-    problems = preparation.problems()
-    numbers = numbers_of(blocks[0], len(problems), preparation.conditions)
+    numbers = numbers_of(blocks[0], len(problems), conditions)
     derivative = sensitivity(blocks, problems, numbers)
-    priors = prior_rows(blocks[0], numbers, preparation.conditions)
+    priors = prior_rows(blocks[0], numbers, conditions)
     nothing = np.zeros((len(priors.means), derivative.shape[1] - len(numbers.labels)))
     rows = np.concatenate([priors.shapes, priors.gains, nothing], axis=1)
     stacked = np.concatenate([derivative, (rows.T / priors.sds).T])
@@ -102,7 +104,10 @@ def uncertainty_of(
     left, singular, right = np.linalg.svd(stacked / lengths, full_matrices=False)
     spread = right.T / np.maximum(singular, 1e-12)
     counted = [np.asarray(p.weights) > 0 for p in problems]
-    recursion = autoregression([r[c] for r, c in zip(residuals, counted, strict=True)])[0]
+    recursion = np.ones(1)
+    if residuals is not None:
+        used = [r[c] for r, c in zip(residuals, counted, strict=True)]
+        recursion = autoregression(used)[0]
     ends = np.cumsum([len(c) for c in counted])
     *parts, prior = np.split(left, ends)
     coloured = [_coloured(part, recursion) for part in parts]
@@ -113,10 +118,8 @@ def uncertainty_of(
         return (spread @ inside @ spread.T / np.outer(lengths, lengths))[:count, :count]
 
     covariance = physical(middle)
-    recordings = [take.recording for take in preparation.takes]
-    units = (recordings[0].drive_unit, recordings[0].response_unit)
-    whitened = np.concatenate([p.whiten(p.response - p.response.mean()) for p in problems])
-    sizes = np.linalg.norm(derivative, axis=0)[:count] / np.linalg.norm(whitened)
+    whole = np.linalg.norm([p.size for p in problems])
+    sizes = np.linalg.norm(derivative, axis=0)[:count] / whole
     errors = np.sqrt(np.diag(covariance))
     found = tuple(
         _estimate(number, number in numbers.gains, blocks, error, error * size, units)

@@ -10,7 +10,7 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from scipy.stats import norm
 
-from .._fit import Profile, ResidualAnalysis
+from .._fit import FrequencyFit, Profile, ResidualAnalysis
 from ._figures import _BAND, _STYLE, COLOURS, MEASURED, _canvas, _svg
 from ._text import pretty_unit
 
@@ -61,6 +61,45 @@ def residual_tests(analysis: ResidualAnalysis) -> Markup:
     spread.set_ylim(0, 1.2 * float(np.nanmax([level + reach, *analysis.spreads])))
     spread.set_title("standard deviation over time, in units of the noise")
     spread.set_xlabel("time [s]")
+    return _svg(drawing)
+
+
+@mpl.rc_context(_STYLE)
+def bode_plot(fits: Sequence[FrequencyFit]) -> Markup:
+    """Magnitude and phase measured and fitted, and below them what is left."""
+    drawing, panels = _canvas(6.4, 2, 2, sharex=True, gridspec_kw={"height_ratios": (3, 2)})
+    table = fits[0].table
+    frequencies, ratio = table.frequencies_Hz, table.response
+    (magnitude, phase), (left_magnitude, left_phase) = panels
+    style = {"color": MEASURED, "ls": "", "marker": "o", "ms": 4, "alpha": 0.6}
+    magnitude.plot(frequencies, np.abs(ratio), label="measured", **style)
+    phase.plot(frequencies, np.degrees(np.unwrap(np.angle(ratio))), **style)
+    for errors, panel, scale in (
+        (table.amplitude_errors, left_magnitude, 20 / np.log(10)),
+        (table.phase_errors, left_phase, 180 / np.pi),
+    ):
+        if errors is not None:
+            panel.fill_between(
+                frequencies, -2 * scale * errors, 2 * scale * errors, color=_BAND, lw=0
+            )
+    for fit, colour in zip(fits, COLOURS, strict=False):
+        off = ratio / fit.fitted
+        magnitude.plot(frequencies, np.abs(fit.fitted), color=colour, label=fit.model.name)
+        # The model's phase in the turn that the measured one is in.
+        angles = np.unwrap(np.angle(ratio)) - np.angle(off)
+        phase.plot(frequencies, np.degrees(angles), color=colour)
+        left_magnitude.plot(frequencies, 20 * np.log10(np.abs(off)), color=colour, marker=".")
+        left_phase.plot(frequencies, np.degrees(np.angle(off)), color=colour, marker=".")
+    magnitude.set_xscale("log")
+    magnitude.set_yscale("log")
+    unit = f"{pretty_unit(table.response_unit)}/{pretty_unit(table.drive_unit)}"
+    magnitude.set_ylabel(f"amplitude [{unit}]")
+    phase.set_ylabel("phase [degrees]")
+    left_magnitude.set_ylabel("measured − fitted [dB]")
+    left_phase.set_ylabel("measured − fitted [degrees]")
+    magnitude.legend(loc="best")
+    for panel in panels[1]:
+        panel.set_xlabel("frequency [Hz]")
     return _svg(drawing)
 
 

@@ -12,7 +12,7 @@ import jinja2
 
 from .._blocks import EFFECTS
 from .._diagnose import Candidate, Diagnosis
-from .._fit import Comparison, Crosscheck, Fit, analyse_residuals
+from .._fit import Comparison, Crosscheck, Fit, FrequencyFit, analyse_residuals
 from .._posterior import Posterior
 from . import _figures, _fit_figures
 from ._posterior_page import of_posterior
@@ -24,6 +24,8 @@ from ._text import (
     figure,
     file_name,
     fit_sentence,
+    frequency_figures,
+    frequency_sentence,
     key_figures,
     noise_of,
     noise_text,
@@ -46,7 +48,10 @@ _BADGES = {
 }
 
 
-Reported = Fit | Comparison | Diagnosis | Crosscheck | Posterior | Sequence[Fit]
+Reported = (
+    Fit | FrequencyFit | Comparison | Diagnosis | Crosscheck | Posterior
+    | Sequence[Fit] | Sequence[FrequencyFit]
+)  # fmt: skip
 
 
 def write_report(result: Reported, path: str | Path) -> None:
@@ -58,10 +63,16 @@ def write_report(result: Reported, path: str | Path) -> None:
         content = _of_crosscheck(result)
     elif isinstance(result, Posterior):
         template, content = "posterior.html.jinja", of_posterior(result)
+    elif isinstance(result, FrequencyFit):
+        content = _of_frequency_fits([result])
     elif isinstance(result, Comparison):
         content = _of_comparison(result)
+    elif isinstance(result, Fit):
+        content = _of_fits([result])
     else:
-        content = _of_fits([result] if isinstance(result, Fit) else list(result))
+        tables = [fit for fit in result if isinstance(fit, FrequencyFit)]
+        recordings = [fit for fit in result if isinstance(fit, Fit)]
+        content = _of_frequency_fits(tables) if tables else _of_fits(recordings)
     page = _environment().get_template(template).render(content)
     Path(path).write_text(page, encoding="utf-8")
 
@@ -96,6 +107,42 @@ def _of_fits(fits: Sequence[Fit]) -> dict[str, Any]:
         "diagnosis": None,
         "leftovers": _leftovers(best_first[0]),
         "downloads": downloads,
+    }
+
+
+def _of_frequency_fits(fits: Sequence[FrequencyFit]) -> dict[str, Any]:
+    """The report of fits to one frequency response, best first."""
+    heads, rows = frequency_figures(fits)
+    converged = all(fit.converged for fit in fits)
+    return {
+        "title": f"Frequency response of {Path(fits[0].table.source).name}",
+        "sentence": frequency_sentence(fits),
+        "badge": "converged" if converged else "not converged",
+        "verdict": "none" if converged else "unexplained",
+        "heads": heads,
+        "rows": rows,
+        "facts": [],
+        "diagnosis": None,
+        "bode": _fit_figures.bode_plot(fits[:_MOST_MODELS]),
+        "recordings": [],
+        "undrawn": 0,
+        "leftovers": [],
+        "models": [
+            {
+                "name": fit.model.name,
+                "estimates": parameter_rows(fit),
+                "profiles": None,
+                "correlated": fit.correlated,
+                "assumptions": ["Amplitude and phase in steady state, of a linear law."],
+            }
+            for fit in fits
+        ],
+        "warnings": [
+            f"The fit of {f.model.name} did not converge." for f in fits if not f.converged
+        ],
+        "downloads": [
+            download(f"fit_{file_name(fit.model.name)}.json", fit.to_dict()) for fit in fits
+        ],
     }
 
 
@@ -189,6 +236,7 @@ def _common(fits: Sequence[Fit], result: Diagnosis | Sequence[Fit]) -> dict[str,
     return {
         "heads": heads,
         "rows": rows,
+        "bode": None,
         "recordings": [
             {
                 "source": take.recording.source,

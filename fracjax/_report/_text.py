@@ -13,7 +13,7 @@ import numpy as np
 from markupsafe import Markup
 
 from .._diagnose import Diagnosis
-from .._fit import Combination, Comparison, Crosscheck, Estimate, Fit, Noise, ranked
+from .._fit import Combination, Comparison, Crosscheck, Estimate, Fit, FrequencyFit, Noise, ranked
 
 _METHODS = {
     "repeats": "from repeats",
@@ -130,7 +130,7 @@ def combination_row(combination: Combination) -> dict[str, str]:
     }
 
 
-def parameter_rows(fit: Fit) -> list[dict[str, str]]:
+def parameter_rows(fit: Fit | FrequencyFit) -> list[dict[str, str]]:
     """Rows of the table of parameters, and of what is known of them together."""
     return [
         *(estimate_row(estimate) for estimate in fit.estimates),
@@ -183,6 +183,29 @@ def key_figures(
         ["R²", *(f"{s.r_squared:.7g}" for s in scores)],
         ["BIC", *(f"{bic:.1f}" for bic in bics)],
         ["numbers fitted", *counts],
+    ]
+    return ["", *(fit.model.name for fit in fits)], rows
+
+
+def frequency_sentence(fits: Sequence[FrequencyFit]) -> str:
+    """What the best of fits to one frequency response achieved."""
+    fit = fits[0]
+    best = "" if len(fits) == 1 else f" best of {len(fits)} models by BIC"
+    return (
+        f"{fit.model.name} describes {Path(fit.table.source).name}{best}, to "
+        f"{figure(fit.amplitude_rms_dB)} dB and {figure(fit.phase_rms_deg)} degrees rms at "
+        f"{len(fit.table)} frequencies."
+    )
+
+
+def frequency_figures(fits: Sequence[FrequencyFit]) -> tuple[list[str], list[list[str]]]:
+    """Heads and rows of the scores of fits to one frequency response: a column for each model."""
+    rows = [
+        ["amplitude left [dB rms]", *(figure(fit.amplitude_rms_dB) for fit in fits)],
+        ["phase left [degrees rms]", *(figure(fit.phase_rms_deg) for fit in fits)],
+        ["e_r", *(figure(fit.e_r) for fit in fits)],
+        ["BIC", *(f"{fit.bic:.1f}" for fit in fits)],
+        ["numbers fitted", *(str(len(fit.estimates)) for fit in fits)],
     ]
     return ["", *(fit.model.name for fit in fits)], rows
 

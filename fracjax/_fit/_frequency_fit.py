@@ -223,9 +223,7 @@ def fit_frequency_response(
             inflation=max(1.0, spread) if known else spread,
         )
         fitted_block = jax.tree_util.tree_map(np.asarray, point.blocks[0])
-        symbols = np.asarray(
-            _symbols(fitted_block, (), jnp.asarray(2j * np.pi * table.frequencies_Hz))[0]
-        )
+        symbols = table.response * _complex(problem.linearised(fitted_block, ())[0])
     ratio = symbols / table.response
     count = 2 * len(table)
     return FrequencyFit(

@@ -216,13 +216,14 @@ def fit_command(
 
     Writes fit.json (of the best model by BIC), report.html and, for several models, one
     fit_MODEL.json each and comparison.json: all of them on the data fitted and on data held out,
-    the recordings of --holdout or stretches set aside in turn.
+    the recordings of --holdout or stretches set aside in turn.  What is asked of a parameter
+    concerns the models that have it.
     """
     if of_frequency:
         return _fit_table(
             recordings, names, out, others, seed=seed, quiet=quiet, as_json=as_json, saved=saved
         )
-    from ._fit import Comparison, compared, fit, options_of, with_profiles
+    from ._fit import Comparison, compared, fit, options_for, options_of, with_profiles
     from ._io import read
     from ._report import write_report
     from ._report._text import file_name, fit_sentence, key_figures
@@ -231,12 +232,17 @@ def fit_command(
     taken, models = _understood(recordings, names, others)
     settling = _samples(settle, taken)
     held_out = [read(path, **others) for path in unseen]
+    everything = {name for model in models for name in model.parameters}
 
     _prepare_jax()
     with _folder(out):
         fits = []
         with _stages(quiet) as progress:
             for model in models:
+                told = options_for(
+                    {**asked, "profiled": profiled}, model.parameters.keys(), everything
+                )
+                wanted = told.pop("profiled")
                 found = fit(
                     model,
                     taken,
@@ -245,9 +251,9 @@ def fit_command(
                     loss=loss,
                     seed=seed,
                     progress=progress,
-                    **asked,
+                    **told,
                 )
-                found = with_profiles(found, profiled, progress)
+                found = with_profiles(found, wanted, progress)
                 fits.append(found)
                 if len(models) > 1:
                     _save(found.save, out / f"fit_{file_name(model.name)}.json", saved)
@@ -280,7 +286,7 @@ def _fit_table(
     saved: list[Path],
 ) -> int:
     """`fracjax fit --frequency-response`: linear laws, fitted to one table."""
-    from ._fit import fit_frequency_response, options_of, read_frequency_table
+    from ._fit import fit_frequency_response, options_for, options_of, read_frequency_table
     from ._models import parse_model
     from ._report import write_report
     from ._report._text import file_name, frequency_figures, frequency_sentence
@@ -295,12 +301,13 @@ def _fit_table(
         paths[0], drive_unit=options["input_unit"], response_unit=options["output_unit"]
     )
     models = [parse_model(name, table.setting) for name in dict.fromkeys(names)]
+    everything = {name for model in models for name in model.parameters}
     _prepare_jax()
     with _folder(out), _stages(quiet) as progress:
-        fits = [
-            fit_frequency_response(model, table, seed=seed, progress=progress, **asked)
-            for model in models
-        ]
+        fits = []
+        for model in models:
+            told = options_for(asked, model.parameters.keys(), everything)
+            fits.append(fit_frequency_response(model, table, seed=seed, progress=progress, **told))
         fits.sort(key=lambda found: found.bic)
         progress("writing the report")
         if len(fits) > 1:

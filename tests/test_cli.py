@@ -236,6 +236,15 @@ def test_what_is_asked_of_parameters_and_samples_reaches_the_fit(loop, quick):
     assert told["loss"] == "huber"
 
 
+def test_of_several_models_each_takes_what_speaks_of_its_parameters(loop, quick):
+    call = ["fit", loop, "--model", "foh", "--model", "lfdh", "--out", "results"]
+    assert run([*call, "--fix", "k_p=0", "--fix", "mu=0.2", "--fix", "wumpus=1"]) == 0
+    assert [told["fixed"] for told in quick] == [
+        {"k_p": 0.0, "wumpus": 1.0},
+        {"mu": 0.2, "wumpus": 1.0},
+    ]
+
+
 def test_a_fit_with_options_for_real(loop, capsys):
     call = ["fit", loop, "--model", "creep", "--out", "results", "--loss", "student_t"]
     asked = ["--fix", "mu=0.02", "--mask", "0 s..0.5 s", "--profile", "k_c", "--holdout", loop]

@@ -58,6 +58,7 @@ from ._residuals import analyse_residuals as analyse_residuals
 from ._robust import LOSSES as LOSSES
 from ._robust import Loss as Loss
 from ._robust import Robust as Robust
+from ._spelling import options_for as options_for
 from ._spelling import options_of as options_of
 from ._uncertainty import Estimate as Estimate
 from ._uncertainty import orthonormal as orthonormal

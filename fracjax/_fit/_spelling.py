@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import re
-from collections.abc import Iterable
+from collections.abc import Collection, Iterable
 from typing import Any
 
 from .._recording import InputError, parse_quantity
@@ -32,6 +32,29 @@ def options_of(
         "mask": tuple(_span(text) for text in mask),
     }
     return {name: value for name, value in found.items() if value}
+
+
+_BY_NAME = ("fixed", "bounds", "priors", "tied")
+
+
+def options_for(asked: dict[str, Any], names: Collection[str], all_names: Collection[str]) -> dict:
+    """What of `options_of` concerns a model with these parameters' names.
+
+    Of several models each takes what speaks of its own parameters; what speaks of none of
+    `all_names` is left in, and the fit refuses it.
+    """
+
+    def concerns(name: str) -> bool:
+        return name in names or name not in all_names
+
+    told = dict(asked)
+    for key in _BY_NAME:
+        if key in asked:
+            told[key] = {n: value for n, value in asked[key].items() if concerns(n)}
+    for key in ("own", "profiled"):
+        if key in asked:
+            told[key] = tuple(n for n in asked[key] if concerns(n))
+    return told
 
 
 def _read(option: str, pattern: str, example: str, text: str) -> re.Match:

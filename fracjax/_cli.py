@@ -154,9 +154,7 @@ def cli() -> None:
 
 _asking = _options(
     click.option("--fix", multiple=True, metavar='"alpha=0.1"', help="Hold a parameter."),
-    click.option(
-        "--bound", multiple=True, metavar='"alpha=0.05..0.2"', help="Narrow its range; as often."
-    ),
+    click.option("--bound", multiple=True, metavar='"alpha=0.05..0.2"', help="Narrow its range."),
     click.option(
         "--prior", multiple=True, metavar='"alpha=0.1±0.02"', help="What was known of it (or +-)."
     ),
@@ -217,7 +215,7 @@ def fit_command(
     Writes fit.json (of the best model by BIC), report.html and, for several models, one
     fit_MODEL.json each and comparison.json: all of them on the data fitted and on data held out,
     the recordings of --holdout or stretches set aside in turn.  What is asked of a parameter
-    concerns the models that have it.
+    concerns the models that have it; --fix to --mask may be given more than once.
     """
     if of_frequency:
         return _fit_table(
@@ -269,6 +267,7 @@ def fit_command(
         print(json.dumps(result.to_dict(), indent=1))
     elif not quiet:
         notes = [note for found in best for note in (*_profile_notes(found), *_doubts(found))]
+        notes.append(_leftovers(best[0]))
         figures = key_figures(result if isinstance(result, Comparison) else fits)
         _summary(fit_sentence(best), figures, notes, saved, _parameter_figures(best[0]))
     return _status(fits, out)
@@ -331,6 +330,13 @@ def _parameter_figures(found: Fit | FrequencyFit) -> tuple[list[str], list[list[
 
     heads = [found.model.name, "value", "95 % interval", "unit", "remark"]
     return heads, [list(row.values()) for row in parameter_rows(found)]
+
+
+def _leftovers(found: Fit) -> str:
+    """What the tests on the residual of the first recording say."""
+    from ._fit import analyse_residuals
+
+    return "; ".join(analyse_residuals(found)[0].findings) + "."
 
 
 def _profile_notes(found: Fit) -> list[str]:

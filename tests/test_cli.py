@@ -252,6 +252,7 @@ def test_a_fit_with_options_for_real(loop, capsys):
     out, _ = capsys.readouterr()
     assert "RMSE, held-out data" in out
     assert "Profile of k_c: 95 % from" in out
+    assert "The residual is " in out
     told = json.loads((FOLDER / "fit.json").read_text())
     assert told["samples_left_out"] == [51]
     assert told["loss"]["name"] == "student_t"

@@ -55,15 +55,13 @@ class Uncertainty:
     """What is known of a fit's numbers.
 
     `correlated` names pairs that the data only know together, `combinations` what they know of
-    them.  `covariance` (n, n) is that of the estimates, in their order and units; `curvature` (n,)
-    the errors that χ² alone gives them.  `order` is that of the residual's autoregression, 0 where
-    it is white.
+    them.  `curvature` (n,) are the errors that χ² alone gives the estimates.  `order` is that of
+    the residual's autoregression, 0 where it is white.
     """
 
     estimates: tuple[Estimate, ...]
     correlated: tuple[str, ...]
     combinations: tuple[Combination, ...]
-    covariance: np.ndarray
     curvature: np.ndarray
     order: int
 
@@ -135,7 +133,7 @@ def uncertainty_of(
     values = np.array([e.value for e in found])
     together = combinations_of(labels, values, [e.unit for e in found], covariance)
     curvature = np.sqrt(np.diag(physical(np.eye(len(lengths)))))
-    return Uncertainty(found, pairs, together, covariance, curvature, recursion.size - 1)
+    return Uncertainty(found, pairs, together, curvature, recursion.size - 1)
 
 
 def _coloured(columns: np.ndarray, recursion: np.ndarray) -> np.ndarray:

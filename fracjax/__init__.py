@@ -24,17 +24,31 @@ if TYPE_CHECKING:
     from ._diagnose import Diagnosis as Diagnosis
     from ._diagnose import diagnose as diagnose
     from ._fit import AmplitudeRatios as AmplitudeRatios
+    from ._fit import Combination as Combination
+    from ._fit import Comparison as Comparison
     from ._fit import CreepIdentification as CreepIdentification
     from ._fit import Crosscheck as Crosscheck
     from ._fit import Estimate as Estimate
     from ._fit import Fit as Fit
+    from ._fit import FrequencyFit as FrequencyFit
+    from ._fit import FrequencyTable as FrequencyTable
     from ._fit import Noise as Noise
+    from ._fit import Normal as Normal
+    from ._fit import Profile as Profile
+    from ._fit import ResidualAnalysis as ResidualAnalysis
     from ._fit import amplitude_ratios as amplitude_ratios
+    from ._fit import analyse_residuals as analyse_residuals
+    from ._fit import compare as compare
     from ._fit import crosscheck as crosscheck
     from ._fit import fit as fit
+    from ._fit import fit_frequency_response as fit_frequency_response
+    from ._fit import frequency_table as frequency_table
     from ._fit import load_model as load_model
     from ._fit import ofocim as ofocim
+    from ._fit import profile as profile
+    from ._fit import read_frequency_table as read_frequency_table
     from ._fit import tfocim as tfocim
+    from ._fit import with_profiles as with_profiles
     from ._io import read as read
     from ._io import write as write
     from ._models import MODELS as MODELS
@@ -82,17 +96,31 @@ _HOMES = {
     "_diagnose": ("Diagnosis", "diagnose"),
     "_fit": (
         "AmplitudeRatios",
+        "Combination",
+        "Comparison",
         "CreepIdentification",
         "Crosscheck",
         "Estimate",
         "Fit",
+        "FrequencyFit",
+        "FrequencyTable",
         "Noise",
+        "Normal",
+        "Profile",
+        "ResidualAnalysis",
         "amplitude_ratios",
+        "analyse_residuals",
+        "compare",
         "crosscheck",
         "fit",
+        "fit_frequency_response",
+        "frequency_table",
         "load_model",
         "ofocim",
+        "profile",
+        "read_frequency_table",
         "tfocim",
+        "with_profiles",
     ),
     "_io": ("read", "write"),
     "_models": ("MODELS", "Model", "parse_model"),
@@ -120,6 +148,8 @@ __all__ = [
     "AbstractBlock",
     "AbstractLinearBlock",
     "AmplitudeRatios",
+    "Combination",
+    "Comparison",
     "Compensation",
     "CreepIdentification",
     "Crosscheck",
@@ -127,29 +157,38 @@ __all__ = [
     "Effect",
     "Estimate",
     "Fit",
+    "FrequencyFit",
+    "FrequencyTable",
     "Grid",
     "InputError",
     "MeasuredNoise",
     "Model",
     "Noise",
+    "Normal",
     "Parameter",
     "Posterior",
+    "Profile",
     "Recording",
+    "ResidualAnalysis",
     "Simulation",
     "StreamingInverse",
     "StudentNoise",
     "Trajectory",
     "WhiteNoise",
     "amplitude_ratios",
+    "analyse_residuals",
     "blocks",
     "bode",
+    "compare",
     "compensate",
     "crosscheck",
     "derivative",
     "diagnose",
     "fit",
     "fit_batch",
+    "fit_frequency_response",
     "frequency_response",
+    "frequency_table",
     "load_compensation",
     "load_model",
     "load_posterior",
@@ -157,12 +196,15 @@ __all__ = [
     "operators",
     "parse_model",
     "poles",
+    "profile",
     "read",
+    "read_frequency_table",
     "sample_posterior",
     "simulate",
     "step_response",
     "streaming_inverse",
     "tfocim",
+    "with_profiles",
     "write",
     "write_report",
 ]

@@ -31,7 +31,7 @@ if TYPE_CHECKING:
     from ._blocks import AbstractBlock
     from ._compensate import Compensation, Trajectory
     from ._diagnose import Diagnosis
-    from ._fit import Fit, Past
+    from ._fit import Fit, FrequencyFit, Loss, Past
     from ._models import Model
     from ._operators._grid import History
     from ._posterior import AbstractNoiseModel, Posterior
@@ -39,6 +39,7 @@ if TYPE_CHECKING:
 
 UNUSABLE, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
 _NOTES = 5
+_ASKED = ("fix", "bound", "prior", "tie", "own", "mask")
 
 Progress = Callable[[str], None]
 
@@ -151,69 +152,203 @@ def cli() -> None:
 # fit ----------------------------------------------------------------------------------------------
 
 
+_asking = _options(
+    click.option("--fix", multiple=True, metavar='"alpha=0.1"', help="Hold a parameter."),
+    click.option("--bound", multiple=True, metavar='"alpha=0.05..0.2"', help="Narrow its range."),
+    click.option(
+        "--prior", multiple=True, metavar='"alpha=0.1±0.02"', help="What was known of it (or +-)."
+    ),
+    click.option(
+        "--tie", multiple=True, metavar='"second.mu=2*first.alpha"', help="Let one equal another."
+    ),
+    click.option(
+        "--own", multiple=True, metavar="NAME", help="A value of its own for every recording."
+    ),
+    click.option("--mask", multiple=True, metavar='"3 s..4 s"', help="Leave out these times."),
+)
+_loss = click.option(
+    "--loss",
+    type=click.Choice(["least_squares", "huber", "soft_l1", "student_t"]),
+    default="least_squares",
+    show_default=True,
+    help="All but the first let outliers weigh less.",
+)
+
+
 @cli.command("fit")
 @_recordings
 @click.option("--model", "names", multiple=True, required=True, help="Once or more; see `models`.")
 @_folder_option
-@_options(_reading, _history, _settle, _seed, _quiet, _json)
+@click.option(
+    "--holdout", "unseen", multiple=True, metavar="FILE", help="A recording that no fit sees."
+)
+@click.option(
+    "--profile", "profiled", multiple=True, metavar="NAME", help="Its profile likelihood too."
+)
+@click.option(
+    "--frequency-response",
+    "of_frequency",
+    is_flag=True,
+    help="Of a table of frequency, amplitude and phase, by a linear law.",
+)
+@_asking
+@_options(_loss, _reading, _history, _settle, _seed, _quiet, _json)
 @click.pass_obj
 def fit_command(
     saved: list[Path],
     recordings: tuple[str, ...],
     names: tuple[str, ...],
     out: Path,
+    unseen: tuple[str, ...],
+    profiled: tuple[str, ...],
+    of_frequency: bool,
+    loss: Loss,
     history: str,
     settle: str | None,
     seed: int,
     quiet: bool,
     as_json: bool,
-    **columns: str | None,
+    **others: Any,
 ) -> int:
     """Fit models to recordings, jointly where there are several.
 
     Writes fit.json (of the best model by BIC), report.html and, for several models, one
-    fit_MODEL.json each.
+    fit_MODEL.json each and comparison.json: all of them on the data fitted and on data held out,
+    the recordings of --holdout or stretches set aside in turn.  What is asked of a parameter
+    concerns the models that have it; --fix to --mask may be given more than once.
     """
-    taken, models = _understood(recordings, names, columns)
-    settling = _samples(settle, taken)
-    from ._fit import fit
+    if of_frequency:
+        return _fit_table(
+            recordings, names, out, others, seed=seed, quiet=quiet, as_json=as_json, saved=saved
+        )
+    from ._fit import Comparison, compared, fit, options_for, options_of, with_profiles
+    from ._io import read
     from ._report import write_report
-    from ._report._text import file_name, fit_sentence, key_figures, ranked
+    from ._report._text import file_name, fit_sentence, key_figures
+
+    asked = options_of(**{name: others.pop(name) for name in _ASKED})
+    taken, models = _understood(recordings, names, others)
+    settling = _samples(settle, taken)
+    held_out = [read(path, **others) for path in unseen]
+    everything = {name for model in models for name in model.parameters}
 
     _prepare_jax()
     with _folder(out):
         fits = []
         with _stages(quiet) as progress:
             for model in models:
+                told = options_for(
+                    {**asked, "profiled": profiled}, model.parameters.keys(), everything
+                )
+                wanted = told.pop("profiled")
                 found = fit(
                     model,
                     taken,
                     history=_known(history),
                     settling=settling,
+                    loss=loss,
                     seed=seed,
                     progress=progress,
+                    **told,
                 )
+                found = with_profiles(found, wanted, progress)
                 fits.append(found)
                 if len(models) > 1:
                     _save(found.save, out / f"fit_{file_name(model.name)}.json", saved)
+            several = len(models) > 1 or bool(held_out)
+            result = compared(fits, holdout=held_out, progress=progress) if several else fits[0]
+            best = list(result.fits) if isinstance(result, Comparison) else fits
             progress("writing the report")
-            best = [found for found, _ in ranked(fits)]
             _save(best[0].save, out / "fit.json", saved)
-            _save(lambda path: write_report(fits, path), out / "report.html", saved)
+            if several:
+                _save(result.save, out / "comparison.json", saved)
+            _save(lambda path: write_report(result, path), out / "report.html", saved)
     if as_json:
-        print(json.dumps(_fits_as_data(ranked(fits)), indent=1))
+        print(json.dumps(result.to_dict(), indent=1))
     elif not quiet:
-        notes = [note for found in best for note in _doubts(found)]
-        _summary(fit_sentence(best), key_figures(best), notes, saved)
+        notes = [note for found in best for note in (*_profile_notes(found), *_doubts(found))]
+        notes.append(_leftovers(best[0]))
+        figures = key_figures(result if isinstance(result, Comparison) else fits)
+        _summary(fit_sentence(best), figures, notes, saved, _parameter_figures(best[0]))
     return _status(fits, out)
 
 
-def _fits_as_data(fits: Sequence[tuple[Fit, float]]) -> dict:
-    best = fits[0][0].to_dict()
-    if len(fits) == 1:
-        return best
-    rows = [{"bic": bic, **found.to_dict()} for found, bic in fits]
-    return {"schema": "fracjax.comparison/1", "best": best["model"], "fits": rows}
+def _fit_table(
+    paths: Sequence[str],
+    names: Sequence[str],
+    out: Path,
+    options: dict[str, Any],
+    *,
+    seed: int,
+    quiet: bool,
+    as_json: bool,
+    saved: list[Path],
+) -> int:
+    """`fracjax fit --frequency-response`: linear laws, fitted to one table."""
+    from ._fit import fit_frequency_response, options_for, options_of, read_frequency_table
+    from ._models import parse_model
+    from ._report import write_report
+    from ._report._text import file_name, frequency_figures, frequency_sentence
+
+    asked = options_of(**{name: options[name] for name in _ASKED})
+    if len(paths) > 1 or asked.keys() & {"mask", "own"}:
+        raise click.UsageError(
+            "--frequency-response takes one table, and neither --mask nor --own",
+            click.get_current_context(),
+        )
+    table = read_frequency_table(
+        paths[0], drive_unit=options["input_unit"], response_unit=options["output_unit"]
+    )
+    models = [parse_model(name, table.setting) for name in dict.fromkeys(names)]
+    everything = {name for model in models for name in model.parameters}
+    _prepare_jax()
+    with _folder(out), _stages(quiet) as progress:
+        fits = []
+        for model in models:
+            told = options_for(asked, model.parameters.keys(), everything)
+            fits.append(fit_frequency_response(model, table, seed=seed, progress=progress, **told))
+        fits.sort(key=lambda found: found.bic)
+        progress("writing the report")
+        if len(fits) > 1:
+            for found in fits:
+                _save(found.save, out / f"fit_{file_name(found.model.name)}.json", saved)
+        _save(fits[0].save, out / "fit.json", saved)
+        _save(lambda path: write_report(fits, path), out / "report.html", saved)
+    if as_json:
+        told = [found.to_dict() for found in fits]
+        print(json.dumps(told[0] if len(told) == 1 else told, indent=1))
+    elif not quiet:
+        notes = [note for found in fits for note in _doubts(found)]
+        figures = frequency_figures(fits)
+        _summary(frequency_sentence(fits), figures, notes, saved, _parameter_figures(fits[0]))
+    return _status(fits, out)
+
+
+def _parameter_figures(found: Fit | FrequencyFit) -> tuple[list[str], list[list[str]]]:
+    """The parameters of a fit, and what is known of them together."""
+    from ._report._text import parameter_rows
+
+    heads = [found.model.name, "value", "95 % interval", "unit", "remark"]
+    return heads, [list(row.values()) for row in parameter_rows(found)]
+
+
+def _leftovers(found: Fit) -> str:
+    """What the tests on the residual of the first recording say."""
+    from ._fit import analyse_residuals
+
+    return "; ".join(analyse_residuals(found)[0].findings) + "."
+
+
+def _profile_notes(found: Fit) -> list[str]:
+    """The intervals of the profiles that were asked for."""
+    from ._report._text import figure, pretty_unit
+
+    notes = []
+    for profile in found.profiles:
+        low, high = ("open" if end is None else figure(end, 5) for end in profile.interval_95)
+        unit = pretty_unit(profile.unit)
+        notes.append(f"Profile of {profile.name}: 95 % from {low} to {high} {unit}".strip() + ".")
+    return notes
 
 
 # crosscheck ---------------------------------------------------------------------------------------
@@ -1248,7 +1383,7 @@ def _chain_bar(quiet: bool, steps: int) -> Iterator[Callable[[int, int, str], No
         yield told
 
 
-def _doubts(fit: Fit) -> list[str]:
+def _doubts(fit: Fit | FrequencyFit) -> list[str]:
     """What the data do not determine, by name, and what was held against the fit."""
     unknown = [e.name for e in fit.estimates if not e.identified]
     bound = [e.name for e in fit.estimates if e.at_bound]
@@ -1268,13 +1403,16 @@ def _summary(
     table: tuple[list[str], list[list[str]]],
     notes: Sequence[str],
     saved: Sequence[Path],
+    parameters: tuple[list[str], list[list[str]]] | None = None,
 ) -> None:
-    """The plain sentence, the key figures, what to mind, and where everything is."""
+    """The plain sentence, the key figures, parameters, what to mind, and where everything is."""
     from rich.console import Console
 
     Console(markup=False, highlight=False).print(sentence, style="bold", soft_wrap=True)
     if table[1]:
         _table(*table)
+    if parameters is not None and parameters[1]:
+        _table(*parameters)
     for note in notes:
         print(note)
     if saved:
@@ -1296,7 +1434,7 @@ def _table(heads: list[str], rows: list[list[str]]) -> None:
     Console(markup=False, emoji=False, highlight=False, width=width).print(table)
 
 
-def _status(fits: Sequence[Fit], out: Path | None) -> int:
+def _status(fits: Sequence[Fit | FrequencyFit], out: Path | None) -> int:
     """0, or 3 and a sentence where a fit did not converge."""
     failed = [fit.model.name for fit in fits if not fit.converged]
     if not failed:

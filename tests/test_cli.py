@@ -126,6 +126,9 @@ def written() -> set[str]:
         ("fit LOOP --model foh --out LOOP", "expected a place that can be written"),
         ("fit LOOP --model foh --out results --settle 9s", "a time from 0 to 3.68 s"),
         ("fit LOOP --model foh --out results --settle 9um", "expected a value in s"),
+        ("fit LOOP --model foh --out results --prior alpha=1", 'a text such as "alpha=0.1±0.02"'),
+        ("fit LOOP --model creep --out results --fix nu=1", '"nu": expected one of k_c, mu'),
+        ("fit LOOP --model creep --out results --mask 8s..9s", "expected times within 0 to 3.99"),
         ("fit LOOP --model foh --out results --input 7", 'expected a column "7"'),
         ("diagnose LOOP --model foh --out results --noise -1um", "expected a level above 0"),
         ("diagnose LOOP --model foh --out results --noise 1V", "expected a value in um"),
@@ -213,10 +216,51 @@ def test_options_reach_the_fit(loop, quick):
 def test_several_models_are_compared(loop, quick, capsys):
     models = ["--model", "foh >> creep", "--model", "lfdh", "--model", "lfdh"]
     assert run(["fit", loop, *models, "--out", "results"]) == 0
-    assert written() == {"fit.json", "fit_foh-then-creep.json", "fit_lfdh.json", "report.html"}
+    files = {"fit.json", "fit_foh-then-creep.json", "fit_lfdh.json", "comparison.json"}
+    assert written() == files | {"report.html"}
     out, _ = capsys.readouterr()
     assert out.startswith("foh >> creep describes loop.csv best of 2 models by BIC")
     assert (FOLDER / "fit.json").read_text() == (FOLDER / "fit_foh-then-creep.json").read_text()
+
+
+def test_what_is_asked_of_parameters_and_samples_reaches_the_fit(loop, quick):
+    call = ["fit", loop, "--model", "foh", "--out", "results", "--loss", "huber"]
+    asked = ["--fix", "k_p=0", "--bound", "beta=-0.2..0", "--prior", "alpha=0.1+-0.02"]
+    more = ["--tie", "k_l=2*k_h", "--own", "k_h", "--mask", "0.1 s..0.2 s", "--mask", "1..2"]
+    assert run([*call, *asked, *more]) == 0
+    (told,) = quick
+    assert (told["fixed"], told["bounds"]) == ({"k_p": 0.0}, {"beta": (-0.2, 0.0)})
+    assert float(told["priors"]["alpha"].sd) == 0.02
+    assert (told["tied"], told["own"]) == ({"k_l": ("k_h", 2.0)}, ("k_h",))
+    assert told["mask"] == ((0.1, 0.2), (1.0, 2.0))
+    assert told["loss"] == "huber"
+
+
+def test_of_several_models_each_takes_what_speaks_of_its_parameters(loop, quick):
+    call = ["fit", loop, "--model", "foh", "--model", "lfdh", "--out", "results"]
+    assert run([*call, "--fix", "k_p=0", "--fix", "mu=0.2", "--fix", "wumpus=1"]) == 0
+    assert [told["fixed"] for told in quick] == [
+        {"k_p": 0.0, "wumpus": 1.0},
+        {"mu": 0.2, "wumpus": 1.0},
+    ]
+
+
+def test_a_fit_with_options_for_real(loop, capsys):
+    call = ["fit", loop, "--model", "creep", "--out", "results", "--loss", "student_t"]
+    asked = ["--fix", "mu=0.02", "--mask", "0 s..0.5 s", "--profile", "k_c", "--holdout", loop]
+    assert run([*call, *asked]) == 0
+    out, _ = capsys.readouterr()
+    assert "RMSE, held-out data" in out
+    assert "Profile of k_c: 95 % from" in out
+    assert "The residual is " in out
+    told = json.loads((FOLDER / "fit.json").read_text())
+    assert told["samples_left_out"] == [51]
+    assert told["loss"]["name"] == "student_t"
+    assert [profile["name"] for profile in told["profiles"]] == ["k_c"]
+    page = (FOLDER / "report.html").read_text()
+    for said in ("What is left over", "Profiles: how", "51 samples more were left out", "Held out"):
+        assert said in page
+    assert written() == {"fit.json", "comparison.json", "report.html"}
 
 
 def test_json_is_all_that_is_printed(loop, quick, capsys):

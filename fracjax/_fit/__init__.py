@@ -2,6 +2,12 @@
 
 from ._amplitude_ratios import AmplitudeRatios as AmplitudeRatios
 from ._amplitude_ratios import amplitude_ratios as amplitude_ratios
+from ._combinations import Combination as Combination
+from ._compare import Comparison as Comparison
+from ._compare import compare as compare
+from ._compare import compared as compared
+from ._compare import ranked as ranked
+from ._conditions import Conditions as Conditions
 from ._creep_identification import CreepEstimate as CreepEstimate
 from ._creep_identification import CreepIdentification as CreepIdentification
 from ._creep_identification import ofocim as ofocim
@@ -21,6 +27,11 @@ from ._fit import scores_of as scores_of
 from ._fit import settle as settle
 from ._fit import silent as silent
 from ._fit import solve_from as solve_from
+from ._frequency_fit import FrequencyFit as FrequencyFit
+from ._frequency_fit import fit_frequency_response as fit_frequency_response
+from ._frequency_table import FrequencyTable as FrequencyTable
+from ._frequency_table import frequency_table as frequency_table
+from ._frequency_table import read_frequency_table as read_frequency_table
 from ._layout import layout_of as layout_of
 from ._layout import split as split
 from ._least_squares import jacobian as jacobian
@@ -30,6 +41,8 @@ from ._noise import Noise as Noise
 from ._noise import autoregression as autoregression
 from ._noise import measured_noise as measured_noise
 from ._noise import residual_noise as residual_noise
+from ._normal import AbstractPrior as AbstractPrior
+from ._normal import Normal as Normal
 from ._preparation import Past as Past
 from ._preparation import Preparation as Preparation
 from ._preparation import Take as Take
@@ -37,6 +50,16 @@ from ._preparation import settling_samples as settling_samples
 from ._preparation import take_of as take_of
 from ._problem import Problem as Problem
 from ._problem import top_frequency as top_frequency
+from ._profile import Profile as Profile
+from ._profile import profile as profile
+from ._profile import with_profiles as with_profiles
+from ._residuals import ResidualAnalysis as ResidualAnalysis
+from ._residuals import analyse_residuals as analyse_residuals
+from ._robust import LOSSES as LOSSES
+from ._robust import Loss as Loss
+from ._robust import Robust as Robust
+from ._spelling import options_for as options_for
+from ._spelling import options_of as options_of
 from ._uncertainty import Estimate as Estimate
 from ._uncertainty import orthonormal as orthonormal
 from ._uncertainty import physical_unit as physical_unit

@@ -6,6 +6,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import jax
 import numpy as np
@@ -15,12 +16,21 @@ from .._blocks import AbstractBlock, Setting
 from .._models import Model, parse_model
 from .._parameters import Parameter, named_parameters, replace_parameters, set_values
 from .._recording import InputError, Recording, require_units_of
+from ._combinations import Combination
+from ._conditions import PLAIN, Conditions, Tied, conditions_of
 from ._layout import layout_of
 from ._least_squares import Objective, begin, descend, simulate
 from ._noise import Noise, measured_noise, residual_noise
+from ._normal import Normal
 from ._preparation import Past, Preparation, Take, coarse_oversampling, other_histories, take_of
+from ._problem import Problem
 from ._programs import make_room
-from ._uncertainty import Estimate, estimates
+from ._robust import ROUNDS, SETTLED, Loss, Robust, shape_of, weigh
+from ._uncertainty import Estimate, uncertainty_of
+from ._weights import Mask, Weights, weights_of
+
+if TYPE_CHECKING:
+    from ._profile import Profile
 
 SCHEMA = "fracjax.fit/1"
 _ROUNDS = 20
@@ -53,8 +63,9 @@ class Solved:
     """A block at its optimum, χ² and convergence.
 
     `own`: each recording's own coefficients (q,), its offset first; `simulations` (N,) hold them.
-    `evaluations` counts how often the objective was computed, over all starts; `kurtosis` is that
-    of the whitened residual.
+    `evaluations` counts how often the objective was computed, over all starts.  `blocks` are every
+    recording's own (`block` the first's), `whitened` residuals (L,), `free` how many numbers were
+    fitted.
     """
 
     block: AbstractBlock
@@ -65,14 +76,20 @@ class Solved:
     start_costs: tuple[float, ...]
     samples: int
     evaluations: int
-    kurtosis: float
+    blocks: tuple[AbstractBlock, ...]
+    whitened: tuple[np.ndarray, ...]
+    free: int
+
+    @property
+    def kurtosis(self) -> float:
+        """Of the whitened residual: 3 where it is normal."""
+        residual = np.concatenate(self.whitened)
+        return float(kurtosis(residual[residual != 0], fisher=False))
 
     @property
     def bic(self) -> float:
         """χ² + k ln n, the noise known."""
-        layout = layout_of(self.block)
-        free = sum(size for _, size in layout.shapes + layout.gains) + sum(map(len, self.own))
-        return self.cost + free * float(np.log(self.samples))
+        return self.cost + self.free * float(np.log(self.samples))
 
 
 @dataclass(frozen=True)
@@ -80,8 +97,11 @@ class Fit:
     """A fitted model with its uncertainty, scores and the assumptions it rests on.
 
     `simulations` are the model's responses at the recordings' samples, offset included, in the
-    response's unit; `correlated` names parameters that the data only know together; `warnings` are
-    what later checks held against it.
+    response's unit; `correlated` names parameters that the data only know together, `combinations`
+    what they know of them; `warnings` are what later checks held against it.  `residual_order` is
+    that of the whitened residual's autoregression, which the standard errors allow for; `robust`
+    says how a robust loss weighed the samples; `profiles` are those that were asked for.  Where
+    recordings have parameters of their own, `models` are theirs and `model` is the first's.
     """
 
     model: Model
@@ -94,6 +114,18 @@ class Fit:
     converged: bool
     start_costs: tuple[float, ...]
     warnings: tuple[str, ...] = ()
+    models: tuple[Model, ...] = ()
+    combinations: tuple[Combination, ...] = ()
+    residual_order: int = 0
+    robust: Robust | None = None
+    profiles: tuple[Profile, ...] = ()
+
+    @property
+    def weighed(self) -> Preparation:
+        """The recordings with the weights that a robust loss ended with."""
+        if self.robust is None:
+            return self.preparation
+        return self.preparation.with_trust(self.robust.weights)
 
     @property
     def residuals(self) -> tuple[np.ndarray, ...]:
@@ -129,6 +161,8 @@ class Fit:
                 for e in self.estimates
             },
             "known_only_together": list(self.correlated),
+            "combinations": [combination.to_dict() for combination in self.combinations],
+            **self.preparation.conditions.to_dict(),
             "offsets": list(self.offsets),
             "scores": asdict(self.scores),
             "noise": {"sigma": noise.sigma, "unit": noise.unit, "method": noise.method},
@@ -136,6 +170,12 @@ class Fit:
                 {"history": t.history, "settling_samples": t.settling}
                 for t in self.preparation.takes
             ],
+            "samples_left_out": [
+                int(np.count_nonzero(~t.used[t.settling :])) for t in self.preparation.takes
+            ],
+            "profiles": [profile.to_dict() for profile in self.profiles],
+            "residual_order": self.residual_order,
+            "loss": {"name": "least_squares"} if self.robust is None else self.robust.to_dict(),
             "oversampling": self.preparation.oversampling,
             "converged": self.converged,
             "warnings": list(self.warnings),
@@ -187,13 +227,16 @@ def solve_from(
     of what is left beyond the noise.  Above `hopeless` in χ² the first looks are all that is spent.
     """
     make_room()
-    problems = preparation.problems()
-    samples = int(sum(p.weights.sum() for p in problems))
-    descents = [descend(begin(start), problems, _FIRST_LOOKS) for start in starts]
+    problems, asked = preparation.problems(), preparation.conditions
+    samples = _counted(problems)
+    descents = [
+        descend(begin(start, len(problems), asked), problems, _FIRST_LOOKS, asked)
+        for start in starts
+    ]
     descents.sort(key=lambda d: d.cost)
     for k, descent in enumerate(descents[: -(-len(starts) // 2)]):
         if not descent.converged and descent.cost <= hopeless:
-            descents[k] = descend(descent, problems, _LOOKS)
+            descents[k] = descend(descent, problems, _LOOKS, asked)
     for _ in range(_ROUNDS):
         order = np.argsort([d.cost for d in descents])
         best = descents[order[0]]
@@ -201,7 +244,7 @@ def solve_from(
             break
         for k in order[:2]:
             if not descents[k].converged:
-                descents[k] = descend(descents[k], problems, _LOOKS)
+                descents[k] = descend(descents[k], problems, _LOOKS, asked)
         least = min(descents, key=lambda d: d.cost)
         if best.cost - least.cost < max(0.1, 1e-4 * (best.cost - samples)):
             descents[descents.index(least)] = least._replace(converged=True)
@@ -227,25 +270,37 @@ def solved_at(
 ) -> Solved:
     """The block at the best position that was found, finished; `costs` (S,) of all starts."""
     problems = preparation.problems()
-    point = Objective(block, problems).at(position)
-    counted = np.concatenate([p.weights for p in problems]) > 0
+    objective = Objective(block, problems, preparation.conditions)
+    point = objective.at(position)
     counts = [p.own.shape[1] for p in problems]
     own = np.split(point.own, np.cumsum(counts)[:-1])
+    blocks = jax.tree_util.tree_map(np.asarray, point.blocks)
     simulations = [
-        (simulate(point.block, problem) + problem.own @ terms)[: len(take.recording)]
-        for take, problem, terms in zip(preparation.takes, problems, own, strict=True)
+        (simulate(fitted, problem) + problem.own @ terms)[: len(take.recording)]
+        for take, problem, fitted, terms in zip(
+            preparation.takes, problems, blocks, own, strict=True
+        )
     ]
+    # After the data's rows come those of the priors, which are no part of χ².
+    *whitened, _ = np.split(point.residual, np.cumsum([len(p.response) for p in problems]))
     return Solved(
-        block=jax.tree_util.tree_map(np.asarray, point.block),
+        block=blocks[0],
         own=tuple(own),
         simulations=tuple(simulations),
-        cost=min(costs),
+        cost=float(np.nan_to_num(sum(r @ r for r in whitened), nan=np.inf, posinf=np.inf)),
         converged=bool(converged),
         start_costs=costs,
-        samples=int(sum(p.weights.sum() for p in problems)),
+        samples=_counted(problems),
         evaluations=evaluations,
-        kurtosis=float(kurtosis(point.residual[counted], fisher=False)),
+        blocks=blocks,
+        whitened=tuple(whitened),
+        free=len(objective.numbers.labels) + sum(counts),
     )
+
+
+def _counted(problems: tuple[Problem, ...]) -> int:
+    """How many samples count."""
+    return int(sum(np.count_nonzero(p.weights) for p in problems))
 
 
 def fit_block(block: AbstractBlock, preparation: Preparation, starts: int, seed: int) -> Solved:
@@ -278,6 +333,9 @@ def prepare(
     specification: float | None = None,
     history: Past | None = None,
     settling: int | None = None,
+    weights: Weights = None,
+    mask: Mask = (),
+    conditions: Conditions = PLAIN,
 ) -> Preparation:
     """Decide noise, history, settling and grid for recordings that are to be fitted together."""
     if not recordings:
@@ -287,13 +345,14 @@ def prepare(
     takes = tuple(
         take_of(
             recording,
-            noise or measured_noise(recording, repeat, specification),
+            noise or measured_noise(recording, repeat, specification, counts),
             history,
             settling,
+            counts,
         )
-        for recording in recordings
+        for recording, counts in zip(recordings, weights_of(recordings, weights, mask), strict=True)
     )
-    return Preparation(takes, coarse_oversampling(list(recordings)))
+    return Preparation(takes, coarse_oversampling(list(recordings)), conditions)
 
 
 def settle(
@@ -344,23 +403,70 @@ def _error_in_common(
     return float(np.mean(np.concatenate(errors)))
 
 
-def fit_of(model: Model, solved: Solved, preparation: Preparation) -> Fit:
+def reweighted(
+    solved: Solved, preparation: Preparation, loss: Loss
+) -> tuple[Solved, Robust, float]:
+    """The optimum of a robust loss, from that of least squares; what it made of the samples, and
+    the inflation of its standard errors.  Its cost Σ 2s²ρ takes the place of χ²."""
+    shape = shape_of(loss)
+    assert shape is not None  # of least squares nothing is to be done
+    counted = [np.asarray(p.weights) > 0 for p in preparation.problems()]
+    sizes = [len(take.recording) for take in preparation.takes]
+    roots = [np.ones(len(c)) for c in counted]
+    cost, rounds = np.inf, 0
+    while True:
+        plain = [r / root for r, root in zip(solved.whitened, roots, strict=True)]
+        seen = weigh(shape, plain, counted)
+        settled = abs(cost - seen.cost) <= SETTLED * seen.cost
+        if settled or rounds == ROUNDS:
+            break
+        cost, roots, rounds = seen.cost, [np.sqrt(w) for w in seen.weights], rounds + 1
+        trust = [w[:size] for w, size in zip(seen.weights, sizes, strict=True)]
+        solved = solve_from([solved.block], preparation.with_trust(trust))
+    one = shape.weight(np.zeros(1))[0]
+    weights = tuple(w[:size] / one for w, size in zip(seen.weights, sizes, strict=True))
+    robust = Robust(loss, seen.scale, weights, seen.downweighted, rounds)
+    found = replace(
+        solved,
+        cost=seen.cost,
+        whitened=tuple(seen.bounded),
+        converged=solved.converged and settled,
+    )
+    return found, robust, seen.inflation
+
+
+def fit_of(
+    model: Model, solved: Solved, preparation: Preparation, loss: Loss = "least_squares"
+) -> Fit:
     """The result, with standard errors, from a solved block."""
+    robust = None
+    if loss == "least_squares":
+        inflation = max(1.0, float(np.sqrt(solved.cost / solved.samples)))
+    else:
+        solved, robust, inflation = reweighted(solved, preparation, loss)
     first = preparation.takes[0].recording
-    inflation = max(1.0, float(np.sqrt(solved.cost / solved.samples)))
-    found, correlated = estimates(
-        solved.block, preparation.problems(), (first.drive_unit, first.response_unit), inflation
+    known = uncertainty_of(
+        solved.blocks,
+        preparation.problems(),
+        preparation.conditions,
+        units=(first.drive_unit, first.response_unit),
+        inflation=inflation,
+        residuals=solved.whitened,
     )
     return Fit(
         model=Model(solved.block, model.name),
         preparation=preparation,
-        estimates=found,
-        correlated=correlated,
+        estimates=known.estimates,
+        correlated=known.correlated,
         offsets=tuple(float(terms[0]) for terms in solved.own),
         simulations=solved.simulations,
         scores=scores_of(solved, preparation),
         converged=solved.converged,
         start_costs=solved.start_costs,
+        models=tuple(Model(block, model.name) for block in solved.blocks),
+        combinations=known.combinations,
+        residual_order=known.order,
+        robust=robust,
     )
 
 
@@ -373,6 +479,12 @@ def fit(
     settling: int | None = None,
     fixed: dict[str, float] | None = None,
     bounds: dict[str, tuple[float, float]] | None = None,
+    priors: dict[str, Normal] | None = None,
+    tied: Tied | None = None,
+    own: Sequence[str] = (),
+    weights: Weights = None,
+    mask: Mask = (),
+    loss: Loss = "least_squares",
     starts: int = 8,
     seed: int = 0,
     progress: Progress = silent,
@@ -381,19 +493,39 @@ def fit(
 
     Least squares, whitened by the noise's own colour, gains eliminated, from `starts` points.
     `history` and `settling` [samples] are decided from the data where not given; the history
-    "estimated" fits what the drive before the first sample still adds.  `fixed` holds
-    parameters at values, `bounds` narrows their range, by name.
+    "estimated" fits what the drive before the first sample still adds.
+
+    By name, `fixed` holds parameters at values, `bounds` narrows their range, `priors` says what
+    was known of them before, `tied` lets one equal another, `{"second.mu": "first.alpha"}`, or a
+    multiple of it, `("first.alpha", 2.0)`; of `own` every recording has its own value, told as
+    `name@1`, `name@2`, ….  `weights` (N,), one array per recording, multiply the squared residuals,
+    `mask` leaves out times [s], ends included.  `loss`: "huber", "soft_l1" or "student_t" let
+    outliers weigh less.
     Raises InputError where names are unknown.  A fit that did not converge says so in `converged`.
     """
     listed = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    shape_of(loss)
     with jax.enable_x64(True):
         progress(f"fitting {model.name}")
-        block = replace_parameters(
-            model.block, constrained(model.parameters, fixed or {}, bounds or {})
+        block, conditions = conditions_of(
+            replace_parameters(
+                model.block, constrained(model.parameters, fixed or {}, bounds or {})
+            ),
+            tied=tied,
+            own=own,
+            priors=priors,
         )
-        preparation = prepare(listed, noise=noise, history=history, settling=settling)
+        preparation = prepare(
+            listed,
+            noise=noise,
+            history=history,
+            settling=settling,
+            weights=weights,
+            mask=mask,
+            conditions=conditions,
+        )
         solved, preparation = settle(block, preparation, history=history, starts=starts, seed=seed)
-        return fit_of(model, solved, preparation)
+        return fit_of(model, solved, preparation, loss)
 
 
 def constrained(

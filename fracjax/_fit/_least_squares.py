@@ -12,7 +12,7 @@ Coleman & Li, SIAM J. Sci. Comput. 21 (1999) 1.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple, TypeAlias
 
 import jax.numpy as jnp
 import numpy as np
@@ -20,9 +20,14 @@ from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares
 
 from .._blocks import AbstractBlock
-from .._parameters import named_parameters
-from ._layout import layout_of, own_columns, placed, position_of, with_gains
+from ._conditions import Conditions, Numbers, numbers_of, prior_rows
+from ._layout import layout_of, own_columns
 from ._problem import Problem
+
+if TYPE_CHECKING:
+    from ._frequency_fit import FrequencyProblem
+
+Problems: TypeAlias = "tuple[Problem, ...] | tuple[FrequencyProblem, ...]"
 
 _RIDGE = 1e-9
 _RELATIVE = 1e-8
@@ -48,35 +53,44 @@ def simulate_all(
     )
 
 
-def _linearised(
-    block: AbstractBlock, problem: Problem, names: Sequence[str]
-) -> tuple[np.ndarray, np.ndarray]:
-    """Response (L,) and its derivatives (L, Σ size) with respect to the named parameters."""
-    drive = jnp.asarray(problem.drive)
-    response, columns, _ = block.linearise(drive, problem.grid, names, ())
-    pieces = [np.asarray(columns[name])[:: problem.oversampling] for name in names]
-    response = np.asarray(response)[:: problem.oversampling]
-    return response, np.concatenate([np.zeros((response.size, 0)), *pieces], axis=1)
-
-
 def jacobian(block: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Derivative (ΣL, shapes + gains + own) of the simulation in physical values: as it is, and
     whitened with left-out samples zero."""
     layout = layout_of(block)
     names = [name for name, _ in layout.shapes + layout.gains]
     raw = [
-        np.concatenate([_linearised(block, problem, names)[1], own], axis=1)
+        np.concatenate([problem.linearised(block, names)[1], own], axis=1)
         for problem, own in zip(problems, own_columns(problems), strict=True)
     ]
     whitened = [p.whiten(columns) for p, columns in zip(problems, raw, strict=True)]
     return np.concatenate(raw), np.concatenate(whitened)
 
 
-class Point(NamedTuple):
-    """A block with its best gains, the own coefficients (Σq,), the whitened residual (ΣL,), and an
-    orthonormal basis (ΣL, gains + own) of what gains and own terms span."""
+def sensitivity(
+    blocks: Sequence[AbstractBlock],
+    problems: Problems,
+    numbers: Numbers,
+) -> np.ndarray:
+    """Derivative (ΣL, numbers + own) of the whitened simulation in the values of a fit's numbers,
+    one block per recording."""
+    columns = []
+    for r, (block, problem) in enumerate(zip(blocks, problems, strict=True)):
+        layout = layout_of(block)
+        shapes, gains = ([name for name, _ in part] for part in layout)
+        found = problem.linearised(block, shapes + gains)[1]
+        count = sum(size for _, size in layout.shapes)
+        mapped = found[:, :count] @ numbers.shape_maps[r], found[:, count:] @ numbers.gain_maps[r]
+        columns.append(problem.whiten(np.concatenate(mapped, axis=1)))
+    own = [p.whiten(np.asarray(c)) for p, c in zip(problems, own_columns(problems), strict=True)]
+    return np.concatenate([np.concatenate(columns), np.concatenate(own)], axis=1)
 
-    block: AbstractBlock
+
+class Point(NamedTuple):
+    """Every recording's block with the best gains, the own coefficients (Σq,), the whitened
+    residual (ΣL + priors,), and an orthonormal basis (ΣL + priors, gains + own) of what gains and
+    own terms span."""
+
+    blocks: tuple[AbstractBlock, ...]
     own: np.ndarray
     residual: np.ndarray
     basis: np.ndarray
@@ -90,14 +104,23 @@ class Point(NamedTuple):
 class Objective:
     """χ² of a block over the positions of its shapes, everything linear at its best.
 
-    It counts its `evaluations` and keeps the `best` point it has met.
+    Priors are rows of the residual after the data's.  It counts its `evaluations`.
     """
 
-    def __init__(self, block: AbstractBlock, problems: tuple[Problem, ...]):
+    def __init__(
+        self,
+        block: AbstractBlock,
+        problems: Problems,
+        conditions: Conditions | None = None,
+    ):
         self.block, self.problems = block, problems
+        asked = conditions or Conditions()
         self.layout = layout_of(block)
-        self.own = [np.asarray(columns) for columns in own_columns(problems)]
-        self.white_own = [p.whiten(own) for p, own in zip(problems, self.own, strict=True)]
+        self.numbers = numbers_of(block, len(problems), asked)
+        self.priors = prior_rows(block, self.numbers, asked)
+        self.gains = self.numbers.gains_of(block)
+        own = [np.asarray(columns) for columns in own_columns(problems)]
+        self.white_own = [p.whiten(columns) for p, columns in zip(problems, own, strict=True)]
         self.evaluations = 0
         self._position, self._point = np.full(0, np.nan), None
 
@@ -109,46 +132,47 @@ class Objective:
 
     def _solve(self, position: np.ndarray) -> Point:
         self.evaluations += 1
-        block = placed(self.block, position)
+        shapes = self.numbers.values_at(self.block, position)
+        blocks = self.numbers.blocks(self.block, shapes, self.gains)
         names = [name for name, _ in self.layout.gains]
-        parameters = named_parameters(block)
-        gains = np.concatenate([np.zeros(0), *(np.ravel(parameters[n].value) for n in names)])
         columns, targets = [], []
-        for problem, white_own in zip(self.problems, self.white_own, strict=True):
-            response, found = _linearised(block, problem, names)
+        for block, problem, white_own, gain_map in zip(
+            blocks, self.problems, self.white_own, self.numbers.gain_maps, strict=True
+        ):
+            response, found = problem.linearised(block, names)
+            found = found @ gain_map
             columns.append(np.concatenate([problem.whiten(found), white_own], axis=1))
-            targets.append(problem.whiten(problem.response - response + found @ gains))
+            targets.append(problem.whiten(problem.response - response + found @ self.gains))
+        prior, nothing = self.priors, np.zeros((len(self.priors.means), self.white_own[0].shape[1]))
+        columns.append(np.concatenate([(prior.gains.T / prior.sds).T, nothing], axis=1))
+        targets.append((prior.means - prior.shapes @ shapes) / prior.sds)
         solution, residual, basis = _least(np.concatenate(columns), np.concatenate(targets))
-        return Point(
-            with_gains(block, solution[: gains.size]), solution[gains.size :], residual, basis
-        )
+        count = self.gains.size
+        blocks = self.numbers.blocks(self.block, shapes, solution[:count])
+        return Point(blocks, solution[count:], residual, basis)
 
     def residual(self, position: np.ndarray) -> np.ndarray:
-        """The whitened residual (ΣL,)."""
+        """The whitened residual (ΣL + priors,)."""
         return self.at(position).residual
 
     def derivative(self, position: np.ndarray) -> np.ndarray:
-        """Kaufman's derivative (ΣL, n) of the residual."""
+        """Kaufman's derivative (ΣL + priors, n) of the residual."""
         point = self.at(position)
         names = [name for name, _ in self.layout.shapes]
         columns = [
-            problem.whiten(_linearised(point.block, problem, names)[1]) for problem in self.problems
+            problem.whiten(problem.linearised(block, names)[1] @ shape_map)
+            for block, problem, shape_map in zip(
+                point.blocks, self.problems, self.numbers.shape_maps, strict=True
+            )
         ]
-        moved = np.concatenate(columns) * self._slopes(point.block)
+        rows = (self.priors.shapes.T / self.priors.sds).T
+        shapes = self.numbers.values_at(self.block, position)
+        moved = np.concatenate([*columns, rows]) * self.numbers.slopes(self.block, shapes)
         return point.basis @ (point.basis.T @ moved) - moved
-
-    def _slopes(self, block: AbstractBlock) -> np.ndarray:
-        """How fast each shape's value changes with its position."""
-        parameters = named_parameters(block)
-        return np.concatenate([np.ravel(parameters[n].slope()) for n, _ in self.layout.shapes])
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """The positions' bounds (n,)."""
-        parameters = named_parameters(self.block)
-        bounded = np.concatenate(
-            [np.full(size, parameters[name].bounded) for name, size in self.layout.shapes]
-        )
-        return np.where(bounded, 0.0, -np.inf), np.where(bounded, 1.0, np.inf)
+        return self.numbers.bounds(self.block)
 
 
 def _least(columns: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
@@ -172,14 +196,15 @@ class Descent(NamedTuple):
     converged: bool
 
 
-def begin(start: AbstractBlock) -> Descent:
+def begin(start: AbstractBlock, recordings: int, conditions: Conditions) -> Descent:
     """A start, not yet looked at."""
-    return Descent(start, position_of(start), np.inf, 0, False)
+    position = numbers_of(start, recordings, conditions).position_of(start)
+    return Descent(start, position, np.inf, 0, False)
 
 
-def descend(at: Descent, problems: tuple[Problem, ...], looks: int) -> Descent:
+def descend(at: Descent, problems: Problems, looks: int, conditions: Conditions) -> Descent:
     """Up to `looks` evaluations further."""
-    objective = Objective(at.block, problems)
+    objective = Objective(at.block, problems, conditions)
     first = objective.at(at.position)
     if at.position.size == 0 or not np.isfinite(first.cost):
         return at._replace(

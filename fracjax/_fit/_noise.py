@@ -91,11 +91,11 @@ def _noise(series: list[np.ndarray], unit: str, method: Method, shared: float = 
     return Noise(sigma, unit, method, coefficients, innovation, white.size / shared, tails)
 
 
-def _from_repeats(recording: Recording) -> list[np.ndarray]:
+def _from_repeats(recording: Recording, counts: np.ndarray | None) -> list[np.ndarray]:
     """Second differences over successive periods /√6, once the response has settled.
 
     A first difference would still hold the slow decay of the actuator's memory of its start; the
-    second keeps only what is new in each period.
+    second keeps only what is new in each period.  Those with samples of weight 0 are left out.
     """
     repeats = recording.drive_period()
     if repeats is None:
@@ -105,16 +105,26 @@ def _from_repeats(recording: Recording) -> list[np.ndarray]:
     difference = (y[2 * period :] - 2 * y[period:-period] + y[: -2 * period]) / np.sqrt(6)
     # Period by period: across periods a difference has a comb for its spectrum, noise has none.
     blocks = difference[: difference.size // period * period].reshape(-1, period)
+    if counts is not None:
+        good = counts[repeats.start : repeats.stop] > 0
+        clean = good[2 * period :] & good[period:-period] & good[: -2 * period]
+        blocks = blocks[clean[: blocks.size].reshape(-1, period).all(axis=1)]
+        if not len(blocks):
+            return []
     spread = blocks.std(axis=1)
     settled = int(np.argmax(spread <= 1.2 * np.median(spread)))
     return list(blocks[settled:] - blocks[settled:].mean())
 
 
-def _from_static(recording: Recording) -> list[np.ndarray]:
-    """Rests without the actuator's slow relaxation: a parabola and logarithms of time taken off."""
+def _from_static(recording: Recording, counts: np.ndarray | None) -> list[np.ndarray]:
+    """Rests without the actuator's slow relaxation: a parabola and logarithms of time taken off.
+
+    Those with samples of weight 0 are left out."""
     stretches = []
     for start, stop in recording.static_stretches(_REST_SECONDS):
         begin = start + (stop - start) // 10
+        if counts is not None and not np.all(counts[begin:stop]):
+            continue
         y = recording.response[begin:stop]
         x = np.linspace(0, 1, y.size)
         slow = np.stack([np.ones_like(x), x, x**2, np.log(x + 0.02), np.log(x + 0.2)], axis=1)
@@ -123,11 +133,15 @@ def _from_static(recording: Recording) -> list[np.ndarray]:
 
 
 def measured_noise(
-    recording: Recording, repeat: Recording | None = None, specification: float | None = None
+    recording: Recording,
+    repeat: Recording | None = None,
+    specification: float | None = None,
+    counts: np.ndarray | None = None,
 ) -> Noise | None:
     """Noise from repeated periods, a repeat recording, a rest, or the sensor's specification.
 
-    None where the recording offers no source; then only the residual of a fit is left.
+    Periods and rests where the weights `counts` (N,) are 0 are not looked at.  None where the
+    recording offers no source; then only the residual of a fit is left.
     """
     unit = recording.response_unit
     if repeat is not None:
@@ -141,9 +155,9 @@ def measured_noise(
             )
         difference = (repeat.response - recording.response) / np.sqrt(2)
         return _noise([difference - difference.mean()], unit, "repeats")
-    if series := _from_repeats(recording):
+    if series := _from_repeats(recording, counts):
         return _noise(series, unit, "repeats", _SHARED)
-    if series := _from_static(recording):
+    if series := _from_static(recording, counts):
         return _noise(series, unit, "static")
     if specification is not None:
         return Noise(specification, unit, "specification", np.ones(1), specification)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from typing import Literal
 
@@ -10,6 +11,7 @@ import numpy as np
 from .._blocks import Setting
 from .._operators._grid import History
 from .._recording import MINIMUM_SAMPLES, InputError, Recording, Repeats, parse_quantity
+from ._conditions import PLAIN, Conditions
 from ._noise import Noise
 from ._problem import Problem, make_problem, setting_of
 
@@ -24,6 +26,8 @@ class Take:
 
     `settling`: the first samples, whose memory is unknown; they do not count.  The history
     "estimated" is the constant one plus what another drive before t = 0 would still add.
+    `weights` (N,) are those that were given, of the squared residual; `trust` (N,) those that a
+    robust loss gives it.
     """
 
     recording: Recording
@@ -31,6 +35,14 @@ class Take:
     settling: int
     used: np.ndarray
     noise: Noise | None
+    weights: np.ndarray | None = None
+    trust: np.ndarray | None = None
+
+    @property
+    def roots(self) -> np.ndarray | None:
+        """Square roots of all weights (N,), which multiply the residual; None where none are."""
+        given = [np.sqrt(w) for w in (self.weights, self.trust) if w is not None]
+        return np.prod(given, axis=0) if given else None
 
     @property
     def baseline(self) -> slice:
@@ -40,10 +52,11 @@ class Take:
 
 @dataclass(frozen=True)
 class Preparation:
-    """Recordings made ready to be fitted together."""
+    """Recordings made ready to be fitted together, and what is asked of their parameters."""
 
     takes: tuple[Take, ...]
     oversampling: int
+    conditions: Conditions = PLAIN
 
     @property
     def setting(self) -> Setting:
@@ -59,6 +72,7 @@ class Preparation:
                 oversampling=oversampling or self.oversampling,
                 used=take.used,
                 whitening=np.ones(1) if take.noise is None else take.noise.whitening,
+                weights=take.roots,
             )
             for take in self.takes
         )
@@ -66,6 +80,10 @@ class Preparation:
     def with_noises(self, noises: list[Noise]) -> Preparation:
         takes = zip(self.takes, noises, strict=True)
         return replace(self, takes=tuple(replace(t, noise=n) for t, n in takes))
+
+    def with_trust(self, trust: Sequence[np.ndarray | None]) -> Preparation:
+        takes = zip(self.takes, trust, strict=True)
+        return replace(self, takes=tuple(replace(take, trust=t) for take, t in takes))
 
     def with_oversampling(self, oversampling: int) -> Preparation:
         return replace(self, oversampling=oversampling)
@@ -88,12 +106,16 @@ def settling_samples(settling: int | str, recording: Recording) -> int:
 
 
 def take_of(
-    recording: Recording, noise: Noise | None, history: Past | None, settling: int | None
+    recording: Recording,
+    noise: Noise | None,
+    history: Past | None,
+    settling: int | None,
+    weights: np.ndarray | None = None,
 ) -> Take:
     """A recording under the given history (`constant` where none is given).
 
     `periodic` cuts it to whole periods.  Of a drive with many periods the first does not count,
-    unless `settling` [samples] says otherwise.
+    unless `settling` [samples] says otherwise; nor do samples of weight 0.
     """
     repeats = recording.drive_period()
     if history == "periodic":
@@ -102,18 +124,24 @@ def take_of(
                 f"{recording.source}: expected a drive that repeats from the start for the history "
                 '"periodic", found none; choose "constant" or "rest"'
             )
-        return _steady_take(recording, repeats, noise)
+        return _steady_take(recording, repeats, noise, weights)
     if settling is None:
         many = repeats is not None and repeats.stop - repeats.start >= _STEADY_FROM * repeats.period
         moving = repeats is not None and repeats.start < repeats.period
         settling = repeats.period if repeats is not None and many and moving else 0
     used = np.arange(len(recording)) >= settling
-    return Take(recording, history or "constant", settling, used, noise)
+    if weights is not None:
+        used &= weights > 0
+    return Take(recording, history or "constant", settling, used, noise, weights)
 
 
-def _steady_take(recording: Recording, repeats: Repeats, noise: Noise | None) -> Take:
+def _steady_take(
+    recording: Recording, repeats: Repeats, noise: Noise | None, weights: np.ndarray | None
+) -> Take:
     whole = (repeats.stop // repeats.period) * repeats.period
-    return Take(recording.window(0, whole), "periodic", 0, np.ones(whole, bool), noise)
+    weights = None if weights is None else weights[:whole]
+    used = np.ones(whole, bool) if weights is None else weights > 0
+    return Take(recording.window(0, whole), "periodic", 0, used, noise, weights)
 
 
 def other_histories(take: Take) -> Take | None:
@@ -133,7 +161,7 @@ def other_histories(take: Take) -> Take | None:
         and repeats.stop > 0.8 * len(recording)
         and _is_steady(recording, repeats.period)
     ):
-        return _steady_take(recording, repeats, take.noise)
+        return _steady_take(recording, repeats, take.noise, take.weights)
     if take.settling and abs(recording.drive[0]) > 0.02 * np.ptp(recording.drive):
         return replace(take, history="rest")
     return None

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
 
 import equinox as eqx
@@ -17,6 +18,8 @@ from .._recording import Recording
 
 _FILTER_TAPS = 13
 _DECAYS_PER_DECADE = 2
+# Where the drive goes on from its last sample is not recorded, nor then its rate there.
+_UNKNOWN_RATE = 2
 
 
 class Problem(eqx.Module):
@@ -40,11 +43,27 @@ class Problem(eqx.Module):
         """The block's response (L,) at the recording's samples."""
         return block(jnp.asarray(self.drive), self.grid)[:: self.oversampling]
 
+    def linearised(
+        self, block: AbstractBlock, names: Sequence[str]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Response (L,) and its derivatives (L, Σ size) with respect to the named parameters."""
+        drive = jnp.asarray(self.drive)
+        response, columns, _ = block.linearise(drive, self.grid, names, ())
+        pieces = [np.asarray(columns[name])[:: self.oversampling] for name in names]
+        response = np.asarray(response)[:: self.oversampling]
+        return response, np.concatenate([np.zeros((response.size, 0)), *pieces], axis=1)
+
+    @property
+    def size(self) -> float:
+        """Length of the whitened response about its mean."""
+        return float(np.linalg.norm(self.whiten(self.response - self.response.mean())))
+
     def whiten(self, signals: Any) -> Any:
         """Signals (L, …) through the whitening filter, unit variance where the weight is 1."""
         if isinstance(signals, np.ndarray) and isinstance(self.weights, np.ndarray):
             taps = np.trim_zeros(np.asarray(self.whitening), "b")
-            filtered = lfilter(taps, 1.0, signals, axis=0) if taps.size > 1 else taps * signals
+            coloured = taps.size > 1 and signals.size > 0
+            filtered = lfilter(taps, 1.0, signals, axis=0) if coloured else taps[0] * signals
             return (np.transpose(np.asarray(filtered)) * self.weights).T
         length, others = signals.shape[0], [(0, 0)] * (signals.ndim - 1)
         padded = jnp.pad(jnp.asarray(signals), [(_FILTER_TAPS - 1, 0), *others])
@@ -68,8 +87,10 @@ def make_problem(
     used: np.ndarray,
     whitening: np.ndarray,
     past: bool,
+    weights: np.ndarray | None = None,
 ) -> Problem:
-    """Assemble a problem; `used` (N,) is true where a sample counts, `past` fits a prehistory."""
+    """Assemble a problem; `used` (N,) is true where a sample counts, `past` fits a prehistory;
+    `weights` (N,) multiply the whitened residual."""
     samples = len(recording)
     drive, response = recording.drive, recording.response
     taps = np.zeros(_FILTER_TAPS)
@@ -77,8 +98,11 @@ def make_problem(
     # A whitened sample mixes its predecessors: it counts only if all of them do.
     support = np.ones(whitening.size)
     left_out = np.asarray(lfilter(support, 1.0, np.where(used, 0.0, 1.0)))
-    weights = (left_out < 0.5).astype(float)
-    weights[: whitening.size - 1] = 0.0
+    counts = (left_out < 0.5).astype(float)
+    counts[: whitening.size - 1] = 0.0
+    if history != "periodic":
+        counts[-_UNKNOWN_RATE:] = 0.0
+    weights = counts if weights is None else counts * weights
     length = samples if history == "periodic" else bucket(samples)
     fine = refine(drive, oversampling, history)
     if history != "periodic":

@@ -59,11 +59,19 @@ def sample_posterior(
       and at least 32.
     - `chain`: an HDF5 file that grows with the run; with `resume` the steps in it are gone on from.
 
-    Raises InputError for unknown names, too few walkers or steps, and a chain of another call.  A
-    chain that has not converged says so in `converged`.
+    Raises InputError for unknown names, too few walkers or steps, a chain of another call, and a
+    fit with tied or own parameters.  A chain that has not converged says so in `converged`.
     Source: Foreman-Mackey et al., Publ. Astron. Soc. Pac. 125 (2013) 306; Goodman & Weare, Commun.
     Appl. Math. Comput. Sci. 5 (2010) 65.
     """
+    asked = fit.preparation.conditions
+    if asked.ties or asked.own:
+        raise InputError.at(
+            "posterior",
+            "a fit whose parameters are neither tied nor each recording's own",
+            f"{', '.join((*asked.ties, *asked.own))} so fitted",
+            "fit without, or fix them",
+        )
     with jax.enable_x64(True):
         noise = MeasuredNoise() if noise_model is None else noise_model
         target, terms = target_of(fit, noise, priors or {})

@@ -6,7 +6,6 @@ normal.  Chains run over v: no bound is ever met, and one unit of v is one prior
 
 from __future__ import annotations
 
-import abc
 from collections.abc import Sequence
 
 import equinox as eqx
@@ -17,49 +16,13 @@ from jax import Array
 from jax.scipy.special import ndtr, ndtri
 from jax.typing import ArrayLike
 
+from .._fit import AbstractPrior, Normal
+from .._fit._normal import ROOT_TWO_PI, number
 from .._parameters import Parameter
 
 # Half the width of a normal density's central 95 %, in standard deviations.
 _HALF_WIDTH = 1.959963984540054
 _GAIN_SPANS = 10.0
-_ROOT_TWO_PI = np.log(2 * np.pi) / 2
-
-
-def _number(value: ArrayLike) -> np.ndarray:
-    # An array, not a float: compiled programs then serve any prior of the same kind.
-    return np.asarray(value, dtype=np.float64)
-
-
-class AbstractPrior(eqx.Module):
-    """The density of one number in its physical unit."""
-
-    @abc.abstractmethod
-    def value(self, standard: ArrayLike) -> Array:
-        """The value x = Q(Φ(v)) that a standard normal v stands for."""
-
-    @abc.abstractmethod
-    def standard(self, value: ArrayLike) -> Array:
-        """The v that stands for a value; infinite on a bound."""
-
-    @abc.abstractmethod
-    def log_density(self, value: ArrayLike) -> Array:
-        """ln p(x), x in its unit; -∞ outside the bounds."""
-
-
-class Normal(AbstractPrior):
-    """p(x) = exp(-(x - mean)²/2 sd²) / (sd √2π)."""
-
-    mean: np.ndarray = eqx.field(converter=_number)
-    sd: np.ndarray = eqx.field(converter=_number)
-
-    def value(self, standard: ArrayLike) -> Array:
-        return jnp.asarray(self.mean + self.sd * jnp.asarray(standard))
-
-    def standard(self, value: ArrayLike) -> Array:
-        return (jnp.asarray(value) - self.mean) / self.sd
-
-    def log_density(self, value: ArrayLike) -> Array:
-        return -(self.standard(value) ** 2) / 2 - jnp.log(self.sd) - _ROOT_TWO_PI
 
 
 @jax.custom_jvp
@@ -85,10 +48,10 @@ def _truncated_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 class TruncatedNormal(AbstractPrior):
     """A normal density cut at `lower` and `upper`, between which its mean lies."""
 
-    mean: np.ndarray = eqx.field(converter=_number)
-    sd: np.ndarray = eqx.field(converter=_number)
-    lower: np.ndarray = eqx.field(converter=_number)
-    upper: np.ndarray = eqx.field(converter=_number)
+    mean: np.ndarray = eqx.field(converter=number)
+    sd: np.ndarray = eqx.field(converter=number)
+    lower: np.ndarray = eqx.field(converter=number)
+    upper: np.ndarray = eqx.field(converter=number)
 
     def _tails(self) -> tuple[Array, Array]:
         """What is cut off below and above, as shares of the whole normal density."""
@@ -108,15 +71,15 @@ class TruncatedNormal(AbstractPrior):
         below, above = self._tails()
         x = (jnp.asarray(value) - self.mean) / self.sd
         inside = (value >= self.lower) & (value <= self.upper)
-        density = -(x**2) / 2 - jnp.log(self.sd) - _ROOT_TWO_PI - jnp.log(1 - below - above)
+        density = -(x**2) / 2 - jnp.log(self.sd) - ROOT_TWO_PI - jnp.log(1 - below - above)
         return jnp.asarray(jnp.where(inside, density, -jnp.inf))
 
 
 class Uniform(AbstractPrior):
     """p(x) = 1/(upper - lower) between the two."""
 
-    lower: np.ndarray = eqx.field(converter=_number)
-    upper: np.ndarray = eqx.field(converter=_number)
+    lower: np.ndarray = eqx.field(converter=number)
+    upper: np.ndarray = eqx.field(converter=number)
 
     def value(self, standard: ArrayLike) -> Array:
         return jnp.asarray(self.lower + (self.upper - self.lower) * ndtr(jnp.asarray(standard)))

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from importlib.resources import files
 from pathlib import Path
 from typing import Any
@@ -13,9 +14,9 @@ from markupsafe import Markup
 from .._blocks import EFFECTS
 from .._compensate import Compensation
 from .._diagnose import Candidate, Diagnosis
-from .._fit import Crosscheck, Fit
+from .._fit import Comparison, Crosscheck, Fit, FrequencyFit, analyse_residuals
 from .._posterior import Posterior
-from . import _figures
+from . import _figures, _fit_figures
 from ._compensation_page import of_compensation
 from ._posterior_page import of_posterior
 from ._text import (
@@ -26,11 +27,14 @@ from ._text import (
     figure,
     file_name,
     fit_sentence,
+    frequency_figures,
+    frequency_sentence,
     key_figures,
     noise_of,
     noise_text,
     opening,
     p_value,
+    parameter_rows,
     percent,
     quantity,
     ranked,
@@ -47,7 +51,10 @@ _BADGES = {
 }
 
 
-Reported = Fit | Diagnosis | Crosscheck | Posterior | Compensation | Sequence[Fit]
+Reported = (
+    Fit | FrequencyFit | Comparison | Diagnosis | Crosscheck | Posterior | Compensation
+    | Sequence[Fit] | Sequence[FrequencyFit]
+)  # fmt: skip
 
 
 def write_report(result: Reported, path: str | Path) -> None:
@@ -61,8 +68,16 @@ def write_report(result: Reported, path: str | Path) -> None:
         template, content = "posterior.html.jinja", of_posterior(result)
     elif isinstance(result, Compensation):
         template, content = "compensation.html.jinja", of_compensation(result)
+    elif isinstance(result, FrequencyFit):
+        content = _of_frequency_fits([result])
+    elif isinstance(result, Comparison):
+        content = _of_comparison(result)
+    elif isinstance(result, Fit):
+        content = _of_fits([result])
     else:
-        content = _of_fits([result] if isinstance(result, Fit) else list(result))
+        tables = [fit for fit in result if isinstance(fit, FrequencyFit)]
+        recordings = [fit for fit in result if isinstance(fit, Fit)]
+        content = _of_frequency_fits(tables) if tables else _of_fits(recordings)
     page = _environment().get_template(template).render(content)
     Path(path).write_text(page, encoding="utf-8")
 
@@ -95,8 +110,76 @@ def _of_fits(fits: Sequence[Fit]) -> dict[str, Any]:
         "facts": [("Noise floor", noise_text(noise_of(best_first[0])))],
         "warnings": _warnings(best_first),
         "diagnosis": None,
+        "leftovers": _leftovers(best_first[0]),
         "downloads": downloads,
     }
+
+
+def _of_frequency_fits(fits: Sequence[FrequencyFit]) -> dict[str, Any]:
+    """The report of fits to one frequency response, best first."""
+    heads, rows = frequency_figures(fits)
+    converged = all(fit.converged for fit in fits)
+    return {
+        "title": f"Frequency response of {Path(fits[0].table.source).name}",
+        "sentence": frequency_sentence(fits),
+        "badge": "converged" if converged else "not converged",
+        "verdict": "none" if converged else "unexplained",
+        "heads": heads,
+        "rows": rows,
+        "facts": [],
+        "diagnosis": None,
+        "bode": _fit_figures.bode_plot(fits[:_MOST_MODELS]),
+        "recordings": [],
+        "undrawn": 0,
+        "leftovers": [],
+        "models": [
+            {
+                "name": fit.model.name,
+                "estimates": parameter_rows(fit),
+                "profiles": None,
+                "correlated": fit.correlated,
+                "assumptions": ["Amplitude and phase in steady state, of a linear law."],
+            }
+            for fit in fits
+        ],
+        "warnings": [
+            f"The fit of {f.model.name} did not converge." for f in fits if not f.converged
+        ],
+        "downloads": [
+            download(f"fit_{file_name(fit.model.name)}.json", fit.to_dict()) for fit in fits
+        ],
+    }
+
+
+def _of_comparison(comparison: Comparison) -> dict[str, Any]:
+    """The report of the fits, with the scores on data held out."""
+    content = _of_fits(comparison.fits)
+    heads, rows = key_figures(comparison)
+    held_out = ("Held out", comparison.method)
+    attached = download("comparison.json", comparison.to_dict())
+    return content | {
+        "heads": heads,
+        "rows": rows,
+        "facts": [*content["facts"], held_out],
+        "downloads": [attached, *content["downloads"]],
+    }
+
+
+def _leftovers(fit: Fit) -> list[dict[str, Any]]:
+    """The tests on the residual of each recording that is drawn."""
+    drawn = replace(
+        fit,
+        preparation=replace(fit.preparation, takes=fit.preparation.takes[:_MOST_RECORDINGS]),
+        simulations=fit.simulations[:_MOST_RECORDINGS],
+    )
+    return [
+        {
+            "source": analysis.source,
+            "findings": analysis.findings,
+            "figure": _fit_figures.residual_tests(analysis),
+        }
+        for analysis in analyse_residuals(drawn)
+    ]
 
 
 def _of_crosscheck(crosscheck: Crosscheck) -> dict[str, Any]:
@@ -132,6 +215,7 @@ def _of_diagnosis(diagnosis: Diagnosis) -> dict[str, Any]:
         ],
         "warnings": diagnosis.warnings,
         "diagnosis": diagnosis,
+        "leftovers": [],
         "groups": _groups(diagnosis),
         "largest_score": max(candidate.score for candidate in diagnosis.candidates),
         "effects": [
@@ -166,6 +250,7 @@ def _common(fits: Sequence[Fit], result: Diagnosis | Sequence[Fit]) -> dict[str,
     return {
         "heads": heads,
         "rows": rows,
+        "bode": None,
         "recordings": [
             {
                 "source": take.recording.source,
@@ -179,7 +264,8 @@ def _common(fits: Sequence[Fit], result: Diagnosis | Sequence[Fit]) -> dict[str,
         "models": [
             {
                 "name": fit.model.name,
-                "estimates": [estimate_row(e) for e in fit.estimates],
+                "estimates": parameter_rows(fit),
+                "profiles": _fit_figures.profiles(fit.profiles) if fit.profiles else None,
                 "correlated": fit.correlated,
                 "assumptions": _assumptions(fit),
             }
@@ -205,7 +291,37 @@ def _assumptions(fit: Fit) -> list[str]:
                 f"the first {take.settling} of {count} samples, of unknown memory, do not count"
             )
         found.append(f"{name}: before the first sample {sentences[take.history]}; {counted}.")
+        if left_out := int((~take.used[take.settling :]).sum()):
+            found.append(f"{name}: {left_out} samples more were left out by weight or mask.")
+    found += _asked(fit)
+    if fit.residual_order:
+        found.append(
+            "What is left is coloured; the standard errors allow for it by an autoregression of "
+            f"order {fit.residual_order}."
+        )
     return [*found, f"Simulated on a grid {fit.preparation.oversampling} times finer than sampled."]
+
+
+def _asked(fit: Fit) -> list[str]:
+    """What was asked of parameters and of the loss, a sentence each."""
+    asked = fit.preparation.conditions
+    found = [
+        f"{name} was tied to {source}"
+        + ("." if factor == 1 else f", as {factor:g} times its value.")
+        for name, (source, factor) in asked.ties.items()
+    ]
+    found += [
+        f"{name} was known before as {float(p.mean):.6g} ± {float(p.sd):.2g}."
+        for name, p in asked.priors.items()
+        if p.mean.size == p.sd.size == 1
+    ]
+    found += [f"Of {name} every recording has its own value, @1 the first's." for name in asked.own]
+    if fit.robust is not None:
+        found.append(
+            f"The loss is {fit.robust.loss}; {100 * fit.robust.downweighted:.2g} % of the samples "
+            "count for less than half."
+        )
+    return found
 
 
 def _warnings(fits: Sequence[Fit]) -> list[str]:

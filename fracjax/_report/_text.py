@@ -6,14 +6,14 @@ import base64
 import json
 import re
 from collections.abc import Sequence
-from math import floor, isfinite, log, log10
+from math import floor, isfinite, log10
 from pathlib import Path
 
 import numpy as np
 from markupsafe import Markup
 
 from .._diagnose import Diagnosis
-from .._fit import Crosscheck, Estimate, Fit, Noise
+from .._fit import Combination, Comparison, Crosscheck, Estimate, Fit, FrequencyFit, Noise, ranked
 
 _METHODS = {
     "repeats": "from repeats",
@@ -99,23 +99,6 @@ def file_name(model: str) -> str:
     return model.replace(" >> ", "-then-").replace(" + ", "-plus-")
 
 
-def ranked(fits: Sequence[Fit]) -> list[tuple[Fit, float]]:
-    """Fits of the same recordings with their BIC, best first.
-
-    Where the noise was taken from the residuals each fit has a noise of its own; then the BIC with
-    that noise unknown, n ln(rmse²) + k ln n, makes them comparable.
-    """
-    if all(noise_of(fit).method != "residual" for fit in fits):
-        return sorted(((fit, fit.scores.bic) for fit in fits), key=lambda pair: pair[1])
-    count = int(sum(take.used.sum() for take in fits[0].preparation.takes))
-
-    def bic(fit: Fit) -> float:
-        free = len(fit.estimates) + len(fit.offsets)
-        return 2 * count * log(fit.scores.rmse) + free * log(count)
-
-    return sorted(((fit, bic(fit)) for fit in fits), key=lambda pair: pair[1])
-
-
 def estimate_row(estimate: Estimate) -> dict[str, str]:
     """Name, value, 95 % interval, unit and remark of a parameter, without false digits."""
     if not estimate.identified:
@@ -134,6 +117,27 @@ def estimate_row(estimate: Estimate) -> dict[str, str]:
     }
 
 
+def combination_row(combination: Combination) -> dict[str, str]:
+    """A combination as `estimate_row` has a parameter."""
+    value, error = combination.value, combination.standard_error
+    low, high = (rounded(value + side * 1.96 * error, error) for side in (-1, 1))
+    return {
+        "name": combination.text,
+        "value": rounded(value, error),
+        "interval": f"{low} to {high}",
+        "unit": pretty_unit(combination.unit),
+        "remark": f"known together, to {combination.percent:.2g} %",
+    }
+
+
+def parameter_rows(fit: Fit | FrequencyFit) -> list[dict[str, str]]:
+    """Rows of the table of parameters, and of what is known of them together."""
+    return [
+        *(estimate_row(estimate) for estimate in fit.estimates),
+        *(combination_row(combination) for combination in fit.combinations),
+    ]
+
+
 def rounded(value: float, error: float) -> str:
     """A value with as many digits as leave two of its error."""
     if not (isfinite(value) and 0 < error < np.inf) or value == 0:
@@ -142,22 +146,35 @@ def rounded(value: float, error: float) -> str:
     return figure(float(f"{value:.{digits}g}"), digits)
 
 
-def key_figures(result: Diagnosis | Sequence[Fit]) -> tuple[list[str], list[list[str]]]:
+def key_figures(
+    result: Diagnosis | Comparison | Sequence[Fit],
+) -> tuple[list[str], list[list[str]]]:
     """Heads and rows of the table of scores: a column for each model."""
     held_out: list[float | None]
+    unseen = []
     if isinstance(result, Diagnosis):
         fits = [fit for fit in (result.base, result.extended) if fit is not None]
         held_out = [result.held_out.base_rmse, result.held_out.extended_rmse][: len(fits)]
         bics = [fit.scores.bic for fit in fits]
+    elif isinstance(result, Comparison):
+        fits, unseen = list(result.fits), [row.unseen for row in result.rows]
+        held_out = [None if errors is None else errors.rmse for errors in unseen]
+        bics = [row.bic for row in result.rows]
     else:
         fits, held_out = list(result), []
         bics = [bic for _, bic in ranked(fits)]
     noise = noise_of(fits[0])
     unit = noise.unit
     scores = [fit.scores for fit in fits]
+    counts = [str(len(fit.estimates) + len(fit.offsets)) for fit in fits]
     rows = [["RMSE, fitted data", *(quantity(s.rmse, unit) for s in scores)]]
     if held_out:
         rows.append(["RMSE, held-out data", *(quantity(rmse, unit) for rmse in held_out)])
+    if unseen:
+        e_r = [None if errors is None else errors.e_r for errors in unseen]
+        nrmse = [None if errors is None else errors.nrmse_percent for errors in unseen]
+        rows.append(["e_r, held-out data", *(figure(value) for value in e_r)])
+        rows.append(["NRMSE fit, held-out data [%]", *(figure(value, 5) for value in nrmse)])
     if noise.method != "residual":
         rows.append(["RMSE over noise floor", *(figure(s.rmse / noise.sigma) for s in scores)])
     rows += [
@@ -165,6 +182,30 @@ def key_figures(result: Diagnosis | Sequence[Fit]) -> tuple[list[str], list[list
         ["NRMSE fit", *(f"{s.nrmse_percent:.5g} %" for s in scores)],
         ["R²", *(f"{s.r_squared:.7g}" for s in scores)],
         ["BIC", *(f"{bic:.1f}" for bic in bics)],
+        ["numbers fitted", *counts],
+    ]
+    return ["", *(fit.model.name for fit in fits)], rows
+
+
+def frequency_sentence(fits: Sequence[FrequencyFit]) -> str:
+    """What the best of fits to one frequency response achieved."""
+    fit = fits[0]
+    best = "" if len(fits) == 1 else f" best of {len(fits)} models by BIC"
+    return (
+        f"{fit.model.name} describes {Path(fit.table.source).name}{best}, to "
+        f"{figure(fit.amplitude_rms_dB)} dB and {figure(fit.phase_rms_deg)} degrees rms at "
+        f"{len(fit.table)} frequencies."
+    )
+
+
+def frequency_figures(fits: Sequence[FrequencyFit]) -> tuple[list[str], list[list[str]]]:
+    """Heads and rows of the scores of fits to one frequency response: a column for each model."""
+    rows = [
+        ["amplitude left [dB rms]", *(figure(fit.amplitude_rms_dB) for fit in fits)],
+        ["phase left [degrees rms]", *(figure(fit.phase_rms_deg) for fit in fits)],
+        ["e_r", *(figure(fit.e_r) for fit in fits)],
+        ["BIC", *(f"{fit.bic:.1f}" for fit in fits)],
+        ["numbers fitted", *(str(len(fit.estimates)) for fit in fits)],
     ]
     return ["", *(fit.model.name for fit in fits)], rows
 

@@ -1,0 +1,242 @@
+r"""Profile likelihood: how χ² rises as one parameter is held and all others follow.
+
+    Δ(v) = (min_{θ_i = v} χ² - min χ²) / f²,     68 %: Δ ≤ 1,   95 %: Δ ≤ 3.84
+
+f is the ratio of the parameter's standard error to the one that χ² alone gives it, so that mismatch
+and coloured residuals widen the profile as they widen the error.
+Sources: Venzon & Moolgavkar, Appl. Stat. 37 (1988) 87; Raue et al., Bioinformatics 25 (2009) 1923.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Iterable, Mapping
+from dataclasses import dataclass, replace
+
+import jax
+import numpy as np
+from scipy.stats import norm
+
+from .._blocks import AbstractBlock
+from .._parameters import Parameter, named_parameters, replace_parameters
+from .._recording import InputError
+from ._conditions import Conditions
+from ._fit import Fit, Progress, silent, solve_from
+from ._preparation import Preparation
+from ._uncertainty import uncertainty_of
+
+_MOST = 14
+_STEP = 0.5
+"""Of √Δ from one point to the next."""
+_BEYOND = 2.2
+_LONGEST, _SHORTEST = 3.0, 0.4
+_PARTS = 12
+"""In which a step never takes more than one of the way between the bounds."""
+_LOWER = 0.05
+
+Interval = tuple[float | None, float | None]
+
+
+@dataclass(frozen=True)
+class Profile:
+    """Δχ² (K,) at values (K,) of a parameter, in `unit`.
+
+    `estimate` and `standard_error` are the fit's.  Of the intervals an end is None where Δ stays
+    below its level up to the parameter's bound, or as far as was looked.  `lower_found` says that a
+    better fit than the fit itself was met: it had stopped short of the optimum.
+    """
+
+    name: str
+    unit: str
+    estimate: float
+    standard_error: float
+    values: np.ndarray
+    delta: np.ndarray
+    interval_68: Interval
+    interval_95: Interval
+    lower_found: bool
+
+    @property
+    def open(self) -> bool:
+        """Whether the data leave the 95 % interval open on a side."""
+        return None in self.interval_95
+
+    def to_dict(self) -> dict:
+        """Plain data."""
+        return {
+            "name": self.name,
+            "unit": self.unit,
+            "estimate": self.estimate,
+            "standard_error": self.standard_error,
+            "values": self.values.tolist(),
+            "delta": self.delta.tolist(),
+            "interval_68": list(self.interval_68),
+            "interval_95": list(self.interval_95),
+            "open": self.open,
+            "lower_found": self.lower_found,
+        }
+
+
+def with_profiles(fit: Fit, names: Iterable[str], progress: Progress = silent) -> Fit:
+    """The fit with profiles of the named parameters, and a warning where one found a better fit."""
+    found = []
+    for name in names:
+        progress(f"profile of {name}")
+        found.append(profile(fit, name))
+    better = [p.name for p in found if p.lower_found]
+    warnings = (
+        f"The profile of {', '.join(better)} found a better fit of {fit.model.name} than the fit; "
+        "fit again from more starts or with another seed.",
+    )
+    return replace(fit, profiles=tuple(found), warnings=fit.warnings + (warnings if better else ()))
+
+
+def profile(fit: Fit, name: str) -> Profile:
+    """The profile likelihood of one parameter, from the fit outwards on both sides.
+
+    Of a robust loss the weights are held.  Raises InputError where the name is none of the fit's
+    single numbers that all recordings share.
+    """
+    labels = [estimate.name for estimate in fit.estimates]
+    parameters = named_parameters(fit.model.block)
+    if name not in labels or name not in parameters:
+        raise InputError.at(
+            f'profile of "{name}"',
+            f"one of {', '.join(label for label in labels if label in parameters)}",
+            "none of that name",
+            "correct it",
+        )
+    with jax.enable_x64(True):
+        at = labels.index(name)
+        preparation = fit.weighed
+        blocks = tuple(model.block for model in fit.models)
+        problems = preparation.problems()
+        estimate = fit.estimates[at]
+        alone = uncertainty_of(
+            blocks, problems, preparation.conditions, units=("1", "1"), inflation=1.0
+        )
+        curvature = alone.curvature[at]
+        held = _Held(parameters[name], estimate.standard_error, fit.model.block, name, preparation)
+        centre = held.at(0.0)
+        factor = (estimate.standard_error / curvature) ** 2
+        low, high = (_walk(held, centre, factor, side) for side in (-1, 1))
+    z = np.array([*low[0][::-1], 0.0, *high[0]])
+    delta = np.array([*low[1][::-1], 0.0, *high[1]])
+    values = np.array([held.value(place) for place in z])
+    lower = float(delta.min())
+    return Profile(
+        name=name,
+        unit=estimate.unit,
+        estimate=estimate.value,
+        standard_error=estimate.standard_error,
+        values=values,
+        delta=delta - lower,
+        interval_68=_interval(values, delta - lower, 0.68),
+        interval_95=_interval(values, delta - lower, 0.95),
+        lower_found=lower < -_LOWER,
+    )
+
+
+class _Held:
+    """The best fit with one parameter held, at a distance from the estimate in standard errors."""
+
+    def __init__(
+        self,
+        parameter: Parameter,
+        error: float,
+        block: AbstractBlock,
+        name: str,
+        preparation: Preparation,
+    ):
+        self.parameter, self.error, self.block, self.name = parameter, error, block, name
+        asked = preparation.conditions
+        # Those tied to it are held with it.
+        self.followers = {n: f for n, (source, f) in asked.ties.items() if source == name}
+        self.prior = asked.priors.get(name)
+        self.preparation = replace(
+            preparation,
+            conditions=Conditions(
+                {n: tie for n, tie in asked.ties.items() if n not in self.followers},
+                asked.own,
+                {n: p for n, p in asked.priors.items() if n not in (name, *self.followers)},
+            ),
+        )
+        self.followers_priors = {n: asked.priors[n] for n in self.followers if n in asked.priors}
+
+    def value(self, z: float) -> float:
+        """The value `z` standard errors off, within the bounds."""
+        start = float(self.parameter.value)
+        if self.parameter.logarithmic:
+            moved = start * np.exp(np.clip(z * self.error / start, -300, 300))
+        else:
+            moved = start + z * self.error
+        return float(np.clip(moved, self.parameter.lower, self.parameter.upper))
+
+    @property
+    def longest(self) -> float:
+        """The longest step [standard errors]."""
+        if not self.parameter.bounded:
+            return np.inf
+        return float(self.parameter.slope()) / self.error / _PARTS
+
+    def at(self, z: float) -> float:
+        """χ² and what the priors add, all other parameters at their best."""
+        value = self.value(z)
+        fixed = {self.name: value} | {n: f * value for n, f in self.followers.items()}
+        solved = solve_from([_with_fixed(self.block, fixed)], self.preparation)
+        # The next point starts where this one ended.
+        self.block = solved.block
+        priors = self.followers_priors | ({} if self.prior is None else {self.name: self.prior})
+        return min(solved.start_costs) + sum(
+            float(((fixed[n] - p.mean) / p.sd) ** 2) for n, p in priors.items()
+        )
+
+
+def _with_fixed(block: AbstractBlock, values: Mapping[str, float]) -> AbstractBlock:
+    parameters = named_parameters(block)
+    return replace_parameters(
+        block,
+        {
+            n: Parameter(
+                v,
+                parameters[n].unit,
+                lower=np.minimum(parameters[n].lower, v),
+                upper=np.maximum(parameters[n].upper, v),
+                logarithmic=parameters[n].logarithmic,
+                fixed=True,
+            )
+            for n, v in values.items()
+        },
+    )
+
+
+def _walk(held: _Held, centre: float, factor: float, side: int) -> tuple[list[float], list[float]]:
+    """Places [standard errors] and Δ to one side, until Δ is beyond 95 % or the bound is met."""
+    places: list[float] = []
+    deltas: list[float] = []
+    block, z, step, root = held.block, 0.0, min(_STEP, held.longest), 0.0
+    for _ in range(_MOST):
+        before, z = z, z + step
+        if held.value(side * z) == held.value(side * before):
+            break
+        places.append(side * z)
+        deltas.append((held.at(side * z) - centre) / factor)
+        now = np.sqrt(max(deltas[-1], 0.0))
+        if now > _BEYOND:
+            break
+        step *= np.clip(_STEP / max(now - root, 1e-9), _SHORTEST, _LONGEST)
+        step = min(step, held.longest)
+        root = now
+    held.block = block
+    return places, deltas
+
+
+def _interval(values: np.ndarray, delta: np.ndarray, level: float) -> Interval:
+    """Where Δ crosses the level on either side of its minimum, by interpolation of √Δ."""
+    reach = float(norm.ppf(0.5 + level / 2))
+    middle, root = int(np.argmin(delta)), np.sqrt(delta)
+    ends: list[float | None] = []
+    for side in (slice(middle, None, -1), slice(middle, None)):
+        rising = np.maximum.accumulate(root[side])
+        end = float(np.interp(reach, rising, values[side]))
+        ends.append(end if rising[-1] >= reach else None)
+    return ends[0], ends[1]

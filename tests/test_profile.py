@@ -1,0 +1,190 @@
+"""Profiles and comparisons: as closed forms have them, open where the data leave them open."""
+
+import json
+from dataclasses import replace
+
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import fracjax as fj
+from fracjax._fit._compare import Unseen
+from fracjax._parameters import replace_parameters
+
+STEP, SAMPLES, SIGMA = 2e-3, 600, 0.01
+TIMES = STEP * np.arange(SAMPLES)
+DRIVE = 40 + 15 * np.sin(2 * np.pi * 1.3 * TIMES) + 10 * np.sin(2 * np.pi * 4.1 * TIMES + 1)
+KNOWN = fj.Noise(SIGMA, "um", "specification", np.ones(1), SIGMA)
+OPTIONS = {"noise": KNOWN, "starts": 1, "history": "constant", "settling": 0}
+
+
+def record(values: dict[str, float], model: str = "creep", drive=DRIVE, seed=0) -> fj.Recording:
+    block = fj.parse_model(model).with_values(values).block
+    response = np.asarray(block(jnp.asarray(drive), fj.Grid(STEP)))
+    noise = SIGMA * np.random.default_rng(seed).standard_normal(len(drive))
+    return fj.Recording(drive, response + noise, STEP, source=f"{model}.csv")
+
+
+CREEP = record({"k_c": 0.08, "mu": 0.02})
+
+
+@pytest.fixture(scope="module")
+def creep() -> fj.Fit:
+    return fj.fit(fj.parse_model("creep"), CREEP, **OPTIONS)
+
+
+# Profiles -----------------------------------------------------------------------------------------
+
+
+def test_of_a_gain_alone_the_profile_is_a_parabola():
+    found = fj.fit(fj.parse_model("creep"), CREEP, fixed={"mu": 0.02}, **OPTIONS)
+    profile = fj.profile(found, "k_c")
+    (gain,) = found.estimates
+    z = (profile.values - gain.value) / gain.standard_error
+    np.testing.assert_allclose(profile.delta, z**2, rtol=1e-4, atol=1e-6)
+    low, high = profile.interval_95
+    assert (low, high) == pytest.approx(gain.interval, rel=1e-5)
+    assert not profile.open
+    assert not profile.lower_found
+
+
+def test_a_profile_is_the_least_over_all_others(creep):
+    """Against fits with the parameter held, started anew."""
+    profile = fj.profile(creep, "mu")
+    chi = sum(np.sum((r / SIGMA) ** 2) for r in creep.residuals)
+    # The fit's errors are those of χ² times a factor that the profile shares.
+    for k in (0, 3, -1):
+        held = fj.fit(fj.parse_model("creep"), CREEP, fixed={"mu": profile.values[k]}, **OPTIONS)
+        rise = sum(np.sum((r / SIGMA) ** 2) for r in held.residuals) - chi
+        factor = rise / profile.delta[k]
+        assert factor == pytest.approx(max(1.0, chi / SAMPLES), rel=0.02)
+    estimate = next(e for e in creep.estimates if e.name == "mu")
+    assert profile.interval_95 == pytest.approx(estimate.interval, rel=0.05)
+
+
+def test_what_the_data_leave_open_is_open():
+    """Without creep to be seen, its order may be as small as you like."""
+    found = fj.fit(fj.parse_model("creep"), record({"k_c": 0.01, "mu": 1e-4}), **OPTIONS)
+    profile = fj.profile(found, "mu")
+    assert profile.open
+    assert profile.interval_95[0] is None
+    assert profile.interval_95[1] is not None
+    assert profile.values.min() == pytest.approx(1e-5, rel=1e-6)  # its bound
+    assert profile.delta[0] < 3.84
+
+
+def test_ties_and_priors_are_kept_while_a_parameter_is_held():
+    model = fj.Model(fj.blocks.Creep() >> fj.blocks.Creep(fixed_gain=True))
+    found = fj.fit(
+        model, CREEP, tied={"second.mu": "first.mu"},
+        priors={"first.mu": fj.Normal(0.01, 1e-3)}, **OPTIONS,
+    )  # fmt: skip
+    profile = fj.profile(found, "first.mu")
+    estimate = next(e for e in found.estimates if e.name == "first.mu")
+    assert profile.interval_95 == pytest.approx(estimate.interval, rel=0.05)
+    assert not profile.lower_found
+
+
+def test_a_fit_short_of_the_optimum_is_found_out(creep):
+    """A fit whose order was held elsewhere, passed off as free."""
+    held = fj.fit(fj.parse_model("creep"), CREEP, bounds={"mu": (0.03, 0.1)}, **OPTIONS)
+    block = held.model.block
+    free = fj.Parameter(
+        held.model.parameters["mu"].value,
+        lower=1e-5,
+        upper=0.3,
+        plausible=(1e-3, 0.04),
+        logarithmic=True,
+    )
+    model = fj.Model(replace_parameters(block, {"mu": free}), "creep")
+    profiled = fj.with_profiles(replace(held, model=model, models=(model,)), ["mu"])
+    assert profiled.profiles[0].lower_found
+    assert "found a better fit of creep than the fit" in profiled.warnings[0]
+
+
+def test_profiles_are_saved(creep, tmp_path):
+    profiled = fj.with_profiles(creep, ["mu"])
+    profiled.save(tmp_path / "fit.json")
+    (told,) = json.loads((tmp_path / "fit.json").read_text())["profiles"]
+    assert told["name"] == "mu"
+    assert told["open"] is False
+    assert len(told["values"]) == len(told["delta"])
+    assert profiled.warnings == ()
+
+
+def test_names_that_cannot_be_profiled_are_refused(creep):
+    with pytest.raises(fj.InputError, match='profile of "nu": expected one of mu, k_c, found none'):
+        fj.profile(creep, "nu")
+    own = fj.fit(fj.parse_model("creep"), [CREEP, CREEP], own=["mu"], **OPTIONS)
+    with pytest.raises(fj.InputError, match="expected one of k_c, found none"):
+        fj.profile(own, "mu@1")
+
+
+# Comparisons --------------------------------------------------------------------------------------
+
+
+def unseen(comparison: fj.Comparison) -> Unseen:
+    found = comparison.rows[0].unseen
+    assert found is not None
+    return found
+
+
+@pytest.fixture(scope="module")
+def compared() -> fj.Comparison:
+    """Creep's recording: creep, and the law that is too stiff for it."""
+    models = [fj.parse_model("creep").with_values({"mu": 0.02}), fj.parse_model("lfdh")]
+    return fj.compare(models[::-1], CREEP, **OPTIONS)
+
+
+def test_the_law_that_made_the_recording_is_best(compared):
+    assert compared.best == "creep"
+    first, second = compared.rows
+    assert (first.model, second.model) == ("creep", "lfdh")
+    assert (first.parameters, second.parameters) == (3, 6)
+    assert first.bic < second.bic
+    assert first.rmse == pytest.approx(SIGMA, rel=0.1)
+
+
+def test_errors_on_data_held_out_are_larger_than_on_data_fitted(compared):
+    for row in compared.rows:
+        assert row.unseen is not None
+        assert len(row.unseen.folds) == 5
+        assert row.rmse < row.unseen.rmse < 1.5 * row.rmse
+        assert row.unseen.nrmse_percent == pytest.approx(100 * (1 - row.unseen.e_r))
+
+
+def test_a_comparison_is_plain_data(compared, tmp_path):
+    compared.save(tmp_path / "comparison.json")
+    told = json.loads((tmp_path / "comparison.json").read_text())
+    assert told["schema"] == "fracjax.comparison/2"
+    assert told["best"] == "creep"
+    assert [row["model"] for row in told["rows"]] == [f["model"] for f in told["fits"]]
+
+
+def test_another_recording_may_be_held_out(creep):
+    other = record({"k_c": 0.08, "mu": 0.02}, drive=0.5 * DRIVE[::-1], seed=4)
+    found = fj.compare([fj.parse_model("creep")], CREEP, holdout=other, **OPTIONS)
+    assert found.method == "creep.csv"
+    assert unseen(found).rmse == pytest.approx(SIGMA, rel=0.2)
+    strange = record({"k_c": 0.2, "mu": 0.02}, drive=0.5 * DRIVE, seed=4)
+    worse = fj.compare([fj.parse_model("creep")], CREEP, holdout=strange, **OPTIONS)
+    assert unseen(worse).rmse > 20 * SIGMA
+    nm = fj.Recording(DRIVE, CREEP.response, STEP, response_unit="nm", source="other")
+    with pytest.raises(fj.InputError, match="other: expected the units of"):
+        fj.compare([fj.parse_model("creep")], CREEP, holdout=nm, **OPTIONS)
+
+
+def test_a_stretch_is_predicted_without_having_been_seen():
+    """A response spoilt in one stretch only: the other folds' errors stay as they are, and the
+    spoilt one's is what was put in, not what a fit would have made of it."""
+    response = CREEP.response.copy()
+    response[60:90] += 1.0  # the third of twenty stretches, in the third fold
+    spoilt = fj.Recording(DRIVE, response, STEP)
+    folds = unseen(fj.compare([fj.parse_model("creep")], spoilt, **OPTIONS)).folds
+    assert np.argmax(folds) == 2
+    assert folds[2] == pytest.approx(np.sqrt(30 / 120), rel=0.1)
+
+
+def test_nothing_to_compare_is_refused():
+    with pytest.raises(fj.InputError, match="expected at least one model"):
+        fj.compare([], CREEP)

@@ -48,7 +48,7 @@ def simulate_all(
     )
 
 
-def _linearised(
+def linearised(
     block: AbstractBlock, problem: Problem, names: Sequence[str]
 ) -> tuple[np.ndarray, np.ndarray]:
     """Response (L,) and its derivatives (L, Σ size) with respect to the named parameters."""
@@ -65,7 +65,7 @@ def jacobian(block: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[np.nd
     layout = layout_of(block)
     names = [name for name, _ in layout.shapes + layout.gains]
     raw = [
-        np.concatenate([_linearised(block, problem, names)[1], own], axis=1)
+        np.concatenate([linearised(block, problem, names)[1], own], axis=1)
         for problem, own in zip(problems, own_columns(problems), strict=True)
     ]
     whitened = [p.whiten(columns) for p, columns in zip(problems, raw, strict=True)]
@@ -115,10 +115,10 @@ class Objective:
         gains = np.concatenate([np.zeros(0), *(np.ravel(parameters[n].value) for n in names)])
         columns, targets = [], []
         for problem, white_own in zip(self.problems, self.white_own, strict=True):
-            response, found = _linearised(block, problem, names)
+            response, found = linearised(block, problem, names)
             columns.append(np.concatenate([problem.whiten(found), white_own], axis=1))
             targets.append(problem.whiten(problem.response - response + found @ gains))
-        solution, residual, basis = _least(np.concatenate(columns), np.concatenate(targets))
+        solution, residual, basis = least(np.concatenate(columns), np.concatenate(targets))
         return Point(
             with_gains(block, solution[: gains.size]), solution[gains.size :], residual, basis
         )
@@ -132,7 +132,7 @@ class Objective:
         point = self.at(position)
         names = [name for name, _ in self.layout.shapes]
         columns = [
-            problem.whiten(_linearised(point.block, problem, names)[1]) for problem in self.problems
+            problem.whiten(linearised(point.block, problem, names)[1]) for problem in self.problems
         ]
         moved = np.concatenate(columns) * self._slopes(point.block)
         return point.basis @ (point.basis.T @ moved) - moved
@@ -151,7 +151,7 @@ class Objective:
         return np.where(bounded, 0.0, -np.inf), np.where(bounded, 1.0, np.inf)
 
 
-def _least(columns: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def least(columns: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The least-squares solution, its residual, and an orthonormal basis of the columns."""
     # Columns of unit length, and a ridge far below the noise, where two of them coincide.
     lengths = np.linalg.norm(columns, axis=0) + 1e-300

@@ -36,6 +36,11 @@ class Problem(eqx.Module):
     grid: Grid
     oversampling: int = eqx.field(static=True)
 
+    @property
+    def count(self) -> Any:
+        """How many samples count."""
+        return self.weights.sum()
+
     def simulate(self, block: AbstractBlock) -> Array:
         """The block's response (L,) at the recording's samples."""
         return block(jnp.asarray(self.drive), self.grid)[:: self.oversampling]

@@ -34,7 +34,7 @@ Symbol = Callable[[Any], Array]
 _WRAP_AROUND = 1e-10
 
 
-def generating_function(zeta: np.ndarray, order: int) -> np.ndarray:
+def generating_function(zeta: Any, order: int) -> Any:
     """δ_p(ζ) of the backward differentiation formula of order p."""
     return sum(((1 - zeta) ** k / k for k in range(2, order + 1)), 1 - zeta)
 
@@ -44,15 +44,21 @@ def _circle(samples: int) -> tuple[int, float]:
     return length, _WRAP_AROUND ** (1 / length)
 
 
-def _symbol_on_circle(symbol: Symbol, samples: int, grid: Grid, order: int) -> Array:
-    length, radius = _circle(samples)
-    angles = 2 * np.pi * np.arange(length // 2 + 1) / length
-    zeta = radius * np.exp(-1j * angles)
+def quadrature_symbol(
+    symbol: Symbol, zeta: np.ndarray | Array, grid: Grid, order: int
+) -> Array:
+    """The generating function of a kernel's weights at ζ (F,), complex."""
     if order == 3:
         fine = symbol(Laplace(generating_function(zeta, 2), grid.step))
         coarse = symbol(Laplace(generating_function(zeta**2, 2), 2 * grid.step))
         return (4 * fine - coarse) / 3
     return symbol(Laplace(generating_function(zeta, order), grid.step))
+
+
+def _symbol_on_circle(symbol: Symbol, samples: int, grid: Grid, order: int) -> Array:
+    length, radius = _circle(samples)
+    angles = 2 * np.pi * np.arange(length // 2 + 1) / length
+    return quadrature_symbol(symbol, radius * np.exp(-1j * angles), grid, order)
 
 
 def kernel(symbol: Symbol, samples: int, grid: Grid, order: int = 2) -> Array:

@@ -13,15 +13,16 @@ from jax.typing import ArrayLike
 class Laplace:
     """s = points/step at fixed `points` (F,), complex, and a step [s]; units: 1/s.
 
-    A fractional power is s^a = exp(a log points) step^-a: the logarithm is taken once, when the
-    program is compiled, which makes a kernel's evaluation one complex exponential per point.
+    A fractional power is s^a = exp(a log points) step^-a: of points in a NumPy array the logarithm
+    is taken once, when the program is compiled, which makes a kernel's evaluation one complex
+    exponential per point.
     In sums, products and quotients it acts as the complex array that it stands for; any other
     function wants `jnp.asarray(s)`.
     """
 
     __array_ufunc__ = None  # NumPy leaves `array * s` to this class
 
-    def __init__(self, points: np.ndarray, step: ArrayLike):
+    def __init__(self, points: np.ndarray | Array, step: ArrayLike):
         self._points, self._step = points, step
 
     def __jax_array__(self) -> Array:
@@ -30,7 +31,9 @@ class Laplace:
     def __pow__(self, exponent: Any) -> Array:
         if isinstance(exponent, int):
             return self.__jax_array__() ** exponent
-        power = jnp.exp(exponent * jnp.asarray(np.log(self._points)))
+        known = isinstance(self._points, np.ndarray)
+        logarithm = jnp.asarray(np.log(self._points) if known else jnp.log(self._points))
+        power = jnp.exp(exponent * logarithm)
         return power * jnp.asarray(self._step) ** -exponent
 
     def __neg__(self) -> Array:

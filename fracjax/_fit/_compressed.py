@@ -1,0 +1,302 @@
+r"""Problems whose size does not depend on how many samples there are.
+
+Where a block is a sum of chains of linear laws (`_chains`), its response at any shapes and gains is
+
+    y(θ) = F c(θ)
+
+with a fixed matrix F (L, J), the laws' responses at chosen shapes, and coefficients c that take
+microseconds (`_interpolation`).  With W the whitening and W [own, F, y] = Q R by one QR, all inner
+products of whitened signals are those of the columns of R: the squared residual of any parameters
+is
+
+    ‖W (y - y(θ) - own a)‖² = ‖R_y - R_F c(θ) - R_own a‖²
+
+to the error of the interpolation, which is measured against the full model at fresh shapes.  A
+compressed problem answers what a `Problem` answers, in coordinates (m,) instead of samples (L,).
+Sources: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413; `_interpolation`.
+"""
+
+from __future__ import annotations
+
+from typing import Any, NamedTuple
+
+import equinox as eqx
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from .._blocks import AbstractBlock
+from .._operators import Grid, rate
+from ._chains import Chain, chains_of
+from ._interpolation import Chosen, Interpolation, choose, is_bounded
+from ._layout import layout_of, placed, with_gains
+from ._least_squares import least, linearised
+from ._problem import Problem
+
+_ROWS = 16
+_NEGLIGIBLE = 1e-13
+_FRESH = 6
+_MOST_SIGNALS = 400
+
+
+class Part(eqx.Module):
+    """Coefficients of one chain: those of its first law, times those of its last."""
+
+    before: Interpolation
+    after: Interpolation | None
+
+    def __call__(self, chain: Chain, grid: Grid) -> Array:
+        first = self.before(chain.before, grid)
+        if self.after is None or chain.after is None:
+            return first
+        return jnp.outer(first, self.after(chain.after, grid)).ravel()
+
+
+class CompressedProblem(eqx.Module):
+    """A recording in coordinates (m,) that span all a block can answer to its drive.
+
+    matrix (m, J) makes them of the chains' coefficients; response (m,) and own (m, q) are the
+    recording's.  `filter` is the whitening filter, all of whose taps can be exchanged where `lags`
+    (taps, rows, m) say what each is applied to; else it can be scaled, `whitened` by its first tap.
+    """
+
+    parts: tuple[Part, ...]
+    matrix: np.ndarray | Array
+    response: np.ndarray | Array
+    own: np.ndarray | Array
+    whitening: np.ndarray | Array
+    whitened: np.ndarray | Array
+    lags: np.ndarray | Array | None
+    count: np.ndarray | Array
+    grid: Grid
+
+    def simulate(self, block: AbstractBlock) -> Array:
+        """The block's response in coordinates (m,), but for a constant."""
+        chains = chains_of(block)
+        assert chains is not None  # or the problem could not have been compressed
+        pairs = zip(self.parts, chains, strict=True)
+        return self.matrix @ jnp.concatenate([part(chain, self.grid) for part, chain in pairs])
+
+    def whiten(self, signals: Any) -> Array:
+        """Coordinates (m, …) of signals through the whitening filter."""
+        if self.lags is None:
+            return signals * (self.whitening[0] / self.whitened)
+        taps = jnp.asarray(self.whitening)[: len(self.lags)]
+        return jnp.tensordot(taps, jnp.tensordot(self.lags, signals, 1), 1)
+
+
+class Compressed(NamedTuple):
+    """Compressed problems, and the largest error [noise standard deviations, over all samples
+    together] that was found at fresh shapes against the full model, gains at their best."""
+
+    problems: tuple[CompressedProblem, ...]
+    error: float
+
+
+class _Span(NamedTuple):
+    """Signals (L, n) that span a block's responses to one drive, and what they stand for."""
+
+    signals: np.ndarray
+    chosen: tuple[tuple[Chosen, Chosen | None], ...]
+
+    @property
+    def parts(self) -> tuple[Part, ...]:
+        return tuple(
+            Part(first.interpolation, None if second is None else second.interpolation)
+            for first, second in self.chosen
+        )
+
+    def matrix(self, rows: np.ndarray) -> np.ndarray:
+        """What coefficients (J,) are multiplied by, from the signals' coordinates (m, n)."""
+        found, at = [np.zeros((len(rows), 0))], 0
+        for first, second in self.chosen:
+            count = len(first.laws) * (1 if second is None else len(second.laws))
+            mine = rows[:, at : at + count]
+            at += count
+            if second is not None:
+                mine = second.in_coordinates(mine.reshape(len(rows), -1, len(second.laws)))
+                mine = np.moveaxis(first.in_coordinates(np.moveaxis(mine, 1, 2)), 2, 1)
+                found.append(mine.reshape(len(rows), -1))
+            else:
+                found.append(first.in_coordinates(mine))
+        return np.concatenate(found, axis=1)
+
+
+def compress(
+    block: AbstractBlock, problems: tuple[Problem, ...], taps: int = 1
+) -> Compressed | None:
+    """Problems compressed for a block anywhere within its bounds.
+
+    With `taps` 1 the filter is the problems' own and may only be scaled; with more, filters of that
+    many taps can be exchanged.  None where the block is no sum of chains of linear laws, where a
+    shape has no bounds, or where too many shapes would be needed.
+    """
+    chains = chains_of(block)
+    if chains is None or not all(map(_is_supported, chains)):
+        return None
+    spans: dict[tuple, _Span] = {}
+    for problem in problems:
+        if _key(problem) not in spans:
+            span = _span(chains, problem)
+            if span is None:
+                return None
+            spans[_key(problem)] = span
+    positions = _fresh_positions(block)
+    pairs = [(problem, spans[_key(problem)]) for problem in problems]
+    made = [_compressed(block, problem, span, positions, taps) for problem, span in pairs]
+    compressed = tuple(problem for problem, _ in made)
+    return Compressed(compressed, _error(block, positions, compressed, [f for _, f in made]))
+
+
+def _is_supported(chain: Chain) -> bool:
+    return is_bounded(chain.before) and (chain.after is None or is_bounded(chain.after))
+
+
+def _key(problem: Problem) -> tuple:
+    """What problems that share a span have in common."""
+    drive = np.asarray(problem.drive).tobytes()
+    return drive, float(problem.grid.step), problem.grid.history, problem.oversampling
+
+
+def _span(chains: tuple[Chain, ...], problem: Problem) -> _Span | None:
+    """Signals that span the responses of chains to one drive; None where they are too many."""
+    drive, grid = np.asarray(problem.drive), problem.grid
+    found, chosen = [np.zeros((drive.size, 0))], []
+    for chain in chains:
+        first = choose(chain.before, drive[:, None], grid)
+        if first is None:
+            return None
+        signals = np.stack([np.asarray(law.respond(drive, grid)) for law in first.laws], axis=1)
+        if chain.rated:
+            signals *= np.abs(np.asarray(rate(jnp.asarray(drive), grid)))[:, None]
+        second = None
+        if chain.after is not None:
+            second = choose(chain.after, signals, grid)
+            if second is None or len(first.laws) * len(second.laws) > _MOST_SIGNALS:
+                return None
+            passed = [law.linearise(drive, grid, (), list(signals.T))[2] for law in second.laws]
+            signals = np.stack([np.stack(p, axis=1) for p in passed], axis=2)
+            signals = signals.reshape(drive.size, -1)
+        found.append(signals)
+        chosen.append((first, second))
+    return _Span(np.concatenate(found, axis=1)[:: problem.oversampling], tuple(chosen))
+
+
+def _fresh_positions(block: AbstractBlock) -> np.ndarray:
+    """Positions (K, n) of shapes, at which nothing was chosen."""
+    size = sum(size for _, size in layout_of(block).shapes)
+    return np.random.default_rng(0).uniform(size=(_FRESH, size))
+
+
+class _Fresh(NamedTuple):
+    """What the full model answers at fresh positions, with gains of zero and by each gain, in rows
+    (K, M, 1 + g) beside those of the response (M,); basis (M, k) of what compresses it."""
+
+    rows: np.ndarray
+    response: np.ndarray
+    basis: np.ndarray
+
+
+def _compressed(
+    block: AbstractBlock, problem: Problem, span: _Span, positions: np.ndarray, taps: int
+) -> tuple[CompressedProblem, _Fresh]:
+    own, fresh = np.asarray(problem.own), _full_responses(block, problem, positions)
+    ends = np.cumsum([own.shape[1], span.signals.shape[1], fresh.shape[1]])
+    signals = [own, span.signals, fresh, np.asarray(problem.response)[:, None]]
+    signals = np.concatenate(signals, axis=1)
+    if taps == 1:
+        orthonormal, rows = None, np.linalg.qr(problem.whiten(signals), mode="r")
+    else:
+        last = int(np.flatnonzero(problem.weights)[-1])
+        orthonormal, rows = np.linalg.qr(signals[: last + 1])
+    owned, spanning, tried, response = np.split(rows, ends, axis=1)
+    held, response = ends[0], response[:, 0]
+    # Signals may be all but dependent: only the directions in which they differ are kept.
+    lengths = np.linalg.norm(spanning, axis=0) + 1e-300
+    left, sizes, _ = np.linalg.svd(spanning[held:] / lengths, full_matrices=False)
+    basis = left[:, sizes > _NEGLIGIBLE * sizes.max(initial=0.0)]
+    beside = response[held:] - basis @ (basis.T @ response[held:])
+    beside /= np.linalg.norm(beside) + 1e-300
+    turned = np.zeros((len(rows), held + basis.shape[1] + 1))
+    turned[:held, :held] = np.eye(held)
+    turned[held:, held:] = np.column_stack([basis, beside])
+    padding = -turned.shape[1] % _ROWS
+    turned = np.pad(turned, ((0, 0), (0, padding)))
+    compressed = CompressedProblem(
+        parts=span.parts,
+        matrix=span.matrix(turned.T @ spanning),
+        response=turned.T @ response,
+        own=turned.T @ owned,
+        whitening=np.asarray(problem.whitening),
+        whitened=np.asarray(problem.whitening)[0],
+        lags=None if orthonormal is None else _lags(orthonormal @ turned, problem, taps),
+        count=np.asarray(problem.count),
+        grid=problem.grid,
+    )
+    tried = np.moveaxis(tried[held:].reshape(len(rows) - held, len(positions), -1), 1, 0)
+    return compressed, _Fresh(tried, response[held:], basis)
+
+
+def _full_responses(
+    block: AbstractBlock, problem: Problem, positions: np.ndarray
+) -> np.ndarray:
+    """The full model's responses (L, K (1 + g)) at positions (K, n): with gains of zero, and the
+    derivative by each gain."""
+    layout, found = layout_of(block), []
+    none = np.zeros(sum(size for _, size in layout.gains))
+    for position in positions:
+        there = with_gains(placed(block, position), none)
+        response, columns = linearised(there, problem, [name for name, _ in layout.gains])
+        found += [response[:, None], columns]
+    return np.concatenate([np.zeros((len(problem.response), 0)), *found], axis=1)
+
+
+def _lags(basis: np.ndarray, problem: Problem, taps: int) -> np.ndarray:
+    """What each tap of a filter is applied to (taps, rows, m), from signals (T, m) that are
+    orthonormal: (shifted by one tap after the other, samples left out) = Q lags, by one QR."""
+    shifted = np.stack(
+        [np.pad(basis, ((k, 0), (0, 0)))[: len(basis)] for k in range(taps)], axis=1
+    )
+    weighted = shifted * np.asarray(problem.weights)[: len(basis), None, None]
+    _, sizes, right = np.linalg.svd(
+        np.linalg.qr(weighted.reshape(len(basis), -1), mode="r"), full_matrices=False
+    )
+    rows = (sizes[:, None] * right)[sizes > _NEGLIGIBLE * sizes[0]]
+    rows = np.pad(rows, ((0, -len(rows) % _ROWS), (0, 0)))
+    return np.moveaxis(rows.reshape(len(rows), taps, -1), 1, 0)
+
+
+def _error(
+    block: AbstractBlock,
+    positions: np.ndarray,
+    compressed: tuple[CompressedProblem, ...],
+    fresh: list[_Fresh],
+) -> float:
+    """The largest error at fresh positions, over all recordings together."""
+    gains = [_best_gains([f.rows[k] for f in fresh], fresh) for k in range(len(positions))]
+    squares = np.zeros(len(positions))
+    for problem, full in zip(compressed, fresh, strict=True):
+        wanted = np.stack([f[:, 0] + f[:, 1:] @ g for f, g in zip(full.rows, gains, strict=True)])
+        held = problem.own.shape[1]
+        found = np.asarray(_simulations(block, problem, positions, np.stack(gains)))
+        found = found[:, held : held + full.basis.shape[1]]
+        squares += np.sum((wanted - found @ full.basis.T) ** 2, axis=1)
+    return float(np.sqrt(squares.max(initial=0.0)))
+
+
+def _best_gains(rows: list[np.ndarray], fresh: list[_Fresh]) -> np.ndarray:
+    """Gains (g,) that come nearest to the responses."""
+    columns = np.concatenate([part[:, 1:] for part in rows])
+    target = np.concatenate([f.response - part[:, 0] for f, part in zip(fresh, rows, strict=True)])
+    return least(columns, target)[0]
+
+
+@eqx.filter_jit
+def _simulations(
+    block: AbstractBlock, problem: CompressedProblem, positions: np.ndarray, gains: np.ndarray
+) -> Array:
+    """Compressed responses (K, m) at positions (K, n) with gains (K, g)."""
+    return jax.vmap(lambda p, g: problem.simulate(with_gains(placed(block, p), g)))(
+        jnp.asarray(positions), jnp.asarray(gains)
+    )

@@ -2,15 +2,14 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 
 from .._blocks import FOH, AbstractBlock, AbstractLinearBlock, FOHRateTerm, SingleOperator
 from .._blocks._block import Parallel, Series
-from .._operators import Grid
+from .._operators import Grid, Laplace
 from .._operators._convolution_quadrature import quadrature_symbol
 from .._parameters import replace_parameters
 
@@ -61,13 +60,16 @@ def _followed(chain: Chain, law: AbstractBlock) -> Chain:
     return chain._replace(after=law if chain.after is None else Series(chain.after, law))
 
 
-def transfer(law: AbstractBlock, zeta: Array | np.ndarray, grid: Grid) -> Array:
-    """What a law multiplies a signal's transform by at ζ (F,), as it is discretised on the grid."""
+def transfer(law: AbstractBlock, zeta: Any, grid: Grid) -> Any:
+    """What a law multiplies a signal's transform by at ζ (F,), as it is discretised on the grid.
+
+    Of a law whose parameters are arrays (…, 1) the values (…, F), in NumPy where all is NumPy.
+    """
     if isinstance(law, Series):
         return transfer(law.first, zeta, grid) * transfer(law.second, zeta, grid)
     assert isinstance(law, AbstractLinearBlock)
+    variable = np.divide if isinstance(zeta, np.ndarray) else Laplace
     if grid.history == "periodic":
-        values = law.symbol(-jnp.log(zeta) / grid.step)
-    else:
-        values = quadrature_symbol(law.symbol, zeta, grid, law.accuracy)
-    return values * jnp.ones_like(zeta)
+        steady = -np.log(zeta) if isinstance(zeta, np.ndarray) else -jnp.log(zeta)
+        return law.symbol(variable(steady, grid.step))
+    return quadrature_symbol(law.symbol, zeta, grid, law.accuracy, variable)

@@ -21,48 +21,58 @@ from __future__ import annotations
 from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from .._blocks import AbstractBlock
 from .._operators import Grid, rate
+from .._parameters import set_values
 from ._chains import Chain, chains_of
-from ._interpolation import Chosen, Interpolation, choose, is_bounded
+from ._interpolation import (
+    Chosen,
+    Interpolation,
+    choose,
+    is_bounded,
+    placed_together,
+    unit_gains,
+)
 from ._layout import layout_of, placed, with_gains
 from ._least_squares import least, linearised
 from ._problem import Problem
 
 _ROWS = 16
 _NEGLIGIBLE = 1e-13
-_FRESH = 6
+_FRESH = 4
 _MOST_SIGNALS = 400
 
 
 class Part(eqx.Module):
-    """Coefficients of one chain: those of its first law, times those of its last."""
+    """One chain's share of a response: coefficients (J,) of its first law, times those of its last
+    where there is one, times what they stand for (J, m)."""
 
     before: Interpolation
     after: Interpolation | None
+    matrix: np.ndarray | Array
 
-    def __call__(self, chain: Chain, grid: Grid) -> Array:
-        first = self.before(chain.before, grid)
-        if self.after is None or chain.after is None:
-            return first
-        return jnp.outer(first, self.after(chain.after, grid)).ravel()
+    def __call__(self, chain: Chain, grid: Grid) -> Any:
+        coefficients = self.before(chain.before, grid)
+        if self.after is not None and chain.after is not None:
+            others = self.after(chain.after, grid)
+            products = coefficients[..., :, None] * others[..., None, :]
+            coefficients = products.reshape(*products.shape[:-2], -1)
+        return coefficients @ self.matrix
 
 
 class CompressedProblem(eqx.Module):
     """A recording in coordinates (m,) that span all a block can answer to its drive.
 
-    matrix (m, J) makes them of the chains' coefficients; response (m,) and own (m, q) are the
-    recording's.  `filter` is the whitening filter, all of whose taps can be exchanged where `lags`
+    response (m,) and own (m, q) are the recording's; the first q coordinates are all that the own
+    terms have.  `whitening` is the filter, all of whose taps can be exchanged where `lags`
     (taps, rows, m) say what each is applied to; else it can be scaled, `whitened` by its first tap.
     """
 
     parts: tuple[Part, ...]
-    matrix: np.ndarray | Array
     response: np.ndarray | Array
     own: np.ndarray | Array
     whitening: np.ndarray | Array
@@ -71,12 +81,15 @@ class CompressedProblem(eqx.Module):
     count: np.ndarray | Array
     grid: Grid
 
-    def simulate(self, block: AbstractBlock) -> Array:
-        """The block's response in coordinates (m,), but for a constant."""
+    def simulate(self, block: AbstractBlock) -> Any:
+        """The block's response in coordinates (m,), but for a constant.
+
+        Of a block whose parameters are NumPy arrays (K, 1), K responses (K, m), in NumPy.
+        """
         chains = chains_of(block)
         assert chains is not None  # or the problem could not have been compressed
         pairs = zip(self.parts, chains, strict=True)
-        return self.matrix @ jnp.concatenate([part(chain, self.grid) for part, chain in pairs])
+        return sum(part(chain, self.grid) for part, chain in pairs)
 
     def whiten(self, signals: Any) -> Array:
         """Coordinates (m, …) of signals through the whitening filter."""
@@ -100,27 +113,21 @@ class _Span(NamedTuple):
     signals: np.ndarray
     chosen: tuple[tuple[Chosen, Chosen | None], ...]
 
-    @property
-    def parts(self) -> tuple[Part, ...]:
-        return tuple(
-            Part(first.interpolation, None if second is None else second.interpolation)
-            for first, second in self.chosen
-        )
-
-    def matrix(self, rows: np.ndarray) -> np.ndarray:
-        """What coefficients (J,) are multiplied by, from the signals' coordinates (m, n)."""
-        found, at = [np.zeros((len(rows), 0))], 0
+    def parts(self, rows: np.ndarray) -> tuple[Part, ...]:
+        """The chains' shares, from the signals' coordinates (m, n)."""
+        found, at = [], 0
         for first, second in self.chosen:
-            count = len(first.laws) * (1 if second is None else len(second.laws))
+            count = first.size * (1 if second is None else second.size)
             mine = rows[:, at : at + count]
             at += count
             if second is not None:
-                mine = second.in_coordinates(mine.reshape(len(rows), -1, len(second.laws)))
+                mine = second.in_coordinates(mine.reshape(len(rows), first.size, -1))
                 mine = np.moveaxis(first.in_coordinates(np.moveaxis(mine, 1, 2)), 2, 1)
-                found.append(mine.reshape(len(rows), -1))
             else:
-                found.append(first.in_coordinates(mine))
-        return np.concatenate(found, axis=1)
+                mine = first.in_coordinates(mine)
+            after = None if second is None else second.interpolation
+            found.append(Part(first.interpolation, after, mine.reshape(len(rows), -1).T))
+        return tuple(found)
 
 
 def compress(
@@ -167,17 +174,15 @@ def _span(chains: tuple[Chain, ...], problem: Problem) -> _Span | None:
         first = choose(chain.before, drive[:, None], grid)
         if first is None:
             return None
-        signals = np.stack([np.asarray(law.respond(drive, grid)) for law in first.laws], axis=1)
+        signals = first.responses(drive[:, None], grid)[:, 0]
         if chain.rated:
-            signals *= np.abs(np.asarray(rate(jnp.asarray(drive), grid)))[:, None]
+            signals = signals * np.abs(np.asarray(rate(jnp.asarray(drive), grid)))[:, None]
         second = None
         if chain.after is not None:
             second = choose(chain.after, signals, grid)
-            if second is None or len(first.laws) * len(second.laws) > _MOST_SIGNALS:
+            if second is None or first.size * second.size > _MOST_SIGNALS:
                 return None
-            passed = [law.linearise(drive, grid, (), list(signals.T))[2] for law in second.laws]
-            signals = np.stack([np.stack(p, axis=1) for p in passed], axis=2)
-            signals = signals.reshape(drive.size, -1)
+            signals = second.responses(signals, grid).reshape(drive.size, -1)
         found.append(signals)
         chosen.append((first, second))
     return _Span(np.concatenate(found, axis=1)[:: problem.oversampling], tuple(chosen))
@@ -224,8 +229,7 @@ def _compressed(
     padding = -turned.shape[1] % _ROWS
     turned = np.pad(turned, ((0, 0), (0, padding)))
     compressed = CompressedProblem(
-        parts=span.parts,
-        matrix=span.matrix(turned.T @ spanning),
+        parts=span.parts(turned.T @ spanning),
         response=turned.T @ response,
         own=turned.T @ owned,
         whitening=np.asarray(problem.whitening),
@@ -274,29 +278,39 @@ def _error(
     fresh: list[_Fresh],
 ) -> float:
     """The largest error at fresh positions, over all recordings together."""
-    gains = [_best_gains([f.rows[k] for f in fresh], fresh) for k in range(len(positions))]
-    squares = np.zeros(len(positions))
-    for problem, full in zip(compressed, fresh, strict=True):
-        wanted = np.stack([f[:, 0] + f[:, 1:] @ g for f, g in zip(full.rows, gains, strict=True)])
-        held = problem.own.shape[1]
-        found = np.asarray(_simulations(block, problem, positions, np.stack(gains)))
-        found = found[:, held : held + full.basis.shape[1]]
-        squares += np.sum((wanted - found @ full.basis.T) ** 2, axis=1)
-    return float(np.sqrt(squares.max(initial=0.0)))
-
-
-def _best_gains(rows: list[np.ndarray], fresh: list[_Fresh]) -> np.ndarray:
-    """Gains (g,) that come nearest to the responses."""
-    columns = np.concatenate([part[:, 1:] for part in rows])
-    target = np.concatenate([f.response - part[:, 0] for f, part in zip(fresh, rows, strict=True)])
-    return least(columns, target)[0]
-
-
-@eqx.filter_jit
-def _simulations(
-    block: AbstractBlock, problem: CompressedProblem, positions: np.ndarray, gains: np.ndarray
-) -> Array:
-    """Compressed responses (K, m) at positions (K, n) with gains (K, g)."""
-    return jax.vmap(lambda p, g: problem.simulate(with_gains(placed(block, p), g)))(
-        jnp.asarray(positions), jnp.asarray(gains)
+    wanted = np.concatenate([full.rows for full in fresh], axis=1)
+    found = np.concatenate(
+        [
+            np.einsum("mi,kgi->kmg", full.basis, _spanned(problem, full, block, positions))
+            for problem, full in zip(compressed, fresh, strict=True)
+        ],
+        axis=1,
     )
+    response = np.concatenate([full.response for full in fresh])
+    largest = 0.0
+    for exact, approximate in zip(wanted, found, strict=True):
+        gains = np.append(1.0, least(exact[:, 1:], response - exact[:, 0])[0])
+        largest = max(largest, float(np.linalg.norm((exact - approximate) @ gains)))
+    return largest
+
+
+def _spanned(
+    problem: CompressedProblem, full: _Fresh, block: AbstractBlock, positions: np.ndarray
+) -> np.ndarray:
+    held = problem.own.shape[1]
+    return columns_at(block, problem, positions)[:, :, held : held + full.basis.shape[1]]
+
+
+def columns_at(
+    block: AbstractBlock, problem: CompressedProblem, positions: np.ndarray
+) -> np.ndarray:
+    """Compressed responses (K, 1 + g, m) at positions (K, n): with gains of zero, and the derivative
+    by each gain; nothing is compiled."""
+    together = placed_together(block, positions)
+    found = [
+        problem.simulate(set_values(together, gains)) for gains in unit_gains(layout_of(block))
+    ]
+    shape = len(positions), problem.response.size
+    columns = np.stack([np.broadcast_to(one, shape) for one in found], axis=1)
+    columns[:, 1:] -= columns[:, :1]
+    return columns

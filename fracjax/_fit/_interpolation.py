@@ -15,122 +15,168 @@ Source: Quarteroni, Manzoni & Negri, Reduced Basis Methods for Partial Different
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import equinox as eqx
-import jax
-import jax.numpy as jnp
 import numpy as np
+import scipy.fft
 from jax import Array
+from scipy.linalg import solve_triangular
 from scipy.stats import qmc
 
 from .._blocks import AbstractBlock
 from .._operators import Grid
-from .._parameters import named_parameters
+from .._operators._convolution_quadrature import circle
+from .._parameters import named_parameters, set_values
 from ._chains import transfer
-from ._layout import layout_of, placed, with_gains
+from ._layout import Layout, layout_of
 
 _POINTS = 80
 _CANDIDATES = {0: 1, 1: 64, 2: 256}
 _MOST_CANDIDATES = 512
 _EXACT = 1e-11
 _LARGEST_RANK = 80
-_STEP = 16
+_STEP = 8
 
 
 class Interpolation(eqx.Module):
-    """Coordinates (J,) of a law among its transfer functions: projector (2F, J) on values at ζ (F,).
+    """Coordinates (J,) of a law among its transfer functions, from their values at ζ (F,).
 
-    The coordinates refer to an orthonormal basis, and those behind the last one are zero.
+    `real`, `imaginary` (F, J) project the values on an orthonormal basis, filled up with zeros.
     """
 
     zeta: np.ndarray | Array
-    projector: np.ndarray | Array
+    real: np.ndarray | Array
+    imaginary: np.ndarray | Array
 
-    def __call__(self, law: AbstractBlock, grid: Grid) -> Array:
+    def __call__(self, law: AbstractBlock, grid: Grid) -> Any:
         values = transfer(law, self.zeta, grid)
-        return jnp.concatenate([values.real, values.imag]) @ self.projector
+        return values.real @ self.real + values.imag @ self.imaginary
 
 
 class Chosen(NamedTuple):
-    """The laws (n) at the chosen shapes, and the triangle (n, n) that makes an orthonormal basis of
-    their transfer functions: theirs = basis @ triangle."""
+    """Laws (n) in one, each parameter an array (n, 1) of their values; the triangle (n, n) makes an
+    orthonormal basis of their transfer functions: theirs = basis @ triangle."""
 
     interpolation: Interpolation
-    laws: list[AbstractBlock]
+    laws: AbstractBlock
     triangle: np.ndarray
 
+    @property
+    def size(self) -> int:
+        return len(self.triangle)
+
+    def responses(self, drives: np.ndarray, grid: Grid) -> np.ndarray:
+        """The laws' responses (M, d, n) to drives (M, d), but for what a held value adds.
+
+        As `convolve` gives them, without anything to compile.
+        """
+        samples = len(drives)
+        if grid.history == "periodic":
+            zeta = np.exp(-2j * np.pi * np.arange(1, (samples - 1) // 2 + 1) / samples)
+            transform = scipy.fft.rfft(drives, axis=0)[1 : zeta.size + 1]
+            length, damping = samples, np.ones(samples)
+        else:
+            length, radius = circle(samples)
+            zeta = radius * np.exp(-2j * np.pi * np.arange(length // 2 + 1) / length)
+            damping = radius ** np.arange(samples)
+            moved = drives - (drives[0] if grid.history == "constant" else 0.0)
+            transform = scipy.fft.rfft((moved.T * damping).T, length, axis=0)
+        missing = np.zeros((int(grid.history == "periodic"), drives.shape[1]))
+        found = np.empty((*drives.shape, self.size))
+        for k in range(self.size):
+            product = (np.asarray(transfer(_one_of(self.laws, k), zeta, grid)) * transform.T).T
+            whole = np.concatenate([missing, product])
+            found[:, :, k] = (scipy.fft.irfft(whole, length, axis=0)[:samples].T / damping).T
+        return found
+
     def in_coordinates(self, rows: np.ndarray) -> np.ndarray:
-        """What coordinates (J,) are multiplied by, from what the laws (n) are, along the last axis."""
-        solved = np.linalg.solve(self.triangle.T, np.moveaxis(rows, -1, 0).reshape(len(self.laws), -1))
-        solved = np.moveaxis(solved.reshape(len(self.laws), *rows.shape[:-1]), 0, -1)
-        padding = self.interpolation.projector.shape[1] - len(self.laws)
+        """What coordinates (J,) are multiplied by, given the laws' (n), along the last axis."""
+        flat = np.moveaxis(rows, -1, 0).reshape(self.size, -1)
+        flat = solve_triangular(self.triangle.T, flat, lower=True)
+        solved = np.moveaxis(flat.reshape(self.size, *rows.shape[:-1]), 0, -1)
+        padding = self.interpolation.real.shape[1] - self.size
         return np.pad(solved, [(0, 0)] * (rows.ndim - 1) + [(0, padding)])
 
 
 def is_bounded(law: AbstractBlock) -> bool:
-    """Whether all shapes of a law have bounds, between which they can be chosen."""
+    """Whether all shapes of a law are single numbers with bounds, between which to choose."""
     parameters = named_parameters(law)
-    return all(parameters[name].bounded for name, _ in layout_of(law).shapes)
+    return all(parameters[name].bounded and size == 1 for name, size in layout_of(law).shapes)
+
+
+def placed_together(block: AbstractBlock, positions: np.ndarray) -> AbstractBlock:
+    """Blocks at positions (K, n) of their shapes in one, each shape an array (K, 1) of its values."""
+    parameters, names = named_parameters(block), [name for name, _ in layout_of(block).shapes]
+    values = {
+        name: np.asarray(parameters[name].from_share(share))[:, None]
+        for name, share in zip(names, positions.T, strict=True)
+    }
+    return set_values(block, values)
+
+
+def unit_gains(layout: Layout) -> list[dict[str, float]]:
+    """All gains zero, then each in turn one."""
+    names = [name for name, _ in layout.gains]
+    return [{name: float(name == one) for name in names} for one in ("", *names)]
 
 
 def choose(law: AbstractBlock, driven_by: np.ndarray, grid: Grid) -> Chosen | None:
     """Shapes for a law with bounds driven by signals (M, n); None where too many would be needed."""
     zeta, weights = _points(driven_by, grid)
     layout = layout_of(law)
-    count = sum(size for _, size in layout.shapes)
+    count = len(layout.shapes)
     candidates = _CANDIDATES.get(count, _MOST_CANDIDATES)
     # Denser towards the bounds, as Chebyshev's nodes are.
     even = qmc.Sobol(max(count, 1), scramble=False).random(candidates)[:, :count]
-    positions = (1 - np.cos(np.pi * even)) / 2
-    gains = np.eye(sum(size for _, size in layout.gains) + 1)[:, 1:]
-    values = np.asarray(_values(law, positions, gains, zeta, grid)).reshape(-1, zeta.size) * weights
-    columns = np.concatenate([values.real, values.imag], axis=1)
+    together = placed_together(law, (1 - np.cos(np.pi * even)) / 2)
+    units = unit_gains(layout)
+    values = np.zeros((len(units), candidates, zeta.size), complex)
+    for at, gains in enumerate(units):
+        values[at] = transfer(set_values(together, gains), zeta, grid)
+    weighted = (values * weights).reshape(-1, zeta.size)
+    columns = np.concatenate([weighted.real, weighted.imag], axis=1)
     lengths = np.linalg.norm(columns, axis=1)
     usable = np.flatnonzero(lengths > 0)
     picked, basis = _greedy(columns[usable] / lengths[usable, None])
     if len(picked) == _LARGEST_RANK:
         return None
     picked = usable[picked]
-    laws = [
-        with_gains(placed(law, positions[k // len(gains)]), gains[k % len(gains)]) for k in picked
-    ]
-    laws = [jax.tree_util.tree_map(np.asarray, chosen) for chosen in laws]
-    padded = np.pad(basis, ((0, -len(picked) % _STEP), (0, 0)))
-    projector = padded.T * np.tile(weights, 2)[:, None]
-    return Chosen(Interpolation(zeta, projector), laws, basis @ columns[picked].T)
-
-
-@eqx.filter_jit
-def _values(
-    law: AbstractBlock, positions: np.ndarray, gains: np.ndarray, zeta: np.ndarray, grid: Grid
-) -> Array:
-    """Transfer functions (C, G, F) at positions (C, n) of the shapes and gains (G, g)."""
-
-    def at(position: Array, gain: Array) -> Array:
-        return transfer(with_gains(placed(law, position), gain), zeta, grid)
-
-    return jax.vmap(lambda p: jax.vmap(lambda g: at(p, g))(jnp.asarray(gains)))(
-        jnp.asarray(positions)
+    chosen = {
+        name: np.broadcast_to(parameter.value, (candidates, 1))[picked % candidates]
+        for name, parameter in named_parameters(together).items()
+    }
+    for name, _ in layout.gains:
+        chosen[name] = np.array([units[at][name] for at in picked // candidates])[:, None]
+    projector = np.pad(basis, ((0, -len(picked) % _STEP), (0, 0))).T
+    real, imaginary = (half * weights[:, None] for half in np.split(projector, 2))
+    return Chosen(
+        Interpolation(zeta, real, imaginary),
+        set_values(together, chosen),
+        basis @ columns[picked].T,
     )
+
+
+def _one_of(laws: AbstractBlock, k: int) -> AbstractBlock:
+    return set_values(laws, {n: p.value[k] for n, p in named_parameters(laws).items()})
 
 
 def _points(signals: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
     """Points ζ (F,) and the root of the signals' power about each, that of all being 1."""
     samples = len(signals)
     if grid.history == "periodic":
-        power = np.sum(np.abs(np.fft.rfft(signals, axis=0)[1 : samples // 2]) ** 2, axis=1)
-        at = _spread(power.size)
+        power = np.abs(scipy.fft.rfft(signals, axis=0)[1 : (samples - 1) // 2 + 1]) ** 2
+        at = _spread(len(power))
         zeta = np.exp(-2j * np.pi * (at + 1) / samples)
     else:
         radius = np.exp(-2 / samples)
         moved = signals - (signals[0] if grid.history == "constant" else 0.0)
         damped = moved * (radius ** np.arange(samples))[:, None]
-        power = np.sum(np.abs(np.fft.rfft(damped, 2 * samples, axis=0)) ** 2, axis=1)
-        at = _spread(power.size)
+        power = np.abs(scipy.fft.rfft(damped, 2 * samples, axis=0)) ** 2
+        at = _spread(len(power))
         zeta = radius * np.exp(-1j * np.pi * at / samples)
     middles = (at[1:] + at[:-1] + 1) // 2
-    gathered = np.add.reduceat(power, np.concatenate([[0], middles]))
+    gathered = np.add.reduceat(power.sum(axis=1), np.concatenate([[0], middles]))
     # Filled up to one size, for which one program is compiled.
     left = _POINTS - at.size
     zeta, gathered = np.pad(zeta, (0, left), mode="edge"), np.pad(gathered, (0, left))

@@ -68,8 +68,7 @@ def transfer(law: AbstractBlock, zeta: Any, grid: Grid) -> Any:
     if isinstance(law, Series):
         return transfer(law.first, zeta, grid) * transfer(law.second, zeta, grid)
     assert isinstance(law, AbstractLinearBlock)
-    variable = np.divide if isinstance(zeta, np.ndarray) else Laplace
     if grid.history == "periodic":
         steady = -np.log(zeta) if isinstance(zeta, np.ndarray) else -jnp.log(zeta)
-        return law.symbol(variable(steady, grid.step))
-    return quadrature_symbol(law.symbol, zeta, grid, law.accuracy, variable)
+        return law.symbol(Laplace(steady, grid.step))
+    return quadrature_symbol(law.symbol, zeta, grid, law.accuracy)

@@ -37,6 +37,7 @@ _MOST_CANDIDATES = 512
 _EXACT = 1e-11
 _LARGEST_RANK = 80
 _STEP = 8
+_LARGEST_TABLE = 2**20
 
 
 class Interpolation(eqx.Module):
@@ -82,12 +83,15 @@ class Chosen(NamedTuple):
             damping = radius ** np.arange(samples)
             moved = drives - (drives[0] if grid.history == "constant" else 0.0)
             transform = scipy.fft.rfft((moved.T * damping).T, length, axis=0)
-        missing = np.zeros((int(grid.history == "periodic"), drives.shape[1]))
+        missing = np.zeros((drives.shape[1], int(grid.history == "periodic")))
         found = np.empty((*drives.shape, self.size))
-        for k in range(self.size):
-            product = (np.asarray(transfer(_one_of(self.laws, k), zeta, grid)) * transform.T).T
-            whole = np.concatenate([missing, product])
-            found[:, :, k] = (scipy.fft.irfft(whole, length, axis=0)[:samples].T / damping).T
+        at_once = max(_LARGEST_TABLE // zeta.size, 1)
+        for k in range(0, self.size, at_once):
+            some = _some_of(self.laws, slice(k, k + at_once))
+            for law, values in enumerate(np.atleast_2d(transfer(some, zeta, grid)), k):
+                whole = np.concatenate([missing, (values * transform.T)], axis=1)
+                response = scipy.fft.irfft(whole, length, axis=1)[:, :samples] / damping
+                found[:, :, law] = response.T
         return found
 
     def in_coordinates(self, rows: np.ndarray) -> np.ndarray:
@@ -157,8 +161,8 @@ def choose(law: AbstractBlock, driven_by: np.ndarray, grid: Grid) -> Chosen | No
     )
 
 
-def _one_of(laws: AbstractBlock, k: int) -> AbstractBlock:
-    return set_values(laws, {n: p.value[k] for n, p in named_parameters(laws).items()})
+def _some_of(laws: AbstractBlock, which: slice) -> AbstractBlock:
+    return set_values(laws, {n: p.value[which] for n, p in named_parameters(laws).items()})
 
 
 def _points(signals: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:

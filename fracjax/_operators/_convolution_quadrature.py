@@ -45,20 +45,13 @@ def circle(samples: int) -> tuple[int, float]:
     return length, _WRAP_AROUND ** (1 / length)
 
 
-def quadrature_symbol(
-    symbol: Symbol,
-    zeta: np.ndarray | Array,
-    grid: Grid,
-    order: int,
-    variable: Callable[[Any, Any], Any] = Laplace,
-) -> Any:
-    """The generating function of a kernel's weights at ζ (F,), complex; `variable` makes the s that
-    the symbol is called with, of points and a step."""
+def quadrature_symbol(symbol: Symbol, zeta: np.ndarray | Array, grid: Grid, order: int) -> Any:
+    """The generating function of a kernel's weights at ζ (F,), complex."""
     if order == 3:
-        fine = symbol(variable(generating_function(zeta, 2), grid.step))
-        coarse = symbol(variable(generating_function(zeta**2, 2), 2 * grid.step))
+        fine = symbol(Laplace(generating_function(zeta, 2), grid.step))
+        coarse = symbol(Laplace(generating_function(zeta**2, 2), 2 * grid.step))
         return (4 * fine - coarse) / 3
-    return symbol(variable(generating_function(zeta, order), grid.step))
+    return symbol(Laplace(generating_function(zeta, order), grid.step))
 
 
 def _symbol_on_circle(symbol: Symbol, samples: int, grid: Grid, order: int) -> Array:

@@ -2,6 +2,8 @@
 
 from ._amplitude_ratios import AmplitudeRatios as AmplitudeRatios
 from ._amplitude_ratios import amplitude_ratios as amplitude_ratios
+from ._compressed import Compressed as Compressed
+from ._compressed import compress as compress
 from ._creep_identification import CreepEstimate as CreepEstimate
 from ._creep_identification import CreepIdentification as CreepIdentification
 from ._creep_identification import ofocim as ofocim

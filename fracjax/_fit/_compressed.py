@@ -45,6 +45,7 @@ _ROWS = 16
 _NEGLIGIBLE = 1e-13
 _FRESH = 4
 _MOST_SIGNALS = 400
+_FAR_BELOW = 0.01
 
 
 class Part(eqx.Module):
@@ -105,6 +106,11 @@ class Compressed(NamedTuple):
 
     problems: tuple[CompressedProblem, ...]
     error: float
+
+    def serves(self, noise: float) -> bool:
+        """Whether the error is far below noise of this standard deviation, in the problems' unit:
+        χ² and log-densities then err by less than a tenth."""
+        return self.error <= _FAR_BELOW * noise
 
 
 class _Span(NamedTuple):
@@ -242,9 +248,7 @@ def _compressed(
     return compressed, _Fresh(tried, response[held:], basis)
 
 
-def _full_responses(
-    block: AbstractBlock, problem: Problem, positions: np.ndarray
-) -> np.ndarray:
+def _full_responses(block: AbstractBlock, problem: Problem, positions: np.ndarray) -> np.ndarray:
     """The full model's responses (L, K (1 + g)) at positions (K, n): with gains of zero, and the
     derivative by each gain."""
     layout, found = layout_of(block), []
@@ -259,9 +263,7 @@ def _full_responses(
 def _lags(basis: np.ndarray, problem: Problem, taps: int) -> np.ndarray:
     """What each tap of a filter is applied to (taps, rows, m), from signals (T, m) that are
     orthonormal: (shifted by one tap after the other, samples left out) = Q lags, by one QR."""
-    shifted = np.stack(
-        [np.pad(basis, ((k, 0), (0, 0)))[: len(basis)] for k in range(taps)], axis=1
-    )
+    shifted = np.stack([np.pad(basis, ((k, 0), (0, 0)))[: len(basis)] for k in range(taps)], axis=1)
     weighted = shifted * np.asarray(problem.weights)[: len(basis), None, None]
     _, sizes, right = np.linalg.svd(
         np.linalg.qr(weighted.reshape(len(basis), -1), mode="r"), full_matrices=False
@@ -306,11 +308,11 @@ def columns_at(
 ) -> np.ndarray:
     """Compressed responses (K, 1 + g, m) at positions (K, n): with gains of zero, and the derivative
     by each gain; nothing is compiled."""
-    together = placed_together(block, positions)
-    found = [
-        problem.simulate(set_values(together, gains)) for gains in unit_gains(layout_of(block))
-    ]
-    shape = len(positions), problem.response.size
-    columns = np.stack([np.broadcast_to(one, shape) for one in found], axis=1)
+    units = unit_gains(layout_of(block))
+    together = placed_together(block, np.repeat(positions, len(units), axis=0))
+    gains = {n: np.tile([unit[n] for unit in units], len(positions))[:, None] for n in units[0]}
+    found = problem.simulate(set_values(together, gains))
+    shape = len(positions), len(units), problem.response.size
+    columns = np.broadcast_to(found, (shape[0] * shape[1], shape[2])).reshape(shape).copy()
     columns[:, 1:] -= columns[:, :1]
     return columns

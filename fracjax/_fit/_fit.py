@@ -19,11 +19,13 @@ from ._least_squares import Objective, begin, descend, simulate
 from ._noise import Noise, measured_noise, residual_noise
 from ._preparation import Past, Preparation, Take, coarse_oversampling, other_histories, take_of
 from ._programs import make_room
+from ._search import search
 from ._uncertainty import Estimate, estimates
 
 SCHEMA = "fracjax.fit/1"
 _ROUNDS = 20
 _LOOKS = 12
+_AGREED = 1e-3
 
 Progress = Callable[[str], None]
 
@@ -239,8 +241,20 @@ def solved_at(
 
 
 def fit_block(block: AbstractBlock, preparation: Preparation, starts: int, seed: int) -> Solved:
-    """Multi-start fit."""
-    return solve_from(starts_of(block, starts, seed), preparation)
+    """Multi-start fit: on the compressed problem where that is cheaper, the full model having the
+    last word; else, or where the two disagree, from every start on the full model."""
+    blocks = starts_of(block, starts, seed)
+    searched = search(blocks, preparation.problems())
+    if searched is not None:
+        solved = solve_from([searched.best], preparation)
+        if solved.converged and solved.cost <= searched.cost * (1 + _AGREED):
+            costs = np.where(searched.costs > searched.cost, searched.costs, solved.cost)
+            return replace(
+                solved,
+                start_costs=tuple(np.maximum(costs, solved.cost).tolist()),
+                evaluations=solved.evaluations + searched.evaluations,
+            )
+    return solve_from(blocks, preparation)
 
 
 def scores_of(solved: Solved, preparation: Preparation) -> Scores:

@@ -59,6 +59,12 @@ class AbstractNoiseModel(eqx.Module):
     def name(self) -> str:
         """What a result calls it."""
 
+    @property
+    @abc.abstractmethod
+    def taps(self) -> int | None:
+        """How many taps of a filter its parameters change, 1 where only the scale; None where the
+        density needs more of the samples than their inner products."""
+
     @abc.abstractmethod
     def prepared(self, preparation: Preparation) -> Preparation:
         """The recordings with the filter, and the samples that count, of this noise."""
@@ -95,7 +101,7 @@ class AbstractGaussianNoise(AbstractNoiseModel):
         total = jnp.zeros(())
         for residual, problem in zip(residuals, problems, strict=True):
             scaled = self.scaled(values, problem)
-            count = jnp.sum(scaled.weights)
+            count = jnp.asarray(scaled.count)
             factor, centre, left = _projected(residual, scaled)
             degrees = count - centre.size
             total += count * jnp.log(scaled.whitening[0]) - jnp.log(jnp.diag(factor)).sum()
@@ -158,6 +164,10 @@ class WhiteNoise(AbstractGaussianNoise):
     def name(self) -> str:
         return "white"
 
+    @property
+    def taps(self) -> int:
+        return 1
+
     def prepared(self, preparation: Preparation) -> Preparation:
         return _with_filters(preparation, 1)
 
@@ -181,6 +191,10 @@ class MeasuredNoise(AbstractGaussianNoise):
     @property
     def name(self) -> str:
         return "measured"
+
+    @property
+    def taps(self) -> int:
+        return 1
 
     def prepared(self, preparation: Preparation) -> Preparation:
         return preparation
@@ -214,6 +228,10 @@ class ARNoise(AbstractGaussianNoise):
     @property
     def name(self) -> str:
         return f"AR({self.order})"
+
+    @property
+    def taps(self) -> int:
+        return self.order + 1
 
     def prepared(self, preparation: Preparation) -> Preparation:
         return _with_filters(preparation, self.order + 1)
@@ -274,6 +292,10 @@ class StudentNoise(AbstractNoiseModel):
     @property
     def name(self) -> str:
         return "Student-t"
+
+    @property
+    def taps(self) -> None:
+        return None
 
     def prepared(self, preparation: Preparation) -> Preparation:
         return preparation

@@ -306,8 +306,8 @@ def _spanned(
 def columns_at(
     block: AbstractBlock, problem: CompressedProblem, positions: np.ndarray
 ) -> np.ndarray:
-    """Compressed responses (K, 1 + g, m) at positions (K, n): with gains of zero, and the derivative
-    by each gain; nothing is compiled."""
+    """Compressed responses (K, 1 + g, m) at positions (K, n): with gains of zero, and the
+    derivative by each gain; nothing is compiled."""
     units = unit_gains(layout_of(block))
     together = placed_together(block, np.repeat(positions, len(units), axis=0))
     gains = {n: np.tile([unit[n] for unit in units], len(positions))[:, None] for n in units[0]}

@@ -110,7 +110,7 @@ def is_bounded(law: AbstractBlock) -> bool:
 
 
 def placed_together(block: AbstractBlock, positions: np.ndarray) -> AbstractBlock:
-    """Blocks at positions (K, n) of their shapes in one, each shape an array (K, 1) of its values."""
+    """Blocks at positions (K, n) of their shapes in one, each shape an array (K, 1) of values."""
     parameters, names = named_parameters(block), [name for name, _ in layout_of(block).shapes]
     values = {
         name: np.asarray(parameters[name].from_share(share))[:, None]
@@ -126,7 +126,7 @@ def unit_gains(layout: Layout) -> list[dict[str, float]]:
 
 
 def choose(law: AbstractBlock, driven_by: np.ndarray, grid: Grid) -> Chosen | None:
-    """Shapes for a law with bounds driven by signals (M, n); None where too many would be needed."""
+    """Shapes for a law with bounds, driven by signals (M, n); None where they would be too many."""
     zeta, weights = _points(driven_by, grid)
     layout = layout_of(law)
     count = len(layout.shapes)

@@ -148,7 +148,7 @@ def _look(
 def _eliminated(
     target: np.ndarray, columns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Best gains (S, g), residual (S, m) and an orthonormal basis (S, m, g), of columns (S, g, m)."""
+    """Best gains (S, g), residual (S, m), orthonormal basis (S, m, g) of columns (S, g, m)."""
     starts, count, _ = columns.shape
     lengths = np.linalg.norm(columns, axis=2) + 1e-300
     ridge = np.broadcast_to(_RIDGE * np.eye(count), (starts, count, count))

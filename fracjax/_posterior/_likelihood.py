@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -67,10 +69,20 @@ class Target(eqx.Module):
         return jnp.asarray(jnp.where(jnp.isfinite(density), density, -jnp.inf))
 
 
-@eqx.filter_jit
-def log_posteriors(target: Target, standards: Array) -> Array:
-    """`log_posterior` (K,) of coordinates (K, D), in one call."""
+@partial(jax.jit, static_argnums=0)
+def _log_posteriors(structure: Any, leaves: list[Array], standards: Array) -> Array:
+    target: Target = jax.tree_util.tree_unflatten(structure, leaves)
     return jax.vmap(target.log_posterior)(standards)
+
+
+def log_posteriors_of(target: Target) -> Callable[[np.ndarray], np.ndarray]:
+    """`log_posterior` (K,) of coordinates (K, D), in one call.
+
+    The target is taken apart and brought to the device once: done at every call, that would cost
+    more than a compressed density does.
+    """
+    leaves, structure = jax.tree_util.tree_flatten(jax.tree_util.tree_map(jnp.asarray, target))
+    return lambda standards: np.asarray(_log_posteriors(structure, leaves, standards))
 
 
 @eqx.filter_jit
@@ -132,9 +144,7 @@ def compressed(target: Target, start: np.ndarray) -> Target:
     if not found.serves(float(min(scales))):
         return target
     predict = Prediction(block, found.problems)
-    fast = Target(predict, target.noise, found.problems, target.priors, target.size)
-    # On the device, where every call would else take it.
-    return jax.tree_util.tree_map(jnp.asarray, fast)
+    return Target(predict, target.noise, found.problems, target.priors, target.size)
 
 
 def _within_bounds(target: Target) -> bool:

@@ -26,25 +26,17 @@ import numpy as np
 from jax import Array
 
 from .._blocks import AbstractBlock
-from .._operators import Grid, rate
+from .._operators import Grid
 from .._parameters import set_values
 from ._chains import Chain, chains_of
-from ._interpolation import (
-    Chosen,
-    Interpolation,
-    choose,
-    is_bounded,
-    placed_together,
-    unit_gains,
-)
-from ._layout import layout_of, placed, with_gains
-from ._least_squares import least, linearised
+from ._interpolation import Interpolation, placed_together, unit_gains
+from ._layout import layout_of
+from ._least_squares import least
 from ._problem import Problem
+from ._span import FRESH, Span, fresh_positions, span_of
 
 _ROWS = 16
 _NEGLIGIBLE = 1e-13
-_FRESH = 4
-_MOST_SIGNALS = 400
 _FAR_BELOW = 0.01
 
 
@@ -109,31 +101,8 @@ class Compressed(NamedTuple):
 
     def serves(self, noise: float) -> bool:
         """Whether the error is far below noise of this standard deviation, in the problems' unit:
-        χ² and log-densities then err by less than a tenth."""
+        χ² and log-densities about the optimum then err by less than a tenth."""
         return self.error <= _FAR_BELOW * noise
-
-
-class _Span(NamedTuple):
-    """Signals (L, n) that span a block's responses to one drive, and what they stand for."""
-
-    signals: np.ndarray
-    chosen: tuple[tuple[Chosen, Chosen | None], ...]
-
-    def parts(self, rows: np.ndarray) -> tuple[Part, ...]:
-        """The chains' shares, from the signals' coordinates (m, n)."""
-        found, at = [], 0
-        for first, second in self.chosen:
-            count = first.size * (1 if second is None else second.size)
-            mine = rows[:, at : at + count]
-            at += count
-            if second is not None:
-                mine = second.in_coordinates(mine.reshape(len(rows), first.size, -1))
-                mine = np.moveaxis(first.in_coordinates(np.moveaxis(mine, 1, 2)), 2, 1)
-            else:
-                mine = first.in_coordinates(mine)
-            after = None if second is None else second.interpolation
-            found.append(Part(first.interpolation, after, mine.reshape(len(rows), -1).T))
-        return tuple(found)
 
 
 def compress(
@@ -145,59 +114,16 @@ def compress(
     many taps can be exchanged.  None where the block is no sum of chains of linear laws, where a
     shape has no bounds, or where too many shapes would be needed.
     """
-    chains = chains_of(block)
-    if chains is None or not all(map(_is_supported, chains)):
+    spans = [span_of(block, problem) for problem in problems]
+    made = [
+        _compressed(block, problem, span, taps)
+        for problem, span in zip(problems, spans, strict=True)
+        if span is not None
+    ]
+    if len(made) < len(problems):
         return None
-    spans: dict[tuple, _Span] = {}
-    for problem in problems:
-        if _key(problem) not in spans:
-            span = _span(chains, problem)
-            if span is None:
-                return None
-            spans[_key(problem)] = span
-    positions = _fresh_positions(block)
-    pairs = [(problem, spans[_key(problem)]) for problem in problems]
-    made = [_compressed(block, problem, span, positions, taps) for problem, span in pairs]
     compressed = tuple(problem for problem, _ in made)
-    return Compressed(compressed, _error(block, positions, compressed, [f for _, f in made]))
-
-
-def _is_supported(chain: Chain) -> bool:
-    return is_bounded(chain.before) and (chain.after is None or is_bounded(chain.after))
-
-
-def _key(problem: Problem) -> tuple:
-    """What problems that share a span have in common."""
-    drive = np.asarray(problem.drive).tobytes()
-    return drive, float(problem.grid.step), problem.grid.history, problem.oversampling
-
-
-def _span(chains: tuple[Chain, ...], problem: Problem) -> _Span | None:
-    """Signals that span the responses of chains to one drive; None where they are too many."""
-    drive, grid = np.asarray(problem.drive), problem.grid
-    found, chosen = [np.zeros((drive.size, 0))], []
-    for chain in chains:
-        first = choose(chain.before, drive[:, None], grid)
-        if first is None:
-            return None
-        signals = first.responses(drive[:, None], grid)[:, 0]
-        if chain.rated:
-            signals = signals * np.abs(np.asarray(rate(jnp.asarray(drive), grid)))[:, None]
-        second = None
-        if chain.after is not None:
-            second = choose(chain.after, signals, grid)
-            if second is None or first.size * second.size > _MOST_SIGNALS:
-                return None
-            signals = second.responses(signals, grid).reshape(drive.size, -1)
-        found.append(signals)
-        chosen.append((first, second))
-    return _Span(np.concatenate(found, axis=1)[:: problem.oversampling], tuple(chosen))
-
-
-def _fresh_positions(block: AbstractBlock) -> np.ndarray:
-    """Positions (K, n) of shapes, at which nothing was chosen."""
-    size = sum(size for _, size in layout_of(block).shapes)
-    return np.random.default_rng(0).uniform(size=(_FRESH, size))
+    return Compressed(compressed, _error(block, compressed, [fresh for _, fresh in made]))
 
 
 class _Fresh(NamedTuple):
@@ -210,12 +136,11 @@ class _Fresh(NamedTuple):
 
 
 def _compressed(
-    block: AbstractBlock, problem: Problem, span: _Span, positions: np.ndarray, taps: int
+    block: AbstractBlock, problem: Problem, span: Span, taps: int
 ) -> tuple[CompressedProblem, _Fresh]:
-    own, fresh = np.asarray(problem.own), _full_responses(block, problem, positions)
-    ends = np.cumsum([own.shape[1], span.signals.shape[1], fresh.shape[1]])
-    signals = [own, span.signals, fresh, np.asarray(problem.response)[:, None]]
-    signals = np.concatenate(signals, axis=1)
+    pieces = [np.asarray(problem.own), span.signals, span.fresh]
+    ends = np.cumsum([piece.shape[1] for piece in pieces])
+    signals = np.concatenate([*pieces, np.asarray(problem.response)[:, None]], axis=1)
     if taps == 1:
         orthonormal, rows = None, np.linalg.qr(problem.whiten(signals), mode="r")
     else:
@@ -235,7 +160,7 @@ def _compressed(
     padding = -turned.shape[1] % _ROWS
     turned = np.pad(turned, ((0, 0), (0, padding)))
     compressed = CompressedProblem(
-        parts=span.parts(turned.T @ spanning),
+        parts=_parts(span, turned.T @ spanning),
         response=turned.T @ response,
         own=turned.T @ owned,
         whitening=np.asarray(problem.whitening),
@@ -244,20 +169,25 @@ def _compressed(
         count=np.asarray(problem.count),
         grid=problem.grid,
     )
-    tried = np.moveaxis(tried[held:].reshape(len(rows) - held, len(positions), -1), 1, 0)
+    tried = np.moveaxis(tried[held:].reshape(len(rows) - held, FRESH, -1), 1, 0)
     return compressed, _Fresh(tried, response[held:], basis)
 
 
-def _full_responses(block: AbstractBlock, problem: Problem, positions: np.ndarray) -> np.ndarray:
-    """The full model's responses (L, K (1 + g)) at positions (K, n): with gains of zero, and the
-    derivative by each gain."""
-    layout, found = layout_of(block), []
-    none = np.zeros(sum(size for _, size in layout.gains))
-    for position in positions:
-        there = with_gains(placed(block, position), none)
-        response, columns = linearised(there, problem, [name for name, _ in layout.gains])
-        found += [response[:, None], columns]
-    return np.concatenate([np.zeros((len(problem.response), 0)), *found], axis=1)
+def _parts(span: Span, rows: np.ndarray) -> tuple[Part, ...]:
+    """The chains' shares, from the signals' coordinates (m, n)."""
+    found, at = [], 0
+    for first, second in span.chosen:
+        count = first.size * (1 if second is None else second.size)
+        mine = rows[:, at : at + count]
+        at += count
+        if second is not None:
+            mine = second.in_coordinates(mine.reshape(len(rows), first.size, -1))
+            mine = np.moveaxis(first.in_coordinates(np.moveaxis(mine, 1, 2)), 2, 1)
+        else:
+            mine = first.in_coordinates(mine)
+        after = None if second is None else second.interpolation
+        found.append(Part(first.interpolation, after, mine.reshape(len(rows), -1).T))
+    return tuple(found)
 
 
 def _lags(basis: np.ndarray, problem: Problem, taps: int) -> np.ndarray:
@@ -274,12 +204,10 @@ def _lags(basis: np.ndarray, problem: Problem, taps: int) -> np.ndarray:
 
 
 def _error(
-    block: AbstractBlock,
-    positions: np.ndarray,
-    compressed: tuple[CompressedProblem, ...],
-    fresh: list[_Fresh],
+    block: AbstractBlock, compressed: tuple[CompressedProblem, ...], fresh: list[_Fresh]
 ) -> float:
     """The largest error at fresh positions, over all recordings together."""
+    positions = fresh_positions(block)
     wanted = np.concatenate([full.rows for full in fresh], axis=1)
     found = np.concatenate(
         [

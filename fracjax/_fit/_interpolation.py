@@ -34,7 +34,7 @@ from ._layout import Layout, layout_of
 _POINTS = 80
 _CANDIDATES = {0: 1, 1: 64, 2: 256}
 _MOST_CANDIDATES = 512
-_EXACT = 1e-11
+_EXACT, _ROUGH = 1e-11, 1e-6
 _LARGEST_RANK = 80
 _STEP = 8
 _LARGEST_TABLE = 2**20
@@ -96,7 +96,7 @@ class Chosen(NamedTuple):
 
     def in_coordinates(self, rows: np.ndarray) -> np.ndarray:
         """What coordinates (J,) are multiplied by, given the laws' (n), along the last axis."""
-        flat = np.moveaxis(rows, -1, 0).reshape(self.size, -1)
+        flat = np.moveaxis(rows, -1, 0).reshape(self.size, int(np.prod(rows.shape[:-1])))
         flat = solve_triangular(self.triangle.T, flat, lower=True)
         solved = np.moveaxis(flat.reshape(self.size, *rows.shape[:-1]), 0, -1)
         padding = self.interpolation.real.shape[1] - self.size
@@ -142,8 +142,8 @@ def choose(law: AbstractBlock, driven_by: np.ndarray, grid: Grid) -> Chosen | No
     columns = np.concatenate([weighted.real, weighted.imag], axis=1)
     lengths = np.linalg.norm(columns, axis=1)
     usable = np.flatnonzero(lengths > 0)
-    picked, basis = _greedy(columns[usable] / lengths[usable, None])
-    if len(picked) == _LARGEST_RANK:
+    picked, basis, left = _greedy(columns[usable] / lengths[usable, None])
+    if left > _ROUGH:
         return None
     picked = usable[picked]
     chosen = {
@@ -192,17 +192,18 @@ def _spread(count: int) -> np.ndarray:
     return np.unique(np.round(np.geomspace(1, count, _POINTS)).astype(int)) - 1
 
 
-def _greedy(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Which rows (C, F) of unit length span the others, and an orthonormal basis (J, F) of them."""
-    left, basis, picked = rows.copy(), np.zeros((0, rows.shape[1])), []
-    while len(picked) < _LARGEST_RANK:
-        sizes = np.einsum("cf,cf->c", left, left)
-        if not sizes.size or np.sqrt(sizes.max()) < _EXACT:
-            break
+def _greedy(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
+    """Which rows (C, F) of unit length span the others, an orthonormal basis (J, F) of them, and
+    the largest part of a row that lies outside."""
+    outside, basis, picked = rows.copy(), np.zeros((0, rows.shape[1])), []
+    while True:
+        sizes = np.sqrt(np.einsum("cf,cf->c", outside, outside))
+        largest = float(sizes.max(initial=0.0))
+        if largest < _EXACT or len(picked) == _LARGEST_RANK:
+            return np.array(picked, int), basis, largest
         picked.append(int(np.argmax(sizes)))
         # Once more, for rounding has left something along the others.
-        following = left[picked[-1]] - basis.T @ (basis @ left[picked[-1]])
+        following = outside[picked[-1]] - basis.T @ (basis @ outside[picked[-1]])
         following /= np.linalg.norm(following)
         basis = np.concatenate([basis, following[None]])
-        left -= np.outer(left @ following, following)
-    return np.array(picked, int), basis
+        outside -= np.outer(outside @ following, following)

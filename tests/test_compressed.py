@@ -12,12 +12,12 @@ import fracjax as fj
 from fracjax._fit import _fit as fitting
 from fracjax._fit import compress, layout_of, prepare
 from fracjax._fit._box import with_gradient
-from fracjax._fit._compressed import CompressedProblem, columns_at
+from fracjax._fit._compressed import columns_at
 from fracjax._fit._fit import constrained, fit_block, solve_from, starts_of
 from fracjax._fit._interpolation import _greedy
 from fracjax._fit._layout import placed, with_gains
 from fracjax._fit._least_squares import Objective
-from fracjax._fit._problem import Problem
+from fracjax._fit._problem import AbstractProblem, Problem
 from fracjax._fit._search import search
 from fracjax._parameters import replace_parameters
 from fracjax._posterior import Normal, compressed, log_posteriors_of, target_of
@@ -73,9 +73,7 @@ def beside_own(white: np.ndarray, own: np.ndarray) -> np.ndarray:
     return white - basis @ (basis.T @ white)
 
 
-def inner_products(
-    model: fj.Model, problems: tuple[Problem, ...] | tuple[CompressedProblem, ...], blocks: list
-) -> np.ndarray:
+def inner_products(problems: tuple[AbstractProblem, ...], blocks: list) -> np.ndarray:
     """Of the whitened responses of blocks, and the recordings', beside the own terms: (K, K)."""
     found = np.zeros((len(blocks) + 1, len(blocks) + 1))
     for problem in problems:
@@ -112,9 +110,9 @@ def test_responses_are_those_of_the_full_model(name: str, drive: str, history):
     assert found is not None
     assert found.error < 0.01
     blocks = drawn(model, problems, 4)
-    full = inner_products(model, problems, blocks)
+    full = inner_products(problems, blocks)
     sizes = np.sqrt(np.diag(full))
-    error = inner_products(model, found.problems, blocks) - full
+    error = inner_products(found.problems, blocks) - full
     # An error of e in each of two signals changes their product by e times their sizes.
     assert np.all(np.abs(error) < 0.01 * (sizes[:, None] + sizes))
     assert found.problems[0].response.size < 200
@@ -150,9 +148,9 @@ def test_recordings_are_compressed_together(name: str):
     assert first.parts[0].before is second.parts[0].before
     assert first.parts[0].before is not third.parts[0].before
     blocks = drawn(model, problems, 3)
-    full = inner_products(model, problems, blocks)
+    full = inner_products(problems, blocks)
     sizes = np.sqrt(np.diag(full))
-    error = inner_products(model, found.problems, blocks) - full
+    error = inner_products(found.problems, blocks) - full
     assert np.all(np.abs(error) < 0.01 * (sizes[:, None] + sizes))
 
 
@@ -210,15 +208,16 @@ def test_derivatives_are_those_of_differences_and_of_the_full_model(name: str):
         return found.problems[0].simulate(placed(block, place))
 
     slopes = np.asarray(jax.jit(jax.jacfwd(response))(position))
-    cost, gradient = with_gradient(block, found.problems, position)
+    cost, gradient = with_gradient(block, found.problems, jnp.asarray(position))
     full = Objective(block, problems)
     assert float(cost) == pytest.approx(full.at(position).cost, rel=1e-6)
     step = 1e-4
     for k, away in enumerate(step * np.eye(size)):
         both = position + away, position - away
-        wanted = np.subtract(*(response(place) for place in both)) / (2 * step)
+        high, low = (response(place) for place in both)
+        wanted = (high - low) / (2 * step)
         np.testing.assert_allclose(slopes[:, k], wanted, atol=1e-5 * np.abs(wanted).max())
-        slope = np.subtract(*(full.at(place).cost for place in both)) / (2 * step)
+        slope = (full.at(both[0]).cost - full.at(both[1]).cost) / (2 * step)
         assert gradient[k] == pytest.approx(slope, rel=1e-3, abs=1e-4 * np.abs(gradient).max())
 
 

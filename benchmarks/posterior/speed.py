@@ -48,7 +48,7 @@ def timed(density: Densities, points: np.ndarray, seconds: float) -> float:
 
 def walked(density: Densities, points: np.ndarray, seconds: float) -> float:
     """Steps per second of emcee's walkers from points (W, D)."""
-    sampler = emcee.EnsembleSampler(*points.shape, density, vectorize=True)
+    sampler = emcee.EnsembleSampler(len(points), points.shape[1], density, vectorize=True)
     began = time.perf_counter()
     for taken, _ in enumerate(sampler.sample(points, iterations=10**6, store=False), 1):
         if time.perf_counter() - began > seconds:
@@ -78,6 +78,11 @@ def rows_for(samples: int, seconds: float) -> list[dict]:
     target, terms = target_of(fit, fj.WhiteNoise(), {})
     fast = compressed(target, _starts(terms))
     prepared = time.perf_counter() - began
+    compiled = {"NumPy": 0.0}
+    for name, one in (("full", target), ("compressed", fast)):
+        began = time.perf_counter()
+        in_batches(log_posteriors_of(one))(_starts(terms)[None])
+        compiled[name] = time.perf_counter() - began
     found = laplace(fast, _starts(terms))
     generator = np.random.default_rng(0)
     points = generator.standard_normal((WALKERS, len(terms))) @ found.factor.T + found.mode
@@ -87,15 +92,13 @@ def rows_for(samples: int, seconds: float) -> list[dict]:
     plain = physical[:, order]
     plain[:, 5] = np.log(plain[:, 5])
 
-    densities: dict[str, tuple[Densities, np.ndarray]] = {"NumPy": (in_numpy(recording), plain)}
-    compiled, values = {"NumPy": 0.0}, {}
-    for name, one in (("full", target), ("compressed", fast)):
-        began = time.perf_counter()
-        density = in_batches(log_posteriors_of(one))
-        values[name] = density(points)
-        compiled[name] = time.perf_counter() - began
-        densities[name] = density, points
-    error = float(np.abs(values["compressed"] - values["full"]).max())
+    densities: dict[str, tuple[Densities, np.ndarray]] = {
+        "NumPy": (in_numpy(recording), plain),
+        "full": (in_batches(log_posteriors_of(target)), points),
+        "compressed": (in_batches(log_posteriors_of(fast)), points),
+    }
+    full, short = (densities[name][0](points) for name in ("full", "compressed"))
+    error = float(np.abs(short - full).max())
     rows = []
     for name, (density, where) in densities.items():
         rate, steps = timed(density, where, seconds), walked(density, where, seconds)

@@ -37,6 +37,7 @@ from ._preparation import Preparation as Preparation
 from ._preparation import Take as Take
 from ._preparation import settling_samples as settling_samples
 from ._preparation import take_of as take_of
+from ._problem import AbstractProblem as AbstractProblem
 from ._problem import Problem as Problem
 from ._problem import top_frequency as top_frequency
 from ._uncertainty import Estimate as Estimate

@@ -70,5 +70,6 @@ def transfer(law: AbstractBlock, zeta: Any, grid: Grid) -> Any:
     assert isinstance(law, AbstractLinearBlock)
     if grid.history == "periodic":
         steady = -np.log(zeta) if isinstance(zeta, np.ndarray) else -jnp.log(zeta)
-        return law.symbol(Laplace(steady, grid.step))
+        s: Any = Laplace(steady, grid.step)
+        return law.symbol(s)
     return quadrature_symbol(law.symbol, zeta, grid, law.accuracy)

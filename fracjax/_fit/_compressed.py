@@ -32,7 +32,7 @@ from ._chains import Chain, chains_of
 from ._interpolation import Interpolation, placed_together, unit_gains
 from ._layout import layout_of
 from ._least_squares import least
-from ._problem import Problem
+from ._problem import AbstractProblem, Problem
 from ._span import FRESH, Span, fresh_positions, span_of
 
 _ROWS = 16
@@ -57,7 +57,7 @@ class Part(eqx.Module):
         return coefficients @ self.matrix
 
 
-class CompressedProblem(eqx.Module):
+class CompressedProblem(AbstractProblem):
     """A recording in coordinates (m,) that span all a block can answer to its drive.
 
     response (m,) and own (m, q) are the recording's; the first q coordinates are all that the own
@@ -71,8 +71,12 @@ class CompressedProblem(eqx.Module):
     whitening: np.ndarray | Array
     whitened: np.ndarray | Array
     lags: np.ndarray | Array | None
-    count: np.ndarray | Array
+    counted: np.ndarray | Array
     grid: Grid
+
+    @property
+    def count(self) -> Any:
+        return self.counted
 
     def simulate(self, block: AbstractBlock) -> Any:
         """The block's response in coordinates (m,), but for a constant.
@@ -166,7 +170,7 @@ def _compressed(
         whitening=np.asarray(problem.whitening),
         whitened=np.asarray(problem.whitening)[0],
         lags=None if orthonormal is None else _lags(orthonormal @ turned, problem, taps),
-        count=np.asarray(problem.count),
+        counted=np.asarray(problem.count),
         grid=problem.grid,
     )
     tried = np.moveaxis(tried[held:].reshape(len(rows) - held, FRESH, -1), 1, 0)

@@ -40,6 +40,11 @@ _STEP = 8
 _LARGEST_TABLE = 2**20
 
 
+def _forward(signals: np.ndarray, length: int) -> np.ndarray:
+    """Transforms (d, F) of signals (M, d)."""
+    return np.asarray(scipy.fft.rfft(signals.T, length, axis=1))
+
+
 class Interpolation(eqx.Module):
     """Coordinates (J,) of a law among its transfer functions, from their values at ζ (F,).
 
@@ -75,22 +80,22 @@ class Chosen(NamedTuple):
         samples = len(drives)
         if grid.history == "periodic":
             zeta = np.exp(-2j * np.pi * np.arange(1, (samples - 1) // 2 + 1) / samples)
-            transform = scipy.fft.rfft(drives, axis=0)[1 : zeta.size + 1]
+            transform = _forward(drives, samples)[:, 1 : zeta.size + 1]
             length, damping = samples, np.ones(samples)
         else:
             length, radius = circle(samples)
             zeta = radius * np.exp(-2j * np.pi * np.arange(length // 2 + 1) / length)
             damping = radius ** np.arange(samples)
             moved = drives - (drives[0] if grid.history == "constant" else 0.0)
-            transform = scipy.fft.rfft((moved.T * damping).T, length, axis=0)
+            transform = _forward((moved.T * damping).T, length)
         missing = np.zeros((drives.shape[1], int(grid.history == "periodic")))
         found = np.empty((*drives.shape, self.size))
         at_once = max(_LARGEST_TABLE // zeta.size, 1)
         for k in range(0, self.size, at_once):
             some = _some_of(self.laws, slice(k, k + at_once))
             for law, values in enumerate(np.atleast_2d(transfer(some, zeta, grid)), k):
-                whole = np.concatenate([missing, (values * transform.T)], axis=1)
-                response = scipy.fft.irfft(whole, length, axis=1)[:, :samples] / damping
+                whole = np.concatenate([missing, values * transform], axis=1)
+                response = np.asarray(scipy.fft.irfft(whole, length, axis=1))[:, :samples] / damping
                 found[:, :, law] = response.T
         return found
 
@@ -139,7 +144,7 @@ def choose(law: AbstractBlock, driven_by: np.ndarray, grid: Grid) -> Chosen | No
     for at, gains in enumerate(units):
         values[at] = transfer(set_values(together, gains), zeta, grid)
     weighted = (values * weights).reshape(-1, zeta.size)
-    columns = np.concatenate([weighted.real, weighted.imag], axis=1)
+    columns = np.concatenate([np.real(weighted), np.imag(weighted)], axis=1)
     lengths = np.linalg.norm(columns, axis=1)
     usable = np.flatnonzero(lengths > 0)
     picked, basis, left = _greedy(columns[usable] / lengths[usable, None])
@@ -169,18 +174,18 @@ def _points(signals: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
     """Points ζ (F,) and the root of the signals' power about each, that of all being 1."""
     samples = len(signals)
     if grid.history == "periodic":
-        power = np.abs(scipy.fft.rfft(signals, axis=0)[1 : (samples - 1) // 2 + 1]) ** 2
-        at = _spread(len(power))
+        power = np.abs(_forward(signals, samples)[:, 1 : (samples - 1) // 2 + 1]) ** 2
+        at = _spread(power.shape[1])
         zeta = np.exp(-2j * np.pi * (at + 1) / samples)
     else:
         radius = np.exp(-2 / samples)
         moved = signals - (signals[0] if grid.history == "constant" else 0.0)
         damped = moved * (radius ** np.arange(samples))[:, None]
-        power = np.abs(scipy.fft.rfft(damped, 2 * samples, axis=0)) ** 2
-        at = _spread(len(power))
+        power = np.abs(_forward(damped, 2 * samples)) ** 2
+        at = _spread(power.shape[1])
         zeta = radius * np.exp(-1j * np.pi * at / samples)
     middles = (at[1:] + at[:-1] + 1) // 2
-    gathered = np.add.reduceat(power.sum(axis=1), np.concatenate([[0], middles]))
+    gathered = np.add.reduceat(power.sum(axis=0), np.concatenate([[0], middles]))
     # Filled up to one size, for which one program is compiled.
     left = _POINTS - at.size
     zeta, gathered = np.pad(zeta, (0, left), mode="edge"), np.pad(gathered, (0, left))

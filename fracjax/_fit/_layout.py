@@ -10,7 +10,7 @@ from jax import Array
 
 from .._blocks import AbstractBlock, linear_gains
 from .._parameters import named_parameters, set_values
-from ._problem import Problem
+from ._problem import AbstractProblem
 
 
 class Layout(NamedTuple):
@@ -51,7 +51,7 @@ def with_gains(block: AbstractBlock, gains: Any) -> AbstractBlock:
     return set_values(block, split(block, layout_of(block).gains, gains))
 
 
-def own_columns(problems: tuple[Problem, ...]) -> list[Array]:
+def own_columns(problems: tuple[AbstractProblem, ...]) -> list[Array]:
     """Per recording the columns (L, Σq) of all recordings' own terms, the others' being zero."""
     counts = [p.own.shape[1] for p in problems]
     ends = np.cumsum(counts)

@@ -13,8 +13,16 @@ import numpy as np
 from jax import Array
 
 from .._blocks import AbstractBlock
-from .._fit import Fit, Problem, compress, jacobian, layout_of, physical_unit, split
-from .._fit._compressed import CompressedProblem
+from .._fit import (
+    AbstractProblem,
+    Fit,
+    Problem,
+    compress,
+    jacobian,
+    layout_of,
+    physical_unit,
+    split,
+)
 from .._parameters import named_parameters, set_values
 from .._recording import InputError
 from ._noise_models import AbstractNoiseModel, Signals, Term
@@ -23,15 +31,13 @@ from ._prior import AbstractPrior, prior_of, values_of
 _PART = 512
 _FARTHEST, _ROUNDING = 8.0, 1e-9
 
-Problems = tuple[Problem, ...] | tuple[CompressedProblem, ...]
-
 
 class Prediction(eqx.Module):
     """Physical parameters (d,), shapes and then gains as in `layout_of` → the response of every
     recording, without its own terms: in samples (L,), or in coordinates (m,) where compressed."""
 
     block: AbstractBlock
-    problems: Problems
+    problems: tuple[AbstractProblem, ...]
 
     def __call__(self, values: Array) -> tuple[Array, ...]:
         layout = layout_of(self.block)
@@ -44,7 +50,7 @@ class Target(eqx.Module):
 
     predict: Prediction
     noise: AbstractNoiseModel
-    problems: Problems
+    problems: tuple[AbstractProblem, ...]
     priors: tuple[AbstractPrior, ...]
     size: int = eqx.field(static=True)
 
@@ -133,7 +139,8 @@ def compressed(target: Target, start: np.ndarray) -> Target:
     error far below the noise at the start (D,) in standard coordinates; itself where none serves.
     """
     block, taps = target.predict.block, target.noise.taps
-    found = None if taps is None else compress(block, target.problems, taps)
+    problems = tuple(p for p in target.problems if isinstance(p, Problem))
+    found = None if taps is None else compress(block, problems, taps)
     if found is None or not _within_bounds(target):
         return target
     noise_values = target.values(jnp.asarray(start))[target.size :]

@@ -27,7 +27,7 @@ from jax import Array
 from jax.scipy.linalg import solve_triangular
 from jax.scipy.stats import t as student_t
 
-from .._fit import Fit, Noise, Preparation, Problem, autoregression
+from .._fit import AbstractProblem, Fit, Noise, Preparation, Problem, autoregression
 from ._prior import AbstractPrior, Logarithmic, Normal, TruncatedNormal, Uniform, within_a_factor
 
 _DECADE = 10.0
@@ -39,7 +39,7 @@ _TAILS = Logarithmic(
 )
 
 Signals = tuple[Array | np.ndarray, ...]
-Problems = tuple[Problem, ...]
+Problems = tuple[AbstractProblem, ...]
 
 
 class Term(NamedTuple):
@@ -74,7 +74,7 @@ class AbstractNoiseModel(eqx.Module):
         """The noise's own unknowns, common to all recordings; residuals (L,) as `log_density`'s."""
 
     @abc.abstractmethod
-    def scaled(self, values: Array | np.ndarray, problem: Problem) -> Problem:
+    def scaled(self, values: Array | np.ndarray, problem: AbstractProblem) -> AbstractProblem:
         """The problem with the filter that makes this noise white, of unit scale."""
 
     @abc.abstractmethod
@@ -124,7 +124,9 @@ class AbstractGaussianNoise(AbstractNoiseModel):
         return generator.standard_normal(size)
 
 
-def _projected(residual: Array | np.ndarray, problem: Problem) -> tuple[Array, Array, Array]:
+def _projected(
+    residual: Array | np.ndarray, problem: AbstractProblem
+) -> tuple[Array, Array, Array]:
     """Cholesky factor (q, q) of XᵀX, best coefficients (q,), and what they leave (L,)."""
     columns = problem.whiten(jnp.asarray(problem.own))
     target = problem.whiten(residual)
@@ -134,7 +136,7 @@ def _projected(residual: Array | np.ndarray, problem: Problem) -> tuple[Array, A
     return factor, centre, target - columns @ centre
 
 
-def _refiltered(problem: Problem, whitening: Array) -> Problem:
+def _refiltered(problem: AbstractProblem, whitening: Array) -> AbstractProblem:
     return eqx.tree_at(lambda p: p.whitening, problem, whitening)
 
 
@@ -178,7 +180,7 @@ class WhiteNoise(AbstractGaussianNoise):
         left = float(np.sqrt(np.mean(np.concatenate(_series(fit)) ** 2)))
         return (Term("noise.sigma", take.recording.response_unit, prior, left),)
 
-    def scaled(self, values: Array | np.ndarray, problem: Problem) -> Problem:
+    def scaled(self, values: Array | np.ndarray, problem: AbstractProblem) -> AbstractProblem:
         return _refiltered(problem, jnp.asarray(problem.whitening) / values[0])
 
 
@@ -202,7 +204,7 @@ class MeasuredNoise(AbstractGaussianNoise):
     def terms(self, fit: Fit, residuals: Signals, problems: Problems) -> tuple[Term, ...]:
         return (_scale_term(fit),)
 
-    def scaled(self, values: Array | np.ndarray, problem: Problem) -> Problem:
+    def scaled(self, values: Array | np.ndarray, problem: AbstractProblem) -> AbstractProblem:
         return _refiltered(problem, jnp.asarray(problem.whitening) / values[0])
 
 
@@ -250,7 +252,7 @@ class ARNoise(AbstractGaussianNoise):
         sigma = Term("noise.sigma", unit, within_a_factor(floor, _DECADE), innovation)
         return (*partials, sigma)
 
-    def scaled(self, values: Array | np.ndarray, problem: Problem) -> Problem:
+    def scaled(self, values: Array | np.ndarray, problem: AbstractProblem) -> AbstractProblem:
         taps = jnp.concatenate([jnp.ones(1), -autoregressive(jnp.asarray(values[:-1]))])
         padding = (0, problem.whitening.shape[0] - taps.size)
         return _refiltered(problem, jnp.pad(taps, padding) / values[-1])
@@ -307,6 +309,7 @@ class StudentNoise(AbstractNoiseModel):
         for at, (take, problem) in enumerate(zip(fit.preparation.takes, problems, strict=True)):
             response = take.recording.response
             prior = Normal(response.mean(), _OWN_SPANS * np.ptp(response))
+            assert isinstance(problem, Problem)
             used = np.asarray(problem.weights) > 0
             starts = np.linalg.lstsq(problem.own[used], residuals[at][used], rcond=None)[0]
             names = ["offset", *(f"past[{k}]" for k in range(1, starts.size))]
@@ -317,7 +320,7 @@ class StudentNoise(AbstractNoiseModel):
             ]
         return (_scale_term(fit), freedom, *own)
 
-    def scaled(self, values: Array | np.ndarray, problem: Problem) -> Problem:
+    def scaled(self, values: Array | np.ndarray, problem: AbstractProblem) -> AbstractProblem:
         return _refiltered(problem, jnp.asarray(problem.whitening) / values[0])
 
     def log_density(self, values: Array, residuals: Signals, problems: Problems) -> Array:
@@ -325,6 +328,7 @@ class StudentNoise(AbstractNoiseModel):
         terms = self.own(values, residuals, problems, ())
         for residual, problem, term in zip(residuals, problems, terms, strict=True):
             scaled = self.scaled(values, problem)
+            assert isinstance(scaled, Problem)  # as `taps` says
             white = scaled.whiten(residual - term)
             each = student_t.logpdf(white, values[1]) + jnp.log(scaled.whitening[0])
             total += jnp.sum(each * scaled.weights)

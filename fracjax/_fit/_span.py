@@ -95,7 +95,8 @@ def _kept(asked: _Asked) -> Span | None:
             signals = second.responses(signals, grid).reshape(drive.size, -1)
         found.append(signals)
         chosen.append((first, second))
-    signals = np.concatenate(found, axis=1)[:: problem.oversampling]
+    # A copy, which does not keep the finer grid's signals in memory.
+    signals = np.concatenate(found, axis=1)[:: problem.oversampling].copy()
     return Span(signals, tuple(chosen), _fresh(asked.block, problem))
 
 

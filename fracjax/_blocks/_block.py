@@ -121,7 +121,9 @@ class AbstractLinearBlock(AbstractBlock):
 
     @abc.abstractmethod
     def symbol(self, s: Array) -> Array:
-        """G(s) at complex s [1/s]: by arithmetic and powers of s; others need jnp.asarray(s)."""
+        """G(s) at complex s [1/s]: by arithmetic and powers of s; others need jnp.asarray(s).
+
+        Elementwise in s, so that parameters (…, 1) give (…, F)."""
 
     @abc.abstractmethod
     def static_gain(self) -> ArrayLike:

@@ -68,7 +68,7 @@ class LogarithmicCreep(AbstractLinearBlock):
 
     def symbol(self, s: Array) -> Array:
         z = s * self.onset.value
-        integral = jnp.sum(_WEIGHTS / (z[:, None] + _NODES), axis=1)
+        integral = jnp.sum(_WEIGHTS / (z[..., None] + _NODES), axis=-1)
         return 1 + self.gamma.value / np.log(10) * integral
 
     def static_gain(self) -> ArrayLike:

@@ -7,6 +7,8 @@ from ._compare import Comparison as Comparison
 from ._compare import compare as compare
 from ._compare import compared as compared
 from ._compare import ranked as ranked
+from ._compressed import Compressed as Compressed
+from ._compressed import compress as compress
 from ._conditions import Conditions as Conditions
 from ._creep_identification import CreepEstimate as CreepEstimate
 from ._creep_identification import CreepIdentification as CreepIdentification
@@ -48,6 +50,7 @@ from ._preparation import Preparation as Preparation
 from ._preparation import Take as Take
 from ._preparation import settling_samples as settling_samples
 from ._preparation import take_of as take_of
+from ._problem import AbstractProblem as AbstractProblem
 from ._problem import Problem as Problem
 from ._problem import top_frequency as top_frequency
 from ._profile import Profile as Profile

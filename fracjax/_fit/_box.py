@@ -19,7 +19,7 @@ from .._blocks import AbstractBlock
 from .._parameters import Parameter, named_parameters, replace_parameters
 from ._layout import layout_of, placed
 from ._least_squares import jacobian
-from ._problem import Problem
+from ._problem import AbstractProblem, Problem
 from ._variable_projection import project, projected_residual
 
 Objective = Callable[[Array], Array]
@@ -41,7 +41,7 @@ def dimension(block: AbstractBlock) -> int:
     return sum(size for _, size in layout_of(block).shapes)
 
 
-def objective(block: AbstractBlock, problems: tuple[Problem, ...]) -> Objective:
+def objective(block: AbstractBlock, problems: tuple[AbstractProblem, ...]) -> Objective:
     """χ² over the unit cube, gains and own terms at their best; ∞ where the model breaks down."""
 
     def cost(position: Array) -> Array:
@@ -53,7 +53,7 @@ def objective(block: AbstractBlock, problems: tuple[Problem, ...]) -> Objective:
 
 @eqx.filter_jit
 def with_gradient(
-    block: AbstractBlock, problems: tuple[Problem, ...], position: Array
+    block: AbstractBlock, problems: tuple[AbstractProblem, ...], position: Array
 ) -> tuple[Array, Array]:
     """χ² and its gradient (n,) at a point of the unit cube.
 

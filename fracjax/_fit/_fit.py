@@ -26,6 +26,7 @@ from ._preparation import Past, Preparation, Take, coarse_oversampling, other_hi
 from ._problem import Problem
 from ._programs import make_room
 from ._robust import ROUNDS, SETTLED, Loss, Robust, shape_of, weigh
+from ._search import search
 from ._uncertainty import Estimate, uncertainty_of
 from ._weights import Mask, Weights, weights_of
 
@@ -35,6 +36,7 @@ if TYPE_CHECKING:
 SCHEMA = "fracjax.fit/1"
 _ROUNDS = 20
 _FIRST_LOOKS, _LOOKS = 5, 12
+_AGREED = 1e-3
 
 Progress = Callable[[str], None]
 
@@ -304,8 +306,20 @@ def _counted(problems: tuple[Problem, ...]) -> int:
 
 
 def fit_block(block: AbstractBlock, preparation: Preparation, starts: int, seed: int) -> Solved:
-    """Multi-start fit."""
-    return solve_from(starts_of(block, starts, seed), preparation)
+    """Multi-start fit: on the compressed problem where that is cheaper, the full model having the
+    last word; else, or where the two disagree, from every start on the full model."""
+    blocks = starts_of(block, starts, seed)
+    searched = None if preparation.conditions else search(blocks, preparation.problems())
+    if searched is not None:
+        solved = solve_from([searched.best], preparation)
+        if solved.converged and solved.cost <= searched.cost * (1 + _AGREED):
+            costs = np.where(searched.costs > searched.cost, searched.costs, solved.cost)
+            return replace(
+                solved,
+                start_costs=tuple(np.maximum(costs, solved.cost).tolist()),
+                evaluations=solved.evaluations + searched.evaluations,
+            )
+    return solve_from(blocks, preparation)
 
 
 def scores_of(solved: Solved, preparation: Preparation) -> Scores:

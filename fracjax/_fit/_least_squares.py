@@ -146,7 +146,7 @@ class Objective:
         prior, nothing = self.priors, np.zeros((len(self.priors.means), self.white_own[0].shape[1]))
         columns.append(np.concatenate([(prior.gains.T / prior.sds).T, nothing], axis=1))
         targets.append((prior.means - prior.shapes @ shapes) / prior.sds)
-        solution, residual, basis = _least(np.concatenate(columns), np.concatenate(targets))
+        solution, residual, basis = least(np.concatenate(columns), np.concatenate(targets))
         count = self.gains.size
         blocks = self.numbers.blocks(self.block, shapes, solution[:count])
         return Point(blocks, solution[count:], residual, basis)
@@ -175,7 +175,7 @@ class Objective:
         return self.numbers.bounds(self.block)
 
 
-def _least(columns: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def least(columns: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """The least-squares solution, its residual, and an orthonormal basis of the columns."""
     # Columns of unit length, and a ridge far below the noise, where two of them coincide.
     lengths = np.linalg.norm(columns, axis=0) + 1e-300

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Sequence
 from typing import Any
 
@@ -22,7 +23,29 @@ _DECAYS_PER_DECADE = 2
 _UNKNOWN_RATE = 2
 
 
-class Problem(eqx.Module):
+class AbstractProblem(eqx.Module):
+    """What a recording asks of a block, in samples or in other rows whose inner products tell as
+    much: response (L,), own terms (L, q), and the noise's whitening filter (taps,)."""
+
+    response: eqx.AbstractVar[np.ndarray | Array]
+    own: eqx.AbstractVar[np.ndarray | Array]
+    whitening: eqx.AbstractVar[np.ndarray | Array]
+
+    @property
+    @abc.abstractmethod
+    def count(self) -> Any:
+        """How many samples count."""
+
+    @abc.abstractmethod
+    def simulate(self, block: AbstractBlock) -> Any:
+        """The block's response (L,)."""
+
+    @abc.abstractmethod
+    def whiten(self, signals: Any) -> Any:
+        """Signals (L, …) through the whitening filter, unit variance where they count."""
+
+
+class Problem(AbstractProblem):
     """One recording on the block's grid.
 
     drive (M,) on the fine grid, response (L,) and weights (L,) on the recording's own, padded to
@@ -38,6 +61,10 @@ class Problem(eqx.Module):
     own: np.ndarray | Array
     grid: Grid
     oversampling: int = eqx.field(static=True)
+
+    @property
+    def count(self) -> Any:
+        return self.weights.sum()
 
     def simulate(self, block: AbstractBlock) -> Array:
         """The block's response (L,) at the recording's samples."""

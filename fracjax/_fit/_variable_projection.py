@@ -16,12 +16,14 @@ from jax import Array
 
 from .._blocks import AbstractBlock
 from ._layout import layout_of, own_columns, with_gains
-from ._problem import Problem
+from ._problem import AbstractProblem
 
 _RIDGE = 1e-9
 
 
-def _linear_system(block: AbstractBlock, problem: Problem, own: Array) -> tuple[Array, Array]:
+def _linear_system(
+    block: AbstractBlock, problem: AbstractProblem, own: Array
+) -> tuple[Array, Array]:
     """Whitened columns (L, gains + own) and whitened remainder (L,) of one recording."""
     count = sum(size for _, size in layout_of(block).gains)
     at_zero, along = jax.linearize(
@@ -32,7 +34,9 @@ def _linear_system(block: AbstractBlock, problem: Problem, own: Array) -> tuple[
     return problem.whiten(columns), problem.whiten(problem.response - at_zero)
 
 
-def project(block: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[Array, Array, Array]:
+def project(
+    block: AbstractBlock, problems: tuple[AbstractProblem, ...]
+) -> tuple[Array, Array, Array]:
     """Best gains and own terms at the block's shapes, the whitened residual (ΣL,), and an
     orthonormal basis (ΣL, gains + own) of what they span."""
     own = own_columns(problems)
@@ -48,7 +52,7 @@ def project(block: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[Array,
     return solution, target - columns @ solution, basis
 
 
-def projected_residual(block: AbstractBlock, problems: tuple[Problem, ...]) -> Array:
+def projected_residual(block: AbstractBlock, problems: tuple[AbstractProblem, ...]) -> Array:
     """The residual of `project`, with Kaufman's derivative: -(1 - QQᵀ) (∂Φ/∂θ) c.
 
     Gains and basis are held while differentiating; the term left out is of the order of the

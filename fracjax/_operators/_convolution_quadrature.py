@@ -34,20 +34,19 @@ Symbol = Callable[[Any], Array]
 _WRAP_AROUND = 1e-10
 
 
-def generating_function(zeta: np.ndarray, order: int) -> np.ndarray:
+def generating_function(zeta: Any, order: int) -> Any:
     """δ_p(ζ) of the backward differentiation formula of order p."""
     return sum(((1 - zeta) ** k / k for k in range(2, order + 1)), 1 - zeta)
 
 
-def _circle(samples: int) -> tuple[int, float]:
+def circle(samples: int) -> tuple[int, float]:
+    """Length L of the transform for a signal of so many samples, and the radius of its circle."""
     length = int(next_fast_len(2 * samples, True))  # type: ignore[arg-type]
     return length, _WRAP_AROUND ** (1 / length)
 
 
-def _symbol_on_circle(symbol: Symbol, samples: int, grid: Grid, order: int) -> Array:
-    length, radius = _circle(samples)
-    angles = 2 * np.pi * np.arange(length // 2 + 1) / length
-    zeta = radius * np.exp(-1j * angles)
+def quadrature_symbol(symbol: Symbol, zeta: np.ndarray | Array, grid: Grid, order: int) -> Any:
+    """The generating function of a kernel's weights at ζ (F,), complex."""
     if order == 3:
         fine = symbol(Laplace(generating_function(zeta, 2), grid.step))
         coarse = symbol(Laplace(generating_function(zeta**2, 2), 2 * grid.step))
@@ -55,9 +54,15 @@ def _symbol_on_circle(symbol: Symbol, samples: int, grid: Grid, order: int) -> A
     return symbol(Laplace(generating_function(zeta, order), grid.step))
 
 
+def _symbol_on_circle(symbol: Symbol, samples: int, grid: Grid, order: int) -> Array:
+    length, radius = circle(samples)
+    angles = 2 * np.pi * np.arange(length // 2 + 1) / length
+    return quadrature_symbol(symbol, radius * np.exp(-1j * angles), grid, order)
+
+
 def kernel(symbol: Symbol, samples: int, grid: Grid, order: int = 2) -> Array:
     """The first `samples` quadrature weights w_n of K(s): response_n = Σ_j w_j drive_{n-j}."""
-    length, radius = _circle(samples)
+    length, radius = circle(samples)
     values = jnp.fft.irfft(_symbol_on_circle(symbol, samples, grid, order), length)[:samples]
     return values * radius ** -np.arange(samples, dtype=float)
 
@@ -79,7 +84,7 @@ def convolve(
         response = jnp.concatenate([jnp.asarray(static_gain).reshape(1) + 0j, response])
         return jnp.fft.irfft(response * jnp.fft.rfft(drive), samples)
     before = drive[0] if grid.history == "constant" else 0.0
-    length, radius = _circle(samples)
+    length, radius = circle(samples)
     damping = radius ** np.arange(samples, dtype=float)
     transform = jnp.fft.rfft((drive - before) * damping, length)
     symbols = _symbol_on_circle(symbol, samples, grid, order)

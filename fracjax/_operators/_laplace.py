@@ -9,49 +9,61 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
+_KNOWN = (np.ndarray, np.generic, float)
+
 
 class Laplace:
-    """s = points/step at fixed `points` (F,), complex, and a step [s]; units: 1/s.
+    """s = points/step at `points` (F,), complex, and a step [s]; units: 1/s.
 
-    A fractional power is s^a = exp(a log points) step^-a: the logarithm is taken once, when the
-    program is compiled, which makes a kernel's evaluation one complex exponential per point.
+    A fractional power is s^a = exp(a log points) step^-a: of points in a NumPy array the logarithm
+    is taken once, when the program is compiled, which makes a kernel's evaluation one complex
+    exponential per point.  Where the exponent is NumPy's too, so is the power.
     In sums, products and quotients it acts as the complex array that it stands for; any other
     function wants `jnp.asarray(s)`.
     """
 
     __array_ufunc__ = None  # NumPy leaves `array * s` to this class
 
-    def __init__(self, points: np.ndarray, step: ArrayLike):
+    def __init__(self, points: np.ndarray | Array, step: ArrayLike):
         self._points, self._step = points, step
+        known = isinstance(points, np.ndarray)
+        self._logarithm = np.log(points) if known else jnp.log(points)
 
     def __jax_array__(self) -> Array:
         return jnp.asarray(self._points) / self._step
 
-    def __pow__(self, exponent: Any) -> Array:
+    def _values(self) -> Any:
+        known = isinstance(self._points, np.ndarray) and isinstance(self._step, _KNOWN)
+        return self._points / self._step if known else self.__jax_array__()
+
+    def __pow__(self, exponent: Any) -> Any:
         if isinstance(exponent, int):
-            return self.__jax_array__() ** exponent
-        power = jnp.exp(exponent * jnp.asarray(np.log(self._points)))
+            return self._values() ** exponent
+        known = (isinstance(x, _KNOWN) for x in (self._logarithm, self._step, exponent))
+        if all(known):
+            return np.exp(exponent * self._logarithm) * self._step**-exponent
+        power = jnp.exp(exponent * jnp.asarray(self._logarithm))
         return power * jnp.asarray(self._step) ** -exponent
 
-    def __neg__(self) -> Array:
-        return -self.__jax_array__()
+    def __neg__(self) -> Any:
+        return -self._values()
 
-    def __add__(self, other: Any) -> Array:
-        return self.__jax_array__() + other
+    def __add__(self, other: Any) -> Any:
+        return self._values() + other
 
-    def __sub__(self, other: Any) -> Array:
-        return self.__jax_array__() - other
+    def __sub__(self, other: Any) -> Any:
+        return self._values() - other
 
-    def __rsub__(self, other: Any) -> Array:
-        return other - self.__jax_array__()
+    def __rsub__(self, other: Any) -> Any:
+        return other - self._values()
 
-    def __mul__(self, other: Any) -> Array:
-        return self.__jax_array__() * other
+    def __mul__(self, other: Any) -> Any:
+        return self._values() * other
 
-    def __truediv__(self, other: Any) -> Array:
-        return self.__jax_array__() / other
+    def __truediv__(self, other: Any) -> Any:
+        return self._values() / other
 
-    def __rtruediv__(self, other: Any) -> Array:
-        return other / self.__jax_array__()
+    def __rtruediv__(self, other: Any) -> Any:
+        return other / self._values()
 
     __radd__, __rmul__ = __add__, __mul__

@@ -2,9 +2,10 @@
 
 from ._laplace import Laplace as Laplace
 from ._laplace import laplace as laplace
-from ._likelihood import FullPrediction as FullPrediction
+from ._likelihood import Prediction as Prediction
 from ._likelihood import Target as Target
-from ._likelihood import log_posteriors as log_posteriors
+from ._likelihood import compressed as compressed
+from ._likelihood import log_posteriors_of as log_posteriors_of
 from ._likelihood import physical as physical
 from ._likelihood import target_of as target_of
 from ._noise_models import AbstractNoiseModel as AbstractNoiseModel

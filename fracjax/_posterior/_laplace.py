@@ -15,11 +15,11 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from ._likelihood import Target, log_posteriors
+from ._likelihood import Target, log_posteriors_of
 
 _ROUNDS = 60
-# With the point itself eight, the rows that the chain's compiled program takes.
-_LENGTHS = np.array([0.0, *2.0 ** -np.arange(7)])
+# With the point itself sixteen, the rows that the chain's compiled program takes.
+_LENGTHS = np.array([0.0, *2.0 ** -np.arange(15)])
 _EXACT, _ENOUGH = 1e-9, 1e-3
 
 
@@ -48,16 +48,16 @@ def _newton(target: Target, mode: np.ndarray) -> tuple[np.ndarray, np.ndarray, n
 
 
 def laplace(target: Target, start: np.ndarray) -> Laplace:
-    """Newton's method from `start` (D,), each step the best of seven lengths.
+    """Newton's method from `start` (D,), each step the best of fifteen lengths.
 
     No direction is taken to be wider than its prior: a likelihood that does not curve, or curves
     the other way, tells nothing there.
     """
-    mode = np.asarray(start, float)
+    mode, log_posteriors = np.asarray(start, float), log_posteriors_of(target)
     for _ in range(_ROUNDS):
         factor, gradient, step = _newton(target, mode)
         trials = mode + _LENGTHS[:, None] * step
-        heights = np.asarray(log_posteriors(target, jnp.asarray(trials)))
+        heights = log_posteriors(trials)
         best = int(np.argmax(heights))
         if step @ gradient < _EXACT or best == 0:
             break

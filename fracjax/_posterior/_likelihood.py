@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
+from functools import partial
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -11,26 +13,31 @@ import numpy as np
 from jax import Array
 
 from .._blocks import AbstractBlock
-from .._fit import Fit, Problem, jacobian, layout_of, physical_unit, split
+from .._fit import (
+    AbstractProblem,
+    Fit,
+    Problem,
+    compress,
+    jacobian,
+    layout_of,
+    physical_unit,
+    split,
+)
 from .._parameters import named_parameters, set_values
 from .._recording import InputError
 from ._noise_models import AbstractNoiseModel, Signals, Term
 from ._prior import AbstractPrior, prior_of, values_of
 
 _PART = 512
-
-Predict = Callable[[Array], tuple[Array, ...]]
-"""Physical parameters (d,) → the response (L,) of every recording, without its own terms.
-
-All the cost of a posterior lies in it: whatever has this signature can take its place.
-"""
+_FARTHEST, _ROUNDING = 8.0, 1e-9
 
 
-class FullPrediction(eqx.Module):
-    """The full simulation as a `Predict`, in the order of `layout_of`: shapes, then gains."""
+class Prediction(eqx.Module):
+    """Physical parameters (d,), shapes and then gains as in `layout_of` → the response of every
+    recording, without its own terms: in samples (L,), or in coordinates (m,) where compressed."""
 
     block: AbstractBlock
-    problems: tuple[Problem, ...]
+    problems: tuple[AbstractProblem, ...]
 
     def __call__(self, values: Array) -> tuple[Array, ...]:
         layout = layout_of(self.block)
@@ -41,9 +48,9 @@ class FullPrediction(eqx.Module):
 class Target(eqx.Module):
     """What is sampled.  `size`: how many of the numbers are the model's; the noise's follow."""
 
-    predict: Predict
+    predict: Prediction
     noise: AbstractNoiseModel
-    problems: tuple[Problem, ...]
+    problems: tuple[AbstractProblem, ...]
     priors: tuple[AbstractPrior, ...]
     size: int = eqx.field(static=True)
 
@@ -68,10 +75,20 @@ class Target(eqx.Module):
         return jnp.asarray(jnp.where(jnp.isfinite(density), density, -jnp.inf))
 
 
-@eqx.filter_jit
-def log_posteriors(target: Target, standards: Array) -> Array:
-    """`log_posterior` (K,) of coordinates (K, D), in one call."""
+@partial(jax.jit, static_argnums=0)
+def _log_posteriors(structure: Any, leaves: list[Array], standards: Array) -> Array:
+    target: Target = jax.tree_util.tree_unflatten(structure, leaves)
     return jax.vmap(target.log_posterior)(standards)
+
+
+def log_posteriors_of(target: Target) -> Callable[[np.ndarray], np.ndarray]:
+    """`log_posterior` (K,) of coordinates (K, D), in one call.
+
+    The target is taken apart and brought to the device once: done at every call, that would cost
+    more than a compressed density does.
+    """
+    leaves, structure = jax.tree_util.tree_flatten(jax.tree_util.tree_map(jnp.asarray, target))
+    return lambda standards: np.asarray(_log_posteriors(structure, leaves, standards))
 
 
 @eqx.filter_jit
@@ -97,7 +114,7 @@ def target_of(
     """
     problems = tuple(_orthonormal(p) for p in noise.prepared(fit.preparation).problems())
     model = _model_terms(fit)
-    predict = FullPrediction(fit.model.block, problems)
+    predict = Prediction(fit.model.block, problems)
     values = jnp.array([term.start for term in model])
     left = tuple(
         p.response - prediction
@@ -115,6 +132,38 @@ def target_of(
             )
     terms = tuple(t._replace(prior=priors.get(t.name, t.prior)) for t in terms)
     return Target(predict, noise, problems, tuple(t.prior for t in terms), len(model)), terms
+
+
+def compressed(target: Target, start: np.ndarray) -> Target:
+    """The target with a likelihood whose cost does not depend on how many samples there are, its
+    error far below the noise at the start (D,) in standard coordinates; itself where none serves.
+    """
+    block, taps = target.predict.block, target.noise.taps
+    problems = tuple(p for p in target.problems if isinstance(p, Problem))
+    found = None if taps is None else compress(block, problems, taps)
+    if found is None or not _within_bounds(target):
+        return target
+    noise_values = target.values(jnp.asarray(start))[target.size :]
+    scales = [
+        problem.whitening[0] / target.noise.scaled(noise_values, problem).whitening[0]
+        for problem in target.problems
+    ]
+    if not found.serves(float(min(scales))):
+        return target
+    predict = Prediction(block, found.problems)
+    return Target(predict, target.noise, found.problems, target.priors, target.size)
+
+
+def _within_bounds(target: Target) -> bool:
+    """Whether the priors keep the shapes within the bounds that a problem is compressed for."""
+    block = target.predict.block
+    parameters = named_parameters(block)
+    names = [name for name, _ in layout_of(block).shapes]
+    shares = [
+        parameters[name].to_share(prior.value(jnp.array([-_FARTHEST, _FARTHEST])))
+        for name, prior in zip(names, target.priors, strict=False)
+    ]
+    return all(low > -_ROUNDING and high < 1 + _ROUNDING for low, high in shares)
 
 
 def _orthonormal(problem: Problem) -> Problem:

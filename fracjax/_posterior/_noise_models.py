@@ -27,7 +27,7 @@ from jax import Array
 from jax.scipy.linalg import solve_triangular
 from jax.scipy.stats import t as student_t
 
-from .._fit import Fit, Noise, Preparation, Problem, autoregression
+from .._fit import AbstractProblem, Fit, Noise, Preparation, Problem, autoregression
 from ._prior import AbstractPrior, Logarithmic, Normal, TruncatedNormal, Uniform, within_a_factor
 
 _DECADE = 10.0
@@ -39,7 +39,7 @@ _TAILS = Logarithmic(
 )
 
 Signals = tuple[Array | np.ndarray, ...]
-Problems = tuple[Problem, ...]
+Problems = tuple[AbstractProblem, ...]
 
 
 class Term(NamedTuple):
@@ -59,6 +59,12 @@ class AbstractNoiseModel(eqx.Module):
     def name(self) -> str:
         """What a result calls it."""
 
+    @property
+    @abc.abstractmethod
+    def taps(self) -> int | None:
+        """How many taps of a filter its parameters change, 1 where only the scale; None where the
+        density needs more of the samples than their inner products."""
+
     @abc.abstractmethod
     def prepared(self, preparation: Preparation) -> Preparation:
         """The recordings with the filter, and the samples that count, of this noise."""
@@ -68,7 +74,7 @@ class AbstractNoiseModel(eqx.Module):
         """The noise's own unknowns, common to all recordings; residuals (L,) as `log_density`'s."""
 
     @abc.abstractmethod
-    def scaled(self, values: Array | np.ndarray, problem: Problem) -> Problem:
+    def scaled(self, values: Array | np.ndarray, problem: AbstractProblem) -> AbstractProblem:
         """The problem with the filter that makes this noise white, of unit scale."""
 
     @abc.abstractmethod
@@ -95,7 +101,7 @@ class AbstractGaussianNoise(AbstractNoiseModel):
         total = jnp.zeros(())
         for residual, problem in zip(residuals, problems, strict=True):
             scaled = self.scaled(values, problem)
-            count = jnp.sum(scaled.weights)
+            count = jnp.asarray(scaled.count)
             factor, centre, left = _projected(residual, scaled)
             degrees = count - centre.size
             total += count * jnp.log(scaled.whitening[0]) - jnp.log(jnp.diag(factor)).sum()
@@ -118,7 +124,9 @@ class AbstractGaussianNoise(AbstractNoiseModel):
         return generator.standard_normal(size)
 
 
-def _projected(residual: Array | np.ndarray, problem: Problem) -> tuple[Array, Array, Array]:
+def _projected(
+    residual: Array | np.ndarray, problem: AbstractProblem
+) -> tuple[Array, Array, Array]:
     """Cholesky factor (q, q) of XᵀX, best coefficients (q,), and what they leave (L,)."""
     columns = problem.whiten(jnp.asarray(problem.own))
     target = problem.whiten(residual)
@@ -128,7 +136,7 @@ def _projected(residual: Array | np.ndarray, problem: Problem) -> tuple[Array, A
     return factor, centre, target - columns @ centre
 
 
-def _refiltered(problem: Problem, whitening: Array) -> Problem:
+def _refiltered(problem: AbstractProblem, whitening: Array) -> AbstractProblem:
     return eqx.tree_at(lambda p: p.whitening, problem, whitening)
 
 
@@ -158,6 +166,10 @@ class WhiteNoise(AbstractGaussianNoise):
     def name(self) -> str:
         return "white"
 
+    @property
+    def taps(self) -> int:
+        return 1
+
     def prepared(self, preparation: Preparation) -> Preparation:
         return _with_filters(preparation, 1)
 
@@ -168,7 +180,7 @@ class WhiteNoise(AbstractGaussianNoise):
         left = float(np.sqrt(np.mean(np.concatenate(_series(fit)) ** 2)))
         return (Term("noise.sigma", take.recording.response_unit, prior, left),)
 
-    def scaled(self, values: Array | np.ndarray, problem: Problem) -> Problem:
+    def scaled(self, values: Array | np.ndarray, problem: AbstractProblem) -> AbstractProblem:
         return _refiltered(problem, jnp.asarray(problem.whitening) / values[0])
 
 
@@ -182,13 +194,17 @@ class MeasuredNoise(AbstractGaussianNoise):
     def name(self) -> str:
         return "measured"
 
+    @property
+    def taps(self) -> int:
+        return 1
+
     def prepared(self, preparation: Preparation) -> Preparation:
         return preparation
 
     def terms(self, fit: Fit, residuals: Signals, problems: Problems) -> tuple[Term, ...]:
         return (_scale_term(fit),)
 
-    def scaled(self, values: Array | np.ndarray, problem: Problem) -> Problem:
+    def scaled(self, values: Array | np.ndarray, problem: AbstractProblem) -> AbstractProblem:
         return _refiltered(problem, jnp.asarray(problem.whitening) / values[0])
 
 
@@ -215,6 +231,10 @@ class ARNoise(AbstractGaussianNoise):
     def name(self) -> str:
         return f"AR({self.order})"
 
+    @property
+    def taps(self) -> int:
+        return self.order + 1
+
     def prepared(self, preparation: Preparation) -> Preparation:
         return _with_filters(preparation, self.order + 1)
 
@@ -232,7 +252,7 @@ class ARNoise(AbstractGaussianNoise):
         sigma = Term("noise.sigma", unit, within_a_factor(floor, _DECADE), innovation)
         return (*partials, sigma)
 
-    def scaled(self, values: Array | np.ndarray, problem: Problem) -> Problem:
+    def scaled(self, values: Array | np.ndarray, problem: AbstractProblem) -> AbstractProblem:
         taps = jnp.concatenate([jnp.ones(1), -autoregressive(jnp.asarray(values[:-1]))])
         padding = (0, problem.whitening.shape[0] - taps.size)
         return _refiltered(problem, jnp.pad(taps, padding) / values[-1])
@@ -275,6 +295,10 @@ class StudentNoise(AbstractNoiseModel):
     def name(self) -> str:
         return "Student-t"
 
+    @property
+    def taps(self) -> None:
+        return None
+
     def prepared(self, preparation: Preparation) -> Preparation:
         return preparation
 
@@ -285,6 +309,7 @@ class StudentNoise(AbstractNoiseModel):
         for at, (take, problem) in enumerate(zip(fit.preparation.takes, problems, strict=True)):
             response = take.recording.response
             prior = Normal(response.mean(), _OWN_SPANS * np.ptp(response))
+            assert isinstance(problem, Problem)
             used = np.asarray(problem.weights) > 0
             starts = np.linalg.lstsq(problem.own[used], residuals[at][used], rcond=None)[0]
             names = ["offset", *(f"past[{k}]" for k in range(1, starts.size))]
@@ -295,7 +320,7 @@ class StudentNoise(AbstractNoiseModel):
             ]
         return (_scale_term(fit), freedom, *own)
 
-    def scaled(self, values: Array | np.ndarray, problem: Problem) -> Problem:
+    def scaled(self, values: Array | np.ndarray, problem: AbstractProblem) -> AbstractProblem:
         return _refiltered(problem, jnp.asarray(problem.whitening) / values[0])
 
     def log_density(self, values: Array, residuals: Signals, problems: Problems) -> Array:
@@ -303,6 +328,7 @@ class StudentNoise(AbstractNoiseModel):
         terms = self.own(values, residuals, problems, ())
         for residual, problem, term in zip(residuals, problems, terms, strict=True):
             scaled = self.scaled(values, problem)
+            assert isinstance(scaled, Problem)  # as `taps` says
             white = scaled.whiten(residual - term)
             each = student_t.logpdf(white, values[1]) + jnp.log(scaled.whitening[0])
             total += jnp.sum(each * scaled.weights)

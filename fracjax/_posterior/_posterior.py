@@ -16,7 +16,7 @@ from scipy.signal import lfilter
 from .._fit import Fit
 from .._recording import InputError
 from ._laplace import Laplace, laplace
-from ._likelihood import Target, log_posteriors, physical, target_of
+from ._likelihood import Target, compressed, log_posteriors_of, physical, target_of
 from ._noise_models import AbstractNoiseModel, MeasuredNoise, Signals, Term
 from ._prior import AbstractPrior
 from ._result import Band, Posterior, Row, figures_of, inseparable
@@ -78,14 +78,17 @@ def sample_posterior(
         size = len(terms)
         count = max(_LEAST_WALKERS, 4 * size) if walkers is None else walkers
         _check(count, size, steps)
-        approximation = laplace(target, _starts(terms))
+        density = compressed(target, _starts(terms))
+        approximation = laplace(density, _starts(terms))
         names = [term.name for term in terms]
 
         def standards(coordinates: np.ndarray) -> np.ndarray:
             return approximation.mode + coordinates @ approximation.factor.T
 
+        log_posteriors = log_posteriors_of(density)
+
         def log_density(coordinates: np.ndarray) -> np.ndarray:
-            return np.asarray(log_posteriors(target, jnp.asarray(standards(coordinates))))
+            return log_posteriors(standards(coordinates))
 
         def watch(running: Chain) -> None:
             last = running.kept[-min(len(running.kept), 500) :].reshape(-1, size)

@@ -22,7 +22,7 @@ _MOVES = (
     (emcee.moves.DEMove(), 0.6),
     (emcee.moves.DESnookerMove(), 0.1),
 )
-_BATCH = 8
+_BATCH = 16
 _BLOCK = 100
 _BURN_IN = 5.0
 _LENGTH = 50.0
@@ -151,7 +151,7 @@ class ChainFile:
 
 
 def in_batches(log_density: LogDensity) -> LogDensity:
-    """The same, called with eight rows at a time, so that one compiled program serves all moves."""
+    """The same, called with sixteen rows at a time: one compiled program then serves all moves."""
 
     def whole(points: np.ndarray) -> np.ndarray:
         padding = -len(points) % _BATCH

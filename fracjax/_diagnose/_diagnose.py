@@ -18,6 +18,7 @@ from .._fit import (
     Solved,
     Take,
     fit_of,
+    layout_of,
     measured_noise,
     prepare,
     settle,
@@ -25,6 +26,7 @@ from .._fit import (
     take_of,
 )
 from .._models import Model
+from .._parameters import named_parameters
 from .._recording import Recording, require_units_of
 from ._held_out import Prediction, predict_recording, predict_stretches
 from ._judgement import (
@@ -277,4 +279,19 @@ class _Conclusion:
             )
         if not self.base.solved.converged:
             found.append("The base fit did not converge; its figures are those of its best point.")
-        return tuple(found)
+        return (*found, *self._displaced())
+
+    def _displaced(self) -> list[str]:
+        """Base parameters outside their usual range: what is missing may hide in them."""
+        block = self.base.solved.block
+        parameters, said = named_parameters(block), []
+        for name, _ in layout_of(block).shapes:
+            p = parameters[name]
+            (low, high), value = p.plausible, np.asarray(p.value)
+            if np.any(value < low) or np.any(value > high):
+                ends = f"{float(np.min(low)):.3g} to {float(np.max(high)):.3g}"
+                said.append(
+                    f"{name} of {self.model.name} ended at {float(np.ravel(value)[0]):.3g}, outside "
+                    f"its usual range of {ends}: it may stand in for physics that the model lacks."
+                )
+        return said

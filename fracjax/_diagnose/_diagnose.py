@@ -291,7 +291,8 @@ class _Conclusion:
             if np.any(value < low) or np.any(value > high):
                 ends = f"{float(np.min(low)):.3g} to {float(np.max(high)):.3g}"
                 said.append(
-                    f"{name} of {self.model.name} ended at {float(np.ravel(value)[0]):.3g}, outside "
-                    f"its usual range of {ends}: it may stand in for physics that the model lacks."
+                    f"{name} of {self.model.name} ended at {float(np.ravel(value)[0]):.3g}, "
+                    f"outside its usual range of {ends}: it may stand in for physics that the "
+                    "model lacks."
                 )
         return said

@@ -23,7 +23,7 @@ WORTH_NAMING = 0.1
 _INEXACT = 0.05
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Judged:
     """A refitted candidate with everything the naming rule asks."""
 

@@ -20,6 +20,7 @@ from ._judgement import (
     explained_fraction,
     freedom_of,
     is_plausible,
+    rivals_of,
     share_of_excess,
 )
 from ._locate import locate
@@ -123,7 +124,7 @@ def _judge(
 ) -> list[Judged]:
     """Refit the shortlist and put every candidate to the naming rule's questions."""
     before = predict(stage.solved, stage.preparation)
-    found: list[Judged] = []
+    found: list[tuple[_Question, Judged]] = []
     hopeless = np.inf
     least = DELTA_BIC + np.log(stage.solved.samples)
     if stage.layers:
@@ -133,32 +134,52 @@ def _judge(
         attempt = refit(score, stage, seed, hopeless)
         # A rival that is not halfway to the best after its first steps will not overtake it.
         hopeless = min(hopeless, 0.5 * (stage.solved.cost + attempt.solved.cost))
-        found.append(_questioned(base, stage, attempt, before, predict, progress))
-    return found
+        question = _Question(base, stage, attempt, before, predict)
+        found.append((question, question.answered(attempt.solved, stage.preparation, 0.0)))
+    return _contenders_refined(found, progress)
 
 
-def _questioned(
-    base: Stage,
-    stage: Stage,
-    attempt: Refit,
-    before: Prediction,
-    predict: Predict,
-    progress: Progress,
-) -> Judged:
-    solved, preparation, numerics = attempt.solved, stage.preparation, 0.0
-    if delta_bic(stage.solved, solved) >= DELTA_BIC:
-        solved, preparation, numerics = fine_enough(solved, preparation, progress)
-    prediction = predict(solved, preparation)
-    return Judged(
-        refit=replace(attempt, solved=solved),
-        preparation=preparation,
-        delta_bic=delta_bic(stage.solved, solved),
-        explained=explained_fraction(base, solved),
-        numerics=numerics,
-        gain=gain(before, prediction),
-        prediction=prediction,
-        plausible=is_plausible(solved, (*stage.layers, attempt.layer)),
-    )
+@dataclass(frozen=True)
+class _Question:
+    """A refitted candidate, and what it is to be compared with."""
+
+    base: Stage
+    stage: Stage
+    attempt: Refit
+    before: Prediction
+    predict: Predict
+
+    def answered(self, solved: Solved, preparation: Preparation, numerics: float) -> Judged:
+        """Everything the naming rule asks."""
+        prediction = self.predict(solved, preparation)
+        return Judged(
+            refit=replace(self.attempt, solved=solved),
+            preparation=preparation,
+            delta_bic=delta_bic(self.stage.solved, solved),
+            explained=explained_fraction(self.base, solved),
+            numerics=numerics,
+            gain=gain(self.before, prediction),
+            prediction=prediction,
+            plausible=is_plausible(solved, (*self.stage.layers, self.attempt.layer)),
+        )
+
+
+def _contenders_refined(found: list[tuple[_Question, Judged]], progress: Progress) -> list[Judged]:
+    """The judged, their numerics checked where it matters: of the best and of its rivals."""
+    judged = [answer for _, answer in found]
+    checked: set[int] = set()
+    while (best := best_of(judged)) is not None:
+        near = [best, *rivals_of(best, judged)]
+        todo = [k for k, j in enumerate(judged) if k not in checked and j in near]
+        if not todo:
+            break
+        k = todo[0]
+        solved, preparation, numerics = fine_enough(
+            judged[k].solved, judged[k].preparation, progress
+        )
+        judged[k] = found[k][0].answered(solved, preparation, numerics)
+        checked.add(k)
+    return judged
 
 
 def _without_idle(

@@ -46,6 +46,9 @@ class _Places:
         freedom: float,
     ):
         self.problems, self.residual, self.freedom = problems, residual, freedom
+        # A band of the noise's spectrum is known less well than its level: by so many numbers.
+        filters = [take.noise.filter for take in preparation.takes if take.noise is not None]
+        self.coefficients = max(taps.size for taps in filters)
         first = preparation.takes[0].recording
         self.step = first.dt
         self.units = (first.drive_unit, first.response_unit)
@@ -185,7 +188,7 @@ class _Places:
             if inside.size:
                 # 2·Σ power is χ² with 2 per line; widened for the noise variance's own error.
                 excess = (inside.mean() - 1) / np.sqrt(1 / inside.size + 8 / kept.size)
-                exact = f.sf(inside.mean(), 2 * inside.size, self.freedom)
+                exact = f.sf(inside.mean(), 2 * inside.size, self.freedom / self.coefficients)
                 p_values[k] = max(exact, norm.sf(excess) if inside.size > 50 else 0.0)
         return _map("frequency", "Hz", edges, p_values)
 

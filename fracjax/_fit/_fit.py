@@ -37,6 +37,7 @@ SCHEMA = "fracjax.fit/1"
 _ROUNDS = 20
 _FIRST_LOOKS, _LOOKS = 5, 12
 _AGREED = 1e-3
+_OVERRATED = 0.5
 
 Progress = Callable[[str], None]
 
@@ -389,18 +390,33 @@ def settle(
                 solved, preparation, others
             ):
                 solved, preparation = other, alternative
-    if any(take.noise is None for take in preparation.takes):
+    believed = _believed_noises(solved, preparation)
+    if not all(believed):
         preparation = preparation.with_noises(
             [
-                take.noise
+                noise
                 or residual_noise(
                     (take.recording.response - s)[take.used], take.recording.response_unit
                 )
-                for take, s in zip(preparation.takes, solved.simulations, strict=True)
+                for noise, take, s in zip(
+                    believed, preparation.takes, solved.simulations, strict=True
+                )
             ]
         )
         solved = fit_block(solved.block, preparation, starts, seed)
     return solved, preparation
+
+
+def _believed_noises(solved: Solved, preparation: Preparation) -> list[Noise | None]:
+    """The noises that were measured, but for those far larger than what the fit leaves over: then
+    what differed between periods, or moved at rest, was no noise."""
+    found: list[Noise | None] = []
+    for take, whitened in zip(preparation.takes, solved.whitened, strict=True):
+        counted = whitened[whitened != 0]
+        told = take.noise is not None and take.noise.method != "specification"
+        overrated = told and counted.size > 0 and float(np.mean(counted**2)) < _OVERRATED
+        found.append(None if overrated else take.noise)
+    return found
 
 
 def _error_in_common(

@@ -49,6 +49,11 @@ class _Places:
         # A band of the noise's spectrum is known less well than its level: by so many numbers.
         filters = [take.noise.filter for take in preparation.takes if take.noise is not None]
         self.coefficients = max(taps.size for taps in filters)
+        self.read_for = min(
+            take.noise.effective * take.recording.dt
+            for take in preparation.takes
+            if take.noise is not None
+        )
         first = preparation.takes[0].recording
         self.step = first.dt
         self.units = (first.drive_unit, first.response_unit)
@@ -174,7 +179,8 @@ class _Places:
     def frequency(self) -> Axis:
         """Energy of the whitened residual in logarithmic bands, against white noise.
 
-        The noise's own uncertainty is allowed for: its variance is taken to be known to 1 in √n.
+        The noise's own uncertainty is allowed for: its variance is known to 1 in √n at best, and
+        its spectrum from as many lines as the time it was read for resolves.
         """
         kept = self.residual.whitened[self.counted]
         power = np.abs(np.fft.rfft(kept)) ** 2 / kept.size
@@ -188,7 +194,10 @@ class _Places:
             if inside.size:
                 # 2·Σ power is χ² with 2 per line; widened for the noise variance's own error.
                 excess = (inside.mean() - 1) / np.sqrt(1 / inside.size + 8 / kept.size)
-                exact = f.sf(inside.mean(), 2 * inside.size, self.freedom / self.coefficients)
+                # As many lines as the noise was read from within this band, two degrees for each.
+                read = 2 * (edges[k + 1] - edges[k]) * self.read_for
+                freedom = np.clip(read, 1.0, self.freedom / self.coefficients)
+                exact = f.sf(inside.mean(), 2 * inside.size, freedom)
                 p_values[k] = max(exact, norm.sf(excess) if inside.size > 50 else 0.0)
         return _map("frequency", "Hz", edges, p_values)
 

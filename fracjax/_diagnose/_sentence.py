@@ -60,6 +60,8 @@ def sentence_of(
         )
     if verdict == "unexplained":
         place = where_of(axes, verdict).removeprefix("The mismatch stands out ").rstrip(".")
+        if all(axis.p_value >= _SIGNIFICANCE for axis in axes):
+            place = "all over, nowhere in particular"
         partly = f" It is partly {' and '.join(adopted)}-like." if adopted else ""
         return (
             f"{name} and the recording differ beyond noise {place}, and no effect of the "

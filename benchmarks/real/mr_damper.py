@@ -22,6 +22,10 @@ CASES = (
     ("ensaio.A.1", "bouc_wen"),
     ("ensaio3.2", "foh"),
 )
+COLUMNS = (
+    "verdict", "effects", "adopted", "floor_N", "floor_from", "base_N", "extended_N", "where",
+    "reversal_strength", "strongest_after_s", "other_strengths",
+)  # fmt: skip
 BEFORE, LENGTH = 100, 1100  # samples
 
 
@@ -34,15 +38,18 @@ def moving(recording: fj.Recording) -> fj.Recording:
 
 def case(name: str, model: str) -> dict:
     recording = moving(mr_damper(name))
-    diagnosis = fj.diagnose(fj.parse_model(model), recording)
+    told = {"recording": name, "stroke_mm": rounded(np.ptp(recording.drive)), "model": model}
+    stages: list[str] = []
+    try:
+        diagnosis = fj.diagnose(fj.parse_model(model), recording, progress=stages.append)
+    except ValueError as error:
+        print(f"{name}, {model}: stopped at {stages[-1]}: {error}", flush=True)
+        return told | dict.fromkeys(COLUMNS, "") | {"verdict": f"stopped at {stages[-1]}"}
     print(f"{name}, {model}: {diagnosis.sentence}", flush=True)
     axes = {axis.axis: axis for axis in diagnosis.axes}
     reversal = axes["reversal"]
     peak = int(np.argmax(reversal.strength))
-    return {
-        "recording": name,
-        "stroke_mm": rounded(np.ptp(recording.drive)),
-        "model": model,
+    return told | {
         "verdict": diagnosis.verdict,
         "effects": " and ".join(e.name for e in diagnosis.effects),
         "adopted": diagnosis.extended_model.name,

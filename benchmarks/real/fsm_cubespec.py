@@ -36,7 +36,8 @@ FIRST, SECOND = slice(0, 3), slice(3, 6)
 def alone(drives: np.ndarray, responses: np.ndarray, axis: int) -> tuple[np.ndarray, np.ndarray]:
     """Drive (8192, 2) of one axis and its answer to it alone, from (8192, 3, 3, 2)."""
     u, y = np.fft.rfft(drives, axis=0), np.fft.rfft(responses, axis=0)
-    driven = np.linalg.cond(u[..., 0]) < 10  # the lines that the design excites
+    strength = np.abs(u[:, axis, 0, 0])
+    driven = (np.linalg.cond(u[..., 0]) < 10) & (strength > 1e-3 * strength.max())
     shares = np.zeros((len(u), 3), complex)  # of each realisation
     wanted = np.zeros((len(u), 3, 1), complex)
     wanted[:, axis, 0] = u[:, axis, 0, 0]

@@ -25,7 +25,7 @@ from scipy.ndimage import median_filter
 from scipy.signal import detrend, welch
 
 import fracjax as fj
-from benchmarks.real.recordings import piezo_dbo, rounded, table
+from benchmarks.real.recordings import attempt, piezo_dbo, rounded, table
 
 STEP, PERIOD = 5e-3, 200  # s, samples
 HELD = slice(3400, 6000)  # the second file's first rest, and what is before and after it
@@ -120,18 +120,17 @@ def main() -> None:
                 colour = smooth if kind == "lineless" else spectrum
                 noise = surrogate(colour, drive.size, np.random.default_rng(seed))
                 recording = fj.Recording(drive, response + noise, STEP)
-            rows.append(row(kind, seed, fj.diagnose(model, recording)))
+            diagnosis, stopped = attempt(model, recording)
+            told = {"kind": kind, "model": name, "seed": seed}
+            rows.append(told | (row(diagnosis) if diagnosis else {"verdict": stopped}))
             print(*rows[-1].values(), flush=True)
     table("nulls", rows)
 
 
-def row(kind: str, seed: int, diagnosis: fj.Diagnosis) -> dict:
+def row(diagnosis: fj.Diagnosis) -> dict:
     frequency = next(axis for axis in diagnosis.axes if axis.axis == "frequency")
     bands = frequency.intervals if frequency.p_value < 0.01 else ()
     return {
-        "kind": kind,
-        "model": diagnosis.base.model.name,
-        "seed": seed,
         "verdict": diagnosis.verdict,
         "effects": " and ".join(e.name for e in diagnosis.effects),
         "p_value": rounded(diagnosis.p_value),

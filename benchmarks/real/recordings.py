@@ -80,12 +80,25 @@ def mr_damper(name: str) -> fj.Recording:
     )
 
 
+def attempt(
+    model: fj.Model, recording: fj.Recording, **options: object
+) -> tuple[fj.Diagnosis | None, str]:
+    """A diagnosis, or None and where it stopped: a failure is a row of its table like any other."""
+    stages = ["begin"]
+    try:
+        return fj.diagnose(model, recording, progress=stages.append, **options), ""
+    except ValueError as error:
+        print(f"stopped at {stages[-1]}: {error}", flush=True)
+        return None, f"stopped at {stages[-1]}"
+
+
 def table(name: str, rows: Sequence[dict], packages: Sequence[str] = PACKAGES) -> None:
     """Write rows to benchmarks/real/NAME.csv, with the versions they were made with; print them."""
     path = HERE / f"{name}.csv"
     with path.open("w", newline="", encoding="utf-8") as file:
         file.write(versions(packages))
-        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
+        columns = list(max(rows, key=len))
+        writer = csv.DictWriter(file, columns, lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
     print(path.read_text(encoding="utf-8"))

@@ -2,10 +2,9 @@
 
     FRACJAX_DATA=DIR python -m benchmarks.real.mr_damper
 
-Displacement is the drive, force the response; strokes of two sizes at one coil voltage and one
-at a higher voltage.  Each recording begins a second before the crank turns, so that the noise can
-be read from the rest.  The question is whether the mismatch is placed at the reversals, and what
-name it is given, if any.
+Displacement is the drive, force the response; strokes of two sizes at one coil voltage.  Each
+recording begins a second before the crank turns, so that the noise can be read from the rest.  The
+question is whether the mismatch is placed at the reversals, and what name it is given, if any.
 """
 
 from __future__ import annotations
@@ -19,7 +18,6 @@ CASES = (
     ("ensaio4.2", "bouc_wen"),
     ("ensaio4.2", "foh"),
     ("ensaio1.2", "bouc_wen"),
-    ("ensaio.A.1", "bouc_wen"),
 )
 BEFORE, LENGTH = 100, 900  # samples
 

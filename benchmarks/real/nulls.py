@@ -12,8 +12,8 @@ The noise is that of piezo_dbo's sensor: its spectrum at the second file's two r
 - `split`: eight measured cycles in a row, against a model that is a table, the mean of all others.
   The table's own noise makes every score sqrt(1 + 8/30) = 1.13 times too large;
 - `levelled`: the same, each of the eight rid of its own departure in offset, stroke and timing.
-  These change from cycle to cycle, the timing as a saw-tooth: 0.08 ms later each cycle, and back
-  by 0.8 ms every 13th.  A cycle that holds such a jump is no null; the eight avoid them.
+  These change from cycle to cycle, the timing as a saw-tooth: 0.08 ms earlier each cycle, and
+  back by 0.8 ms every 13th.  A cycle that holds such a jump is no null; the eight avoid them.
 """
 
 from __future__ import annotations

@@ -80,13 +80,11 @@ def mr_damper(name: str) -> fj.Recording:
     )
 
 
-def attempt(
-    model: fj.Model, recording: fj.Recording, **options: object
-) -> tuple[fj.Diagnosis | None, str]:
+def attempt(model: fj.Model, recording: fj.Recording) -> tuple[fj.Diagnosis | None, str]:
     """A diagnosis, or None and where it stopped: a failure is a row of its table like any other."""
     stages = ["begin"]
     try:
-        return fj.diagnose(model, recording, progress=stages.append, **options), ""
+        return fj.diagnose(model, recording, progress=stages.append), ""
     except ValueError as error:
         print(f"stopped at {stages[-1]}: {error}", flush=True)
         return None, f"stopped at {stages[-1]}"
@@ -104,6 +102,6 @@ def table(name: str, rows: Sequence[dict], packages: Sequence[str] = PACKAGES) -
     print(path.read_text(encoding="utf-8"))
 
 
-def rounded(value: float) -> str:
+def rounded(value: float | np.floating) -> str:
     """Three digits."""
     return f"{value:.3g}"

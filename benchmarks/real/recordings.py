@@ -1,0 +1,107 @@
+"""The real recordings, as the benchmarks here read them, and the tables they write.
+
+FRACJAX_DATA names the folder that holds them; where each comes from, and under which licence, is
+in its SOURCE.md.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+from scipy.signal import firwin
+
+import fracjax as fj
+from benchmarks.versions import versions
+
+HERE = Path(__file__).parent
+PACKAGES = ("fracjax", "jax", "numpy", "scipy", "optimistix")
+
+
+def folder(name: str) -> Path:
+    """Where a set of recordings lies; ends the program with one sentence where it does not."""
+    found = Path(os.environ.get("FRACJAX_DATA", "")) / name
+    if "FRACJAX_DATA" not in os.environ or not found.is_dir():
+        raise SystemExit(f"Skipped: FRACJAX_DATA names no folder that holds {name}.")
+    return found
+
+
+def piezo_dbo() -> tuple[fj.Recording, fj.Recording]:
+    """Steady cycles of one amplitude, and nested loops of many: drive in V, response in um."""
+    where = folder("piezo_dbo")
+    steady, nested = (
+        fj.read(where / name, input=0, output=4, rate="200Hz", input_unit="V", output_unit="um")
+        for name in ("Model_Vi_Do.dat", "Test_Vi_Do_Di.dat")
+    )
+    return steady, nested
+
+
+FSM_RATE = 6400.0  # Hz
+FSM_PERIOD = 8192  # samples
+
+
+def fsm_cubespec(level: str = "300mV_train") -> tuple[np.ndarray, np.ndarray]:
+    """Drives [V] and responses [um] (8192 samples, 3 axes, realisations, 2 periods)."""
+    where = folder("fsm_cubespec")
+    return np.load(where / f"u_{level}.npy"), 1e6 * np.load(where / f"y_{level}.npy")
+
+
+def low_passed(periods: np.ndarray, cutoff: float, decimation: int) -> np.ndarray:
+    """Two periods (8192, …, 2) at a lower rate, without what repeats above `cutoff` [Hz].
+
+    A zero-phase FIR filter takes it off.  What differs between the periods is noise and stays, up
+    to the new Nyquist frequency: a recording without noise in half of its band would be none.
+    """
+    repeating = periods.mean(axis=-1, keepdims=True)
+    kept = _filtered(repeating, cutoff)
+    noise = _filtered(periods - repeating, 0.45 * FSM_RATE / decimation)
+    return (kept + noise)[::decimation]
+
+
+def _filtered(periods: np.ndarray, cutoff: float) -> np.ndarray:
+    """Periodic signals (8192, …) through a zero-phase FIR low-pass."""
+    kernel = np.zeros(FSM_PERIOD)
+    kernel[:1025] = firwin(1025, cutoff, fs=FSM_RATE, window=("kaiser", 8.0))
+    gain = np.abs(np.fft.rfft(kernel)).reshape(-1, *([1] * (periods.ndim - 1)))
+    return np.fft.irfft(gain * np.fft.rfft(periods, axis=0), FSM_PERIOD, axis=0)
+
+
+def mr_damper(name: str) -> fj.Recording:
+    """Displacement [mm] as drive, force [N] as response."""
+    return fj.read(
+        folder("mr_damper") / f"{name}.mat",
+        input="dist",
+        output="forc",
+        input_unit="mm",
+        output_unit="N",
+    )
+
+
+def attempt(model: fj.Model, recording: fj.Recording) -> tuple[fj.Diagnosis | None, str]:
+    """A diagnosis, or None and where it stopped: a failure is a row of its table like any other."""
+    stages = ["begin"]
+    try:
+        return fj.diagnose(model, recording, progress=stages.append), ""
+    except ValueError as error:
+        print(f"stopped at {stages[-1]}: {error}", flush=True)
+        return None, f"stopped at {stages[-1]}"
+
+
+def table(name: str, rows: Sequence[dict], packages: Sequence[str] = PACKAGES) -> None:
+    """Write rows to benchmarks/real/NAME.csv, with the versions they were made with; print them."""
+    path = HERE / f"{name}.csv"
+    with path.open("w", newline="", encoding="utf-8") as file:
+        file.write(versions(packages))
+        columns = list(max(rows, key=len))
+        writer = csv.DictWriter(file, columns, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(rows)
+    print(path.read_text(encoding="utf-8"))
+
+
+def rounded(value: float | np.floating) -> str:
+    """Three digits."""
+    return f"{value:.3g}"

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import logging
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -44,6 +43,8 @@ def batch_command(
 
     Writes fits.parquet, one row per recording.  The same call again does what is missing.
     """
+    import logging
+
     from .._batch import FITS, fit_batch
 
     prepare_jax()

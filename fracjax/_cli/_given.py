@@ -4,9 +4,8 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from .._fit import Past
@@ -14,8 +13,7 @@ if TYPE_CHECKING:
     from .._recording import Recording
 
 
-@dataclass(frozen=True)
-class Given:
+class Given(NamedTuple):
     """How a call wants its recordings read, and models fitted to them."""
 
     columns: dict[str, str | None]

@@ -3,15 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
 from pathlib import Path
+from typing import NamedTuple
 
 from ._files import write_whole
 from ._tables import Figures, print_json, print_table
 
 
-@dataclass(frozen=True)
-class Summary:
+class Summary(NamedTuple):
     """The plain sentence, the key figures, what to mind, and the parameters."""
 
     sentence: str
@@ -34,8 +33,7 @@ class Summary:
             print("Written: " + ", ".join(map(str, saved)))
 
 
-@dataclass(frozen=True)
-class Results:
+class Results(NamedTuple):
     """The files that a command saved so far, and how it is to tell of them."""
 
     saved: list[Path]

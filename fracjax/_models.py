@@ -84,12 +84,12 @@ def _catalogue_name(block: AbstractBlock) -> str:
 
 def _typical_effect(name: str, setting: Setting | None) -> AbstractBlock:
     """An effect's block at its middle trial, for composition by name."""
-    trials = EFFECTS[name].trials(setting or _ORDINARY)
+    trials = EFFECTS[name].trials(setting or ORDINARY)
     return trials[len(trials) // 2]
 
 
 # A stack of common size, for compositions named before any recording is there.
-_ORDINARY = Setting(
+ORDINARY = Setting(
     drive_low=0.0,
     drive_high=100.0,
     response_span=10.0,

@@ -193,6 +193,12 @@ def test_help_waits_for_nothing():
     assert told.stdout.splitlines()[-1] == "set()"
 
 
+def test_the_package_runs_as_a_program():
+    script = [sys.executable, "-m", "fracjax", "--version"]
+    told = subprocess.run(script, cwd=PACKAGE.parent, capture_output=True, text=True, check=True)
+    assert told.stdout == f"fracjax, version {fracjax.__version__}\n"
+
+
 # fit ----------------------------------------------------------------------------------------------
 
 

@@ -1,0 +1,132 @@
+"""`fracjax batch`: one model fitted to each of many recordings."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ._files import folder
+from ._given import Given
+from ._jax import prepare_jax
+from ._options import folder_option, model_option, takes_given, takes_results
+from ._progress import bar
+from ._results import Results, Summary
+from ._statuses import NOT_CONVERGED, UNUSABLE, fail
+from ._tables import Figures
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+_NOTES = 5
+
+
+@click.command("batch")
+@click.argument("paths", nargs=-1, required=True, metavar="PATH...")
+@model_option
+@folder_option
+@click.option(
+    "--cluster", metavar="ADDRESS", help="Of a dask scheduler, whose workers do the fits."
+)
+@takes_given
+@takes_results
+def batch_command(
+    paths: tuple[str, ...],
+    name: str,
+    out: Path,
+    cluster: str | None,
+    given: Given,
+    results: Results,
+) -> int:
+    """Fit a model to each of many recordings: files, folders, or patterns.
+
+    Writes fits.parquet, one row per recording.  The same call again does what is missing.
+    """
+    import logging
+
+    from .._batch import FITS, fit_batch
+
+    prepare_jax()
+    # Of a lost scheduler it would print a traceback; that it is lost is said below.
+    logging.getLogger("distributed.client").disabled = True
+    with folder(out):
+        try:
+            with bar(results.quiet) as progress:
+                rows = fit_batch(
+                    name,
+                    paths,
+                    out=out,
+                    cluster=cluster,
+                    read_options=given.columns,
+                    history=given.past,
+                    settling=given.settle,
+                    seed=given.seed,
+                    progress=progress,
+                )
+        finally:
+            if (out / FITS).exists():
+                results.saved.append(out / FITS)
+    told = _as_data(rows, name, out / FITS)
+    results.tell(lambda: told, lambda: _summary(rows, told))
+    return _status(told)
+
+
+def _as_data(rows: pd.DataFrame, name: str, table: Path) -> dict[str, Any]:
+    from .._batch import SCHEMA, STATUSES
+
+    told = rows.loc[:, ["source", "status", "reason"]].to_dict("records")
+    statuses = [row["status"] for row in told]
+    return {
+        "schema": SCHEMA,
+        "model": name,
+        "table": str(table),
+        "recordings": len(told),
+        "counts": {status: statuses.count(status) for status in STATUSES},
+        "unfitted": [row for row in told if row["status"] != "fitted"],
+    }
+
+
+def _summary(rows: pd.DataFrame, told: dict[str, Any]) -> Summary:
+    counts = [f"{n} {status}" for status, n in told["counts"].items() if n]
+    sentence = f"{told['model']}: of {told['recordings']} recordings {', '.join(counts)}."
+    return Summary(sentence, _spreads(rows), _notes(told["unfitted"]))
+
+
+def _spreads(rows: pd.DataFrame) -> Figures:
+    """Each parameter's spread over the fitted recordings; where units differ, none is said."""
+    from .._report._text import figure, pretty_unit
+
+    fitted = rows.loc[rows["status"] == "fitted"]
+    labels = [c.removesuffix(".value") for c in rows.columns if c.endswith(".value")]
+    columns = [("RMSE", "rmse", "response_unit")]
+    columns += [(label, f"{label}.value", f"{label}.unit") for label in labels]
+    table = []
+    for label, value, unit in columns if len(fitted) else []:
+        units = set(fitted[unit])
+        spread = [figure(float(fitted[value].quantile(share))) for share in (0.1, 0.5, 0.9)]
+        table.append([label, *spread, pretty_unit(units.pop()) if len(units) == 1 else ""])
+    return ["", "10 % below", "median", "10 % above", "unit"], table
+
+
+def _notes(unfitted: list[dict[str, str]]) -> list[str]:
+    """Why recordings were not fitted, of the first few."""
+    notes = [f"{row['status'].capitalize()}: {row['reason']}" for row in unfitted[:_NOTES]]
+    if len(unfitted) > _NOTES:
+        notes.append(f"And {len(unfitted) - _NOTES} more: see the column reason.")
+    return notes
+
+
+def _status(told: dict[str, Any]) -> int:
+    """0; 2 where no recording could be read; 3 where one was read, and has no converged fit."""
+    counts, total = told["counts"], told["recordings"]
+    if counts["unreadable"] == total:
+        first = told["unfitted"][0]["reason"].rstrip(".")
+        return fail(f"Of {total} recordings none could be read; the first: {first}.", UNUSABLE)
+    if stopped := counts["not converged"] + counts["failed"]:
+        return fail(
+            f"{stopped} of {total} fits did not converge; what they reached, and why, was saved in "
+            f"{told['table']}.",
+            NOT_CONVERGED,
+        )
+    return 0

@@ -1,0 +1,44 @@
+"""`fracjax demo`: a diagnosis of what is shipped."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+import click
+
+from ._diagnosis import concluded, diagnosed
+from ._files import folder
+from ._given import models_for
+from ._options import takes_results
+from ._results import Results
+
+
+@click.command("demo")
+@click.option(
+    "--out",
+    type=click.Path(path_type=Path),
+    default=Path("fracjax-demo"),
+    show_default=True,
+    metavar="DIR",
+    help="For the results.",
+)
+@takes_results
+def demo_command(out: Path, results: Results) -> int:
+    """Diagnose a shipped recording with a concealed effect."""
+    from importlib.resources import as_file, files
+
+    from .._io import read
+
+    with as_file(files("fracjax") / "_demo") as shipped:
+        training, held_out = (read(shipped / f"{name}.csv") for name in ("training", "heldout"))
+    model = models_for(["foh"], [training])[0]
+    began = time.perf_counter()
+
+    def told(sentence: str) -> None:
+        if not (results.quiet or results.as_json):
+            print(f"{time.perf_counter() - began:6.1f} s  {sentence}", flush=True)
+
+    with folder(out):
+        diagnosis = diagnosed(model, [training], out, results, told, holdout=held_out)
+    return concluded(diagnosis, out, results)

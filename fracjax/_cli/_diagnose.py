@@ -1,0 +1,70 @@
+"""`fracjax diagnose`: where a model and recordings differ, and what was left out."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ._diagnosis import concluded, diagnosed
+from ._files import folder
+from ._given import Given
+from ._options import folder_option, recordings_argument, takes_given, takes_results
+from ._progress import stages
+from ._results import Results
+
+
+@click.command("diagnose")
+@recordings_argument
+@click.option("--model", "name", required=True, help="The model to be questioned; see `models`.")
+@folder_option
+@click.option("--holdout", metavar="FILE", help="A recording that no fit sees.")
+@click.option("--repeat", metavar="FILE", help="The same drive again, for the noise floor.")
+@click.option("--noise", metavar='"0.07 um"', help="The sensor's noise, rms, as specified.")
+@click.option(
+    "--limits",
+    metavar='"0..100 V, 50 V/ms"',
+    help="What the next experiment may ask for: the drive's range and its fastest change.",
+)
+@takes_given
+@takes_results
+def diagnose_command(
+    recordings: tuple[str, ...],
+    name: str,
+    out: Path,
+    holdout: str | None,
+    repeat: str | None,
+    noise: str | None,
+    limits: str | None,
+    given: Given,
+    results: Results,
+) -> int:
+    """Say whether, where and why a model and recordings differ.
+
+    Writes diagnosis.json, report.html and fit.json, the model with what was found; and
+    next_experiment.csv, the drive that would tell look-alikes apart, where there are any.
+    """
+    from .._diagnose import parse_limits
+
+    taken, (model,) = given.understood(recordings, [name])
+    wishes: dict[str, Any] = {
+        "holdout": holdout and given.read(holdout),
+        "repeat": repeat and given.read(repeat),
+        "noise": noise and _specification(noise, taken[0].response_unit),
+        "limits": limits and parse_limits(limits, taken),
+    }
+    how = given.how(taken)
+    with folder(out), stages(results.quiet) as progress:
+        diagnosis = diagnosed(model, taken, out, results, progress, **wishes, **how)
+    return concluded(diagnosis, out, results)
+
+
+def _specification(noise: str, unit: str) -> float:
+    """The sensor's noise in the response's unit."""
+    from .._recording import InputError, parse_quantity
+
+    sigma = parse_quantity(noise, unit, "--noise")
+    if sigma <= 0:
+        raise InputError.at("--noise", "a level above 0", f'"{noise}"', "give the rms noise")
+    return sigma

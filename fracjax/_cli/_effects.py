@@ -1,0 +1,97 @@
+"""`fracjax effects`: the catalogue of effects."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import Any
+
+import click
+
+from ._options import json_option
+from ._parameters import free_parameters
+from ._tables import print_json, print_table
+
+
+@click.command("effects")
+@click.argument("name", required=False)
+@click.option(
+    "--picture",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Draw the effect's signature, as .svg, .png or .pdf.",
+)
+@json_option
+@click.pass_obj
+def effects_command(
+    saved: list[Path], name: str | None, picture: Path | None, as_json: bool
+) -> None:
+    """List the effects that diagnose knows, or tell all about one."""
+    from .._blocks import EFFECTS
+    from .._recording import InputError
+
+    if name is not None and name not in EFFECTS:
+        raise InputError(
+            f'effect "{name}": expected one of {", ".join(EFFECTS)}, found none of that name; '
+            "correct it"
+        )
+    if picture is not None:
+        _drawn(name, picture, saved)
+    listed = [_effect(key) for key in ([name] if name else EFFECTS)]
+    if as_json:
+        print_json(listed[0] if name else listed)
+    elif name is None:
+        print_table(
+            ["effect", "inserted at", "equation", "what it is"],
+            [[e["name"], e["site"], e["equation"], e["sentence"]] for e in listed],
+        )
+    else:
+        print_table([], _rows(listed[0]))
+
+
+def _drawn(name: str | None, picture: Path, saved: list[Path]) -> None:
+    from .._recording import InputError
+    from .._report._effect_picture import draw_effect
+
+    if name is None or picture.suffix not in (".svg", ".png", ".pdf"):
+        raise InputError.at(
+            "--picture",
+            "the name of an effect and a file ending in .svg, .png or .pdf",
+            f'"{picture}" for {name or "all effects"}',
+            "name one effect and such a file",
+        )
+    draw_effect(name, picture)
+    saved.append(picture)
+
+
+def _effect(name: str) -> dict[str, Any]:
+    """A catalogue entry as plain data; ranges are those for a stack of common size."""
+    from .._blocks import EFFECTS
+    from .._models import ORDINARY
+
+    effect = EFFECTS[name]
+    fields = ("name", "site", "sentence", "equation", "separated_by", "concealed_by", "source")
+    return {field: getattr(effect, field) for field in fields} | {
+        "parameters": free_parameters(effect.trials(ORDINARY)[0])
+    }
+
+
+def _rows(effect: dict[str, Any]) -> list[list[str]]:
+    from .._report._text import figure, pretty_unit, quantity
+
+    parameters = [
+        f"{p['name']}: {figure(p['plausible'][0])} to {quantity(p['plausible'][1], p['unit'])}"
+        if p["plausible"]
+        else f"{p['name']}: any {pretty_unit(p['unit'])}"
+        for p in effect["parameters"]
+    ]
+    look_alikes = [f"{other}: told apart by {how}" for other, how in effect["separated_by"].items()]
+    return [
+        ["effect", effect["name"]],
+        ["what it is", effect["sentence"]],
+        ["equation", effect["equation"]],
+        ["inserted at", effect["site"]],
+        ["plausible", "\n".join(parameters)],
+        ["look-alikes", "\n".join(look_alikes) or "none"],
+        ["concealed by", effect["concealed_by"]],
+        ["source", effect["source"]],
+    ]

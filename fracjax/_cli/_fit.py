@@ -1,0 +1,141 @@
+"""`fracjax fit`: models fitted to recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ._files import folder
+from ._fit_table import fit_table
+from ._given import Given
+from ._jax import prepare_jax
+from ._options import folder_option, options, recordings_argument, takes_given, takes_results
+from ._progress import stages
+from ._results import Results, Summary
+from ._statuses import status_of
+from ._tables import doubts, parameter_figures
+
+if TYPE_CHECKING:
+    from .._fit import Comparison, Fit, Loss
+
+_asking = options(
+    click.option("--fix", multiple=True, metavar='"alpha=0.1"', help="Hold a parameter."),
+    click.option("--bound", multiple=True, metavar='"alpha=0.05..0.2"', help="Narrow its range."),
+    click.option(
+        "--prior", multiple=True, metavar='"alpha=0.1±0.02"', help="What was known of it (or +-)."
+    ),
+    click.option(
+        "--tie", multiple=True, metavar='"second.mu=2*first.alpha"', help="Let one equal another."
+    ),
+    click.option(
+        "--own", multiple=True, metavar="NAME", help="A value of its own for every recording."
+    ),
+    click.option("--mask", multiple=True, metavar='"3 s..4 s"', help="Leave out these times."),
+)
+
+
+@click.command("fit")
+@recordings_argument
+@click.option("--model", "names", multiple=True, required=True, help="Once or more; see `models`.")
+@folder_option
+@click.option(
+    "--holdout", "unseen", multiple=True, metavar="FILE", help="A recording that no fit sees."
+)
+@click.option(
+    "--profile", "profiled", multiple=True, metavar="NAME", help="Its profile likelihood too."
+)
+@click.option(
+    "--frequency-response",
+    "of_frequency",
+    is_flag=True,
+    help="Of a table of frequency, amplitude and phase, by a linear law.",
+)
+@_asking
+@click.option(
+    "--loss",
+    type=click.Choice(["least_squares", "huber", "soft_l1", "student_t"]),
+    default="least_squares",
+    show_default=True,
+    help="All but the first let outliers weigh less.",
+)
+@takes_given
+@takes_results
+def fit_command(
+    recordings: tuple[str, ...],
+    names: tuple[str, ...],
+    out: Path,
+    unseen: tuple[str, ...],
+    profiled: tuple[str, ...],
+    of_frequency: bool,
+    loss: Loss,
+    given: Given,
+    results: Results,
+    **asked: Any,
+) -> int:
+    """Fit models to recordings, jointly where there are several.
+
+    Writes fit.json (of the best model by BIC), report.html and, for several models, one
+    fit_MODEL.json each and comparison.json: all of them on the data fitted and on data held out,
+    the recordings of --holdout or stretches set aside in turn.  What is asked of a parameter
+    concerns the models that have it; --fix to --mask may be given more than once.
+    """
+    if of_frequency:
+        return fit_table(recordings, names, out, given, results, asked)
+    from .._fit import compared, fit, options_for, options_of, with_profiles
+    from .._report import write_report
+    from .._report._text import file_name
+
+    wishes = options_of(**asked) | {"profiled": profiled}
+    taken, models = given.understood(recordings, names)
+    how = given.how(taken)
+    held_out = [given.read(path) for path in unseen]
+    everything = {name for model in models for name in model.parameters}
+
+    prepare_jax()
+    with folder(out), stages(results.quiet) as progress:
+        fits = []
+        for model in models:
+            told = options_for(wishes, model.parameters.keys(), everything)
+            wanted = told.pop("profiled")
+            found = fit(model, taken, loss=loss, progress=progress, **how, **told)
+            fits.append(with_profiles(found, wanted, progress))
+            if len(models) > 1:
+                results.save(fits[-1].save, out / f"fit_{file_name(model.name)}.json")
+        comparison = None
+        if len(models) > 1 or held_out:
+            comparison = compared(fits, holdout=held_out, progress=progress)
+        best = list(comparison.fits) if comparison else fits
+        progress("writing the report")
+        results.save(best[0].save, out / "fit.json")
+        if comparison:
+            results.save(comparison.save, out / "comparison.json")
+        result = comparison or fits[0]
+        results.save(lambda path: write_report(result, path), out / "report.html")
+    results.tell(result.to_dict, lambda: _summary(best, comparison))
+    return status_of(fits, out)
+
+
+def _summary(fits: Sequence[Fit], comparison: Comparison | None) -> Summary:
+    """Of the fits, the best first, and of their comparison if there was one."""
+    from .._fit import analyse_residuals
+    from .._report._text import fit_sentence, key_figures
+
+    notes = [note for found in fits for note in (*_profile_notes(found), *doubts(found))]
+    notes.append("; ".join(analyse_residuals(fits[0])[0].findings) + ".")
+    figures = key_figures(comparison or fits)
+    return Summary(fit_sentence(fits), figures, notes, parameter_figures(fits[0]))
+
+
+def _profile_notes(found: Fit) -> list[str]:
+    """The intervals of the profiles that were asked for."""
+    from .._report._text import figure, pretty_unit
+
+    notes = []
+    for profile in found.profiles:
+        low, high = ("open" if end is None else figure(end, 5) for end in profile.interval_95)
+        unit = pretty_unit(profile.unit)
+        notes.append(f"Profile of {profile.name}: 95 % from {low} to {high} {unit}".strip() + ".")
+    return notes

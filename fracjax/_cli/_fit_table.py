@@ -1,0 +1,77 @@
+"""`fracjax fit --frequency-response`: linear laws fitted to a table of a frequency response."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ._files import folder
+from ._given import Given
+from ._jax import prepare_jax
+from ._progress import stages
+from ._results import Results, Summary
+from ._statuses import status_of
+from ._tables import doubts, parameter_figures
+
+if TYPE_CHECKING:
+    from .._fit import FrequencyFit
+
+
+def fit_table(
+    paths: Sequence[str],
+    names: Sequence[str],
+    out: Path,
+    given: Given,
+    results: Results,
+    asked: dict[str, Any],
+) -> int:
+    """Fit each of the models to the one table, tell of it and return the exit status."""
+    from .._fit import fit_frequency_response, options_for, options_of, read_frequency_table
+    from .._models import parse_model
+    from .._report import write_report
+    from .._report._text import file_name
+
+    wishes = options_of(**asked)
+    if len(paths) > 1 or wishes.keys() & {"mask", "own"}:
+        raise click.UsageError(
+            "--frequency-response takes one table, and neither --mask nor --own",
+            click.get_current_context(),
+        )
+    units = given.columns["input_unit"], given.columns["output_unit"]
+    table = read_frequency_table(paths[0], drive_unit=units[0], response_unit=units[1])
+    models = [parse_model(name, table.setting) for name in dict.fromkeys(names)]
+    everything = {name for model in models for name in model.parameters}
+    prepare_jax()
+    with folder(out), stages(results.quiet) as progress:
+        fits = []
+        for model in models:
+            told = options_for(wishes, model.parameters.keys(), everything)
+            fits.append(
+                fit_frequency_response(model, table, seed=given.seed, progress=progress, **told)
+            )
+        fits.sort(key=lambda found: found.bic)
+        progress("writing the report")
+        if len(fits) > 1:
+            for found in fits:
+                results.save(found.save, out / f"fit_{file_name(found.model.name)}.json")
+        results.save(fits[0].save, out / "fit.json")
+        results.save(lambda path: write_report(fits, path), out / "report.html")
+    results.tell(lambda: _as_data(fits), lambda: _summary(fits))
+    return status_of(fits, out)
+
+
+def _as_data(fits: Sequence[FrequencyFit]) -> object:
+    """One fit as plain data, or a list of several."""
+    told = [found.to_dict() for found in fits]
+    return told[0] if len(told) == 1 else told
+
+
+def _summary(fits: Sequence[FrequencyFit]) -> Summary:
+    from .._report._text import frequency_figures, frequency_sentence
+
+    notes = [note for found in fits for note in doubts(found)]
+    parameters = parameter_figures(fits[0])
+    return Summary(frequency_sentence(fits), frequency_figures(fits), notes, parameters)

@@ -1,0 +1,69 @@
+"""What a call gives: recordings, models, and how the models are to be fitted."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING, Any, NamedTuple
+
+if TYPE_CHECKING:
+    from .._fit import Past
+    from .._models import Model
+    from .._recording import Recording
+
+
+class Given(NamedTuple):
+    """How a call wants its recordings read, and models fitted to them."""
+
+    columns: dict[str, str | None]
+    history: str
+    settle: str | None
+    seed: int
+
+    def read(self, path: str) -> Recording:
+        """A recording."""
+        from .._io import read
+
+        return read(path, **self.columns)
+
+    def understood(
+        self, paths: Sequence[str], names: Sequence[str]
+    ) -> tuple[list[Recording], list[Model]]:
+        """The recordings and models that the call names, each model once."""
+        recordings = [self.read(path) for path in paths]
+        return recordings, models_for(list(dict.fromkeys(names)), recordings)
+
+    @property
+    def past(self) -> Past | None:
+        """The history that the call states, None where the data shall decide."""
+        return None if self.history == "auto" else self.history  # type: ignore[return-value]
+
+    def settling(self, recordings: list[Recording]) -> int | None:
+        """The settling time in samples."""
+        from .._fit import settling_samples
+
+        if self.settle is None:
+            return None
+        samples = [settling_samples(self.settle, recording) for recording in recordings]
+        return samples[0]
+
+    def how(self, recordings: list[Recording]) -> dict[str, Any]:
+        """The keywords of a fit that say the same."""
+        return {"history": self.past, "settling": self.settling(recordings), "seed": self.seed}
+
+
+def models_for(names: Sequence[str], recordings: list[Recording]) -> list[Model]:
+    """The models of these names, their effects of a size that suits the recordings."""
+    from .._fit._problem import setting_of
+    from .._models import parse_model
+
+    setting = setting_of(recordings)
+    return [parse_model(name, setting) for name in names]
+
+
+def model_of_fit(path: str) -> tuple[Model, dict[str, Any]]:
+    """The model in a fit.json, and all that the file tells."""
+    from .._fit import load_model
+
+    return load_model(path), json.loads(Path(path).read_text(encoding="utf-8"))

@@ -1,0 +1,98 @@
+"""The program: its commands, and the sentence and exit status of a call that went wrong."""
+
+from __future__ import annotations
+
+import _thread
+import sys
+import threading
+import warnings
+from collections.abc import Sequence
+from pathlib import Path
+
+import click
+
+from .. import __version__
+from ._batch import batch_command
+from ._compensate import compensate_command
+from ._crosscheck import crosscheck_command
+from ._demo import demo_command
+from ._diagnose import diagnose_command
+from ._effects import effects_command
+from ._fit import fit_command
+from ._info import info_command
+from ._models import models_command
+from ._posterior import posterior_command
+from ._simulate import simulate_command
+from ._statuses import INTERRUPTED, UNUSABLE, fail
+
+_COMMANDS = (
+    fit_command,
+    crosscheck_command,
+    batch_command,
+    posterior_command,
+    diagnose_command,
+    demo_command,
+    simulate_command,
+    compensate_command,
+    info_command,
+    models_command,
+    effects_command,
+)
+
+
+@click.group(
+    commands=_COMMANDS,
+    context_settings={"help_option_names": ["-h", "--help"]},
+    no_args_is_help=False,
+    epilog='Completion of words: eval "$(_FRACJAX_COMPLETE=bash_source fracjax)", or zsh_source, '
+    "fish_source.",
+)
+@click.version_option(__version__, prog_name="fracjax")
+def cli() -> None:
+    """What a simulation of an actuator left out, and by how much."""
+
+
+def main() -> None:
+    """The program `fracjax`."""
+    if not sys.warnoptions:
+        warnings.simplefilter("ignore")
+    sys.unraisablehook = heed_interrupt
+    sys.exit(run())
+
+
+def heed_interrupt(unraisable: sys.UnraisableHookArgs) -> None:
+    """Ctrl-C once more, where it met a callback of the garbage collector, which swallows it.
+
+    JAX has one, and it is the first Python to run after a long computation.
+    """
+    if isinstance(unraisable.exc_value, KeyboardInterrupt):
+        threading.Timer(0.05, _thread.interrupt_main).start()
+    else:
+        sys.__unraisablehook__(unraisable)
+
+
+def run(arguments: Sequence[str] | None = None) -> int:
+    """Run one command and return its exit status; what went wrong is one sentence on stderr."""
+    saved: list[Path] = []
+    try:
+        return cli.main(arguments, prog_name="fracjax", standalone_mode=False, obj=saved) or 0
+    except click.Abort:
+        kept = f"kept {', '.join(map(str, saved))}" if saved else "nothing had been written yet"
+        return fail(f"Interrupted; {kept}.", INTERRUPTED)
+    except click.ClickException as error:
+        context = getattr(error, "ctx", None)
+        command = context.command_path if context else "fracjax"
+        message = " ".join(error.format_message().split()).rstrip(".?").replace(". ", "; ")
+        return fail(f"{command}: {message}; see {command} --help.", UNUSABLE)
+    except OSError as error:
+        place, reason = error.filename or "output", (error.strerror or str(error)).lower()
+        return fail(
+            f"{place}: expected a place that can be written, found {reason}; choose another.",
+            UNUSABLE,
+        )
+    except ValueError as error:
+        from .._recording import InputError
+
+        if not isinstance(error, InputError):
+            raise
+        return fail(f"{str(error).rstrip('.')}.", UNUSABLE)

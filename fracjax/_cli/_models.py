@@ -1,0 +1,61 @@
+"""`fracjax models`: the models, their equations and parameters."""
+
+from __future__ import annotations
+
+import re
+from typing import TYPE_CHECKING, Any
+
+import click
+
+from ._options import json_option
+from ._parameters import free_parameters
+from ._tables import print_json, print_table
+
+if TYPE_CHECKING:
+    from .._blocks import AbstractBlock
+
+
+@click.command("models")
+@json_option
+def models_command(as_json: bool) -> None:
+    """List the models with their equations and parameters."""
+    from .._models import MODELS
+
+    listed = [_law(name, make()) for name, make in MODELS.items()]
+    if as_json:
+        print_json(listed)
+        return
+    print_table(["model", "what it is", "equation", "parameters"], [_row(law) for law in listed])
+    print('Models and effects are joined in series by >> and in parallel by +: "foh >> creep".')
+
+
+def _row(law: dict[str, Any]) -> list[str]:
+    parameters = [
+        f"{p['name']} [{p['unit']}]" if p["unit"] != "1" else p["name"] for p in law["parameters"]
+    ]
+    return [law["name"], law["sentence"], law["equation"], "\n".join(parameters)]
+
+
+def _law(name: str, block: AbstractBlock) -> dict[str, Any]:
+    """A model as plain data, its words those of its blocks' docstrings."""
+    import inspect
+
+    parts = _parts(block)
+    lines = [inspect.cleandoc(type(part).__doc__ or "").splitlines() for part in parts]
+    equations = [line.strip() for part in lines for line in part if line.startswith("    ")]
+    openings = [re.sub(r" \[[FL][^]]*\]", "", part[0]).rstrip(":.") for part in lines]
+    return {
+        "name": name,
+        "sentence": "; then ".join(openings),
+        "equation": "\n".join(equations),
+        "parameters": free_parameters(block),
+    }
+
+
+def _parts(block: AbstractBlock) -> list[AbstractBlock]:
+    """The laws that a composition holds, in order."""
+    from .._blocks._block import LinearParallel, LinearSeries, Parallel, Series
+
+    if isinstance(block, Series | LinearSeries | Parallel | LinearParallel):
+        return _parts(block.first) + _parts(block.second)
+    return [block]

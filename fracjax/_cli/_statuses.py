@@ -1,0 +1,31 @@
+"""The exit statuses, and the one sentence that goes with each."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from .._fit import Fit, FrequencyFit
+
+UNUSABLE, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
+
+
+def fail(sentence: str, status: int) -> int:
+    """Say it on stderr, and return the status."""
+    print(sentence, file=sys.stderr)
+    return status
+
+
+def status_of(fits: Sequence[Fit | FrequencyFit], out: Path | None) -> int:
+    """0, or 3 and a sentence where a fit did not converge."""
+    failed = [fit.model.name for fit in fits if not fit.converged]
+    if not failed:
+        return 0
+    kept = "is in the table, and nothing was saved" if out is None else f"was saved in {out}"
+    return fail(
+        f"The fit of {' and '.join(failed)} did not converge; its best point {kept}.",
+        NOT_CONVERGED,
+    )

@@ -34,6 +34,7 @@ from ._judgement import (
     SIGNIFICANCE,
     Judged,
     explained_fraction,
+    is_exhausted,
     probability_of,
     reason,
     rivals_of,
@@ -174,7 +175,8 @@ class _Conclusion:
 
     def _effects(self, extended: Fit | None) -> tuple[NamedEffect, ...]:
         """The adopted effects, if together they explain the mismatch."""
-        if extended is None or self.explained < EXPLAINED:
+        enough = self.explained >= EXPLAINED and is_exhausted(self.course.stage)
+        if extended is None or not enough:
             return ()
         return tuple(
             self._named(round_, self._own_parameters(k, extended))

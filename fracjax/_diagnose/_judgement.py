@@ -21,6 +21,7 @@ DELTA_BIC = 10.0
 EXPLAINED = 0.9
 WORTH_NAMING = 0.1
 _INEXACT = 0.05
+_REMAINDER = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -105,6 +106,17 @@ def explained_fraction(base: Stage, solved: Solved) -> float:
     doubt = 3 * solved.samples * np.sqrt(2 / solved.samples + known**2)
     fall = base.solved.cost - solved.cost
     return float(fall / max(fall, base.excess - doubt)) if fall > 0 else 0.0
+
+
+def is_exhausted(stage: Stage) -> bool:
+    """Whether what is left over is smaller than the noise, as far as that is known.
+
+    Where it is not, the best of the catalogue has taken up most of something that is not in it.
+    """
+    samples = stage.solved.samples
+    known = noise_doubt(stage.preparation, stage.solved.kurtosis)
+    doubt = 3 * np.sqrt(2 / samples + known**2)
+    return stage.solved.cost / samples - 1 <= _REMAINDER + doubt
 
 
 def share_of_excess(base: Stage, before: Stage, winner: Judged) -> float:

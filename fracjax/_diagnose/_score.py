@@ -120,7 +120,7 @@ class Scorer:
             trials=trials,
             z=directions @ self.residual.whitened,
             norms=np.where(seen, norms, 0.0),
-            concealments=1 - norms**2 / np.maximum(lengths, 1e-300) ** 2,
+            concealments=1 - (norms / np.maximum(lengths, 1e-300)) ** 2,
             sizes=sizes,
             directions=directions,
         )

@@ -248,9 +248,9 @@ def solve_from(
         for k in order[:2]:
             if not descents[k].converged:
                 descents[k] = descend(descents[k], problems, _LOOKS, asked)
-        least = min(descents, key=lambda d: d.cost)
-        if best.cost - least.cost < max(0.1, 1e-4 * (best.cost - samples)):
-            descents[descents.index(least)] = least._replace(converged=True)
+        least = int(np.argmin([d.cost for d in descents]))
+        if best.cost - descents[least].cost < max(0.1, 1e-4 * (best.cost - samples)):
+            descents[least] = descents[least]._replace(converged=True)
     best = min(descents, key=lambda d: d.cost)
     return solved_at(
         best.block,

@@ -168,6 +168,8 @@ class Objective:
         rows = (self.priors.shapes.T / self.priors.sds).T
         shapes = self.numbers.values_at(self.block, position)
         moved = np.concatenate([*columns, rows]) * self.numbers.slopes(self.block, shapes)
+        # A derivative that overflows, far outside a law's range, tells the search nothing.
+        moved = np.nan_to_num(moved, nan=0.0, posinf=0.0, neginf=0.0)
         return point.basis @ (point.basis.T @ moved) - moved
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:

@@ -46,16 +46,11 @@ class _Places:
         freedom: float,
     ):
         self.problems, self.residual, self.freedom = problems, residual, freedom
-        # A band of the noise's spectrum is known less well than its level: by so many numbers.
-        filters = [take.noise.filter for take in preparation.takes if take.noise is not None]
-        self.coefficients = max(taps.size for taps in filters)
-        self.read_for = min(
-            take.noise.effective * take.recording.dt
-            for take in preparation.takes
-            if take.noise is not None
-        )
         first = preparation.takes[0].recording
         self.step = first.dt
+        noise = preparation.takes[0].noise
+        assert noise is not None  # a diagnosis has one
+        self.noise = noise
         self.units = (first.drive_unit, first.response_unit)
         lengths = [p.response.shape[0] for p in problems]
         self.drive = np.concatenate(
@@ -177,29 +172,32 @@ class _Places:
         return self._axis("harmonics", "1", np.arange(_HARMONICS + 1) + 0.5, groups)
 
     def frequency(self) -> Axis:
-        """Energy of the whitened residual in logarithmic bands, against white noise.
+        """Energy of the whitened residual in logarithmic bands, against that of the noise.
 
-        The noise's own uncertainty is allowed for: its variance is known to 1 in √n at best, and
-        its spectrum from as many lines as the time it was read for resolves.
+        F test of the residual's lines against those that the noise was read from, where it was read
+        at all; a band that a short rest does not resolve tells nothing.
         """
         kept = self.residual.whitened[self.counted]
         power = np.abs(np.fft.rfft(kept)) ** 2 / kept.size
         frequencies = np.fft.rfftfreq(kept.size, self.step)[1:]
         power = power[1:]
         edges = np.geomspace(frequencies[0] * 0.999, frequencies[-1] * 1.001, _FREQUENCY_BINS + 1)
+        bins = range(_FREQUENCY_BINS)
         index = np.clip(np.searchsorted(edges, frequencies) - 1, 0, _FREQUENCY_BINS - 1)
-        p_values = np.ones(_FREQUENCY_BINS)
-        for k in range(_FREQUENCY_BINS):
-            inside = power[index == k]
-            if inside.size:
-                # 2·Σ power is χ² with 2 per line; widened for the noise variance's own error.
-                excess = (inside.mean() - 1) / np.sqrt(1 / inside.size + 8 / kept.size)
-                # As many lines as the noise was read from within this band, two degrees for each.
-                read = 2 * (edges[k + 1] - edges[k]) * self.read_for
-                freedom = np.clip(read, 1.0, self.freedom / self.coefficients)
-                exact = f.sf(inside.mean(), 2 * inside.size, freedom)
-                p_values[k] = max(exact, norm.sf(excess) if inside.size > 50 else 0.0)
-        return _map("frequency", "Hz", edges, p_values)
+        read = np.searchsorted(edges, self.noise.lines[0] / self.step) - 1
+        p_values = [self._band(power[index == k], self.noise.lines[1][read == k]) for k in bins]
+        return _map("frequency", "Hz", edges, np.array(p_values))
+
+    def _band(self, power: np.ndarray, noise: np.ndarray) -> float:
+        """P(so much power in a band) from the noise's own lines there."""
+        if power.size == 0:
+            return 1.0
+        if self.noise.lines[0].size == 0:
+            return float(f.sf(power.mean(), 2 * power.size, self.freedom))
+        if noise.size == 0:
+            return 1.0
+        freedom = 2 * noise.size / self.noise.shared
+        return float(f.sf(power.mean() / noise.mean(), 2 * power.size, freedom))
 
 
 def _map(name: str, unit: str, edges: np.ndarray, p_values: np.ndarray) -> Axis:

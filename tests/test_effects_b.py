@@ -28,8 +28,8 @@ from fracjax._blocks import (
     SlewRateLimit,
     ViscoelasticLayer,
 )
-from fracjax._diagnose._diagnose import residual_of
-from fracjax._diagnose._score import EffectScore, score_effect
+from fracjax._diagnose._numerics import residual_of
+from fracjax._diagnose._score import EffectScore, Scorer
 from fracjax._fit import prepare, solve_from
 from fracjax._fit._noise import Noise
 from fracjax._fit._problem import resolution, setting_of
@@ -485,7 +485,7 @@ def scored(name: str, response: np.ndarray, sigma: float) -> EffectScore:
     solved = solve_from([BASE], preparation)
     residual = residual_of(solved, preparation)
     setting, problems = preparation.setting, preparation.problems()
-    return score_effect(EFFECTS[name], solved.block, setting, problems, residual)
+    return Scorer(solved.block, problems, residual).score(EFFECTS[name], setting)
 
 
 NOISE = np.random.default_rng(8).standard_normal(DRIVE.size)

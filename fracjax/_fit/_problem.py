@@ -19,8 +19,6 @@ from .._recording import Recording
 
 _FILTER_TAPS = 13
 _DECAYS_PER_DECADE = 2
-# Where the drive goes on from its last sample is not recorded, nor then its rate there.
-_UNKNOWN_RATE = 2
 
 
 class AbstractProblem(eqx.Module):
@@ -127,8 +125,6 @@ def make_problem(
     left_out = np.asarray(lfilter(support, 1.0, np.where(used, 0.0, 1.0)))
     counts = (left_out < 0.5).astype(float)
     counts[: whitening.size - 1] = 0.0
-    if history != "periodic":
-        counts[-_UNKNOWN_RATE:] = 0.0
     weights = counts if weights is None else counts * weights
     length = samples if history == "periodic" else bucket(samples)
     fine = refine(drive, oversampling, history)

@@ -3,6 +3,7 @@
 import json
 from pathlib import Path
 from types import SimpleNamespace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -11,7 +12,7 @@ from scipy.stats import kstest
 
 import fracjax as fj
 from benchmarks.concealed.cases import make_case
-from fracjax._diagnose._held_out import Prediction, gain, predict_stretches
+from fracjax._diagnose._held_out import Gain, Prediction, gain, predict_stretches
 from fracjax._diagnose._judgement import Judged, best_of, probability_of, rivals_of
 from fracjax._diagnose._numerics import numerical_error, residual_of
 from fracjax._diagnose._score import EffectScore, Residual, family_wise_p
@@ -210,7 +211,8 @@ def test_interference_that_does_not_repeat_is_noise():
     generator = np.random.default_rng(3)
     bump = lfilter([1.0], np.poly(0.995 * np.exp(2j * np.pi * 37 * STEP * np.array([1, -1]))).real,
                    generator.standard_normal(TIMES.size))  # fmt: skip
-    noise = 0.01 * generator.standard_normal(TIMES.size) + 0.02 * bump / bump.std()
+    white, bump = generator.standard_normal(TIMES.size), np.asarray(bump)
+    noise = 0.01 * white + 0.02 * bump / bump.std()
     diagnosis = fj.diagnose(fj.parse_model("creep"), creeping(noise))
     assert diagnosis.noise.method == "repeats"
     assert diagnosis.verdict == "none"
@@ -224,6 +226,7 @@ def test_a_noise_floor_above_what_a_fit_leaves_is_not_believed():
     told = fj.Noise(0.5, "um", "repeats", np.ones(1), 0.5)
     found = fj.fit(fj.parse_model("creep"), Recording(drive, law + white, STEP), noise=told)
     noise = found.preparation.takes[0].noise
+    assert noise is not None
     assert noise.method == "residual"
     assert noise.sigma == pytest.approx(0.005, rel=0.05)
 
@@ -236,15 +239,16 @@ def test_a_specification_is_believed():
 
 
 def judged_of(name: str, delta_bic: float, *, plausible: bool = True) -> Judged:
-    convincing = SimpleNamespace(convincing=True)
+    unseen: Any = None
+    refit: Any = SimpleNamespace(name=name)
     return Judged(
-        refit=SimpleNamespace(name=name),
-        preparation=None,
+        refit=refit,
+        preparation=unseen,
         delta_bic=delta_bic,
         explained=1.0,
         numerics=0.0,
-        gain=convincing,
-        prediction=None,
+        gain=Gain(fall=100.0, standard_error=1.0, improved=1.0, share_of_rmse=0.5),
+        prediction=unseen,
         plausible=plausible,
     )
 

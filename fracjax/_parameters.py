@@ -102,6 +102,12 @@ class Parameter(eqx.Module):
         low, high = self._scale(self.lower), self._scale(self.upper)
         return (high - low) * (self.value if self.logarithmic else np.ones_like(self.value))
 
+    @property
+    def is_plausible(self) -> bool:
+        """Whether the value lies in the range expected from the literature."""
+        low, high = self.plausible
+        return bool(np.all(self.value >= low) and np.all(self.value <= high))
+
     def with_value(self, value: ArrayLike) -> Parameter:
         """The same parameter at another value."""
         traced = isinstance(value, jax.Array)

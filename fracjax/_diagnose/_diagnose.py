@@ -289,11 +289,11 @@ class _Conclusion:
         parameters, said = named_parameters(block), []
         for name, _ in layout_of(block).shapes:
             p = parameters[name]
-            (low, high), value = p.plausible, np.asarray(p.value)
-            if np.any(value < low) or np.any(value > high):
+            if not p.is_plausible:
+                low, high = p.plausible
                 ends = f"{float(np.min(low)):.3g} to {float(np.max(high)):.3g}"
                 said.append(
-                    f"{name} of {self.model.name} ended at {float(np.ravel(value)[0]):.3g}, "
+                    f"{name} of {self.model.name} ended at {float(np.ravel(p.value)[0]):.3g}, "
                     f"outside its usual range of {ends}: it may stand in for physics that the "
                     "model lacks."
                 )

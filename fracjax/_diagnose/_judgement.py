@@ -98,12 +98,8 @@ def delta_bic(before: Solved, after: Solved) -> float:
 
 
 def explained_fraction(base: Stage, solved: Solved) -> float:
-    """The share of the base's excess residual that is gone.
-
-    The excess itself is uncertain by the χ² distribution and by the noise level's own error.
-    """
-    known = noise_doubt(base.preparation, solved.kurtosis)
-    doubt = 3 * solved.samples * np.sqrt(2 / solved.samples + known**2)
+    """The share of the base's excess residual that is gone, as far as that is known."""
+    doubt = solved.samples * _excess_doubt(base.preparation, solved)
     fall = base.solved.cost - solved.cost
     return float(fall / max(fall, base.excess - doubt)) if fall > 0 else 0.0
 
@@ -113,10 +109,15 @@ def is_exhausted(stage: Stage) -> bool:
 
     Where it is not, the best of the catalogue has taken up most of something that is not in it.
     """
-    samples = stage.solved.samples
-    known = noise_doubt(stage.preparation, stage.solved.kurtosis)
-    doubt = 3 * np.sqrt(2 / samples + known**2)
-    return stage.solved.cost / samples - 1 <= _REMAINDER + doubt
+    doubt = _excess_doubt(stage.preparation, stage.solved)
+    return stage.solved.cost / stage.solved.samples - 1 <= _REMAINDER + doubt
+
+
+def _excess_doubt(preparation: Preparation, solved: Solved) -> float:
+    """Three standard errors of an excess χ² per sample, by the χ² distribution and by the noise
+    level's own error."""
+    known = noise_doubt(preparation, solved.kurtosis)
+    return float(3 * np.sqrt(2 / solved.samples + known**2))
 
 
 def share_of_excess(base: Stage, before: Stage, winner: Judged) -> float:
@@ -139,13 +140,8 @@ def is_plausible(solved: Solved, layers: Sequence[Layer]) -> bool:
     """Whether the outermost effect's shapes ended within their expected ranges."""
     path = path_of(layers, len(layers) - 1)
     parameters = named_parameters(solved.block)
-    for name, _ in layout_of(solved.block).shapes:
-        if name.startswith(path):
-            low, high = parameters[name].plausible
-            value = np.asarray(parameters[name].value)
-            if not (np.all(value >= low) and np.all(value <= high)):
-                return False
-    return True
+    shapes = [name for name, _ in layout_of(solved.block).shapes if name.startswith(path)]
+    return all(parameters[name].is_plausible for name in shapes)
 
 
 def reason(

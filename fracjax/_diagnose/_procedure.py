@@ -69,7 +69,7 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
     stage, rounds, judged = base, [], {}
     first = detection = _detect(base, seed, progress)
     # A mismatch no larger than the simulation's own error is never given a name.
-    while detection.p_value < SIGNIFICANCE and len(rounds) < _ROUNDS and numerics <= LIMIT:
+    while detection.p_value < SIGNIFICANCE and numerics <= LIMIT:
         found = _judge(base, stage, detection.scores, predict, seed, progress)
         judged = {**{j.name: j for j in found}, **judged}
         winner = best_of(found)
@@ -79,6 +79,8 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
             break
         rounds.append(Round(winner, found))
         stage = stage.extended(winner.layer, winner.solved, winner.preparation)
+        if len(rounds) == _ROUNDS:
+            break
         detection = _detect(stage, seed, progress)
     stage, rounds = _without_idle(stage, rounds, progress)
     return Course(first, rounds, judged, stage)

@@ -151,18 +151,7 @@ class Fit:
                 "drive": first.recording.drive_unit,
                 "response": first.recording.response_unit,
             },
-            "parameters": {
-                e.name: {
-                    "value": e.value,
-                    "standard_error": e.standard_error,
-                    "low": e.interval[0],
-                    "high": e.interval[1],
-                    "unit": e.unit,
-                    "identified": e.identified,
-                    "at_bound": e.at_bound,
-                }
-                for e in self.estimates
-            },
+            "parameters": {e.name: e.to_dict() for e in self.estimates},
             "known_only_together": list(self.correlated),
             "combinations": [combination.to_dict() for combination in self.combinations],
             **self.preparation.conditions.to_dict(),

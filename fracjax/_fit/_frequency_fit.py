@@ -129,18 +129,7 @@ class FrequencyFit:
             "values": {n: np.asarray(p.value).tolist() for n, p in self.model.parameters.items()},
             "recordings": [self.table.source],
             "units": {"drive": self.table.drive_unit, "response": self.table.response_unit},
-            "parameters": {
-                e.name: {
-                    "value": e.value,
-                    "standard_error": e.standard_error,
-                    "low": e.interval[0],
-                    "high": e.interval[1],
-                    "unit": e.unit,
-                    "identified": e.identified,
-                    "at_bound": e.at_bound,
-                }
-                for e in self.estimates
-            },
+            "parameters": {e.name: e.to_dict() for e in self.estimates},
             "known_only_together": list(self.correlated),
             "combinations": [combination.to_dict() for combination in self.combinations],
             **self.conditions.to_dict(),

@@ -41,6 +41,19 @@ class Estimate:
         half = 1.96 * self.standard_error
         return self.value - half, self.value + half
 
+    def to_dict(self) -> dict:
+        """Plain data, as in fit.json, where it stands under its name."""
+        low, high = self.interval
+        return {
+            "value": self.value,
+            "standard_error": self.standard_error,
+            "low": low,
+            "high": high,
+            "unit": self.unit,
+            "identified": self.identified,
+            "at_bound": self.at_bound,
+        }
+
 
 def orthonormal(jacobian: np.ndarray) -> np.ndarray:
     """An orthonormal basis (N, r) of what the fitted parameters can produce to first order."""

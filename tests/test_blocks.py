@@ -85,9 +85,9 @@ mains = set_values(
     {"cosines": np.linspace(0.3, 0.1, 5), "sines": np.linspace(-0.1, 0.2, 5)},
 )
 friction = CoulombFriction(0.7, 6.0, span=45.0)
-contact = LostContact(0.6, 9.3, low=0.0, span=45.0)
+contact = LostContact(0.6, 9.3, 0.1, low=0.0, span=45.0)
 slew = SlewRateLimit(160.0, top=400.0)
-warming = GainDrift(0.2, 1.5, 0.5, power=2e4)
+warming = GainDrift(0.2, 1.5, 0.5, 1.5, speed=140.0, size=15.0)
 layer = ViscoelasticLayer(0.3, 0.02, 0.4)
 skew = ClockSkew(-9e-4)
 converter = Quantisation(0.3, 0.2, step=4.0)
@@ -554,7 +554,7 @@ NOTHING = {
     "thermal_drift": {"amplitude": 0.0, "slope": 0.0},
     "mains_interference": {"cosines": np.zeros(5), "sines": np.zeros(5)},
     "coulomb_friction": {"amplitude": 0.0},
-    "lost_contact": {"share": 0.0},
+    "lost_contact": {"share": 0.0, "compliance": 0.0},
     "slew_rate_limit": {"rate": 1e9},
     "gain_drift": {"gain": 0.0, "expansion": 0.0},
     "viscoelastic_layer": {"strength": 0.0},

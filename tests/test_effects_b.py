@@ -197,12 +197,17 @@ def test_a_slew_limit_never_reached_is_exactly_nothing():
 # Gain drift ---------------------------------------------------------------------------------------
 
 
-def test_gain_drift_is_its_thermal_equation_to_second_order():
-    block = GainDrift(0.2, 0.5, 0.4, power=200.0)
+@pytest.mark.parametrize("losses", [1.0, 1.6, 2.0])
+def test_gain_drift_is_its_thermal_equation_to_second_order(losses):
+    block = GainDrift(0.2, 0.5, 0.4, losses, speed=14.0, size=3.0)
+
+    def power(t):
+        moved = np.abs(motion(t) - motion(0.0)) / 3
+        return np.abs(rate_of_motion(t) / 14) ** losses * moved ** (2 - losses)
 
     def exact(t):
         solution = solve_ivp(
-            lambda t, warming: (rate_of_motion(t) ** 2 / 200 - warming) / 0.4,
+            lambda t, warming: (power(t) - warming) / 0.4,
             (0, 1.2), [0.0], t_eval=t, rtol=1e-10, atol=1e-12, max_step=0.01,
         )  # fmt: skip
         return motion(t) + (0.2 * motion(t) + 0.5) * solution.y[0]
@@ -215,7 +220,7 @@ def test_gain_drift_is_its_thermal_equation_to_second_order():
 
 
 def test_a_ramp_warms_exactly_as_an_exponential():
-    found = respond(GainDrift(0.0, 1.0, 0.4, power=9.0), 3 * TIMES) - 3 * TIMES
+    found = respond(GainDrift(0.0, 1.0, 0.4, speed=3.0, size=1.0), 3 * TIMES) - 3 * TIMES
     # No power has come before the first sample.
     np.testing.assert_allclose(found, -np.expm1(-TIMES / 0.4), rtol=0, atol=1e-12)
 
@@ -224,7 +229,7 @@ def test_a_gain_changes_by_its_share_in_the_long_run():
     """At its own mean power the warming goes to 1, and starts there if periodic."""
     angle = 2 * np.pi * np.arange(100) / 100
     power = float(np.mean(np.diff(np.sin(angle), append=0.0) ** 2)) / STEP**2
-    block = GainDrift(0.1, 0.0, 20.0, power=power)
+    block = GainDrift(0.1, 0.0, 20.0, speed=np.sqrt(power), size=1.0)
     steady = respond(block, np.sin(angle), history="periodic")
     np.testing.assert_allclose(steady, 1.1 * np.sin(angle), rtol=0, atol=1e-3)
 
@@ -314,7 +319,7 @@ CYCLE = 30 + 20 * np.sin(2 * np.pi * np.arange(200) / 200)
 
 @pytest.mark.parametrize(
     "block",
-    [friction, SlewRateLimit(150.0, top=400.0), GainDrift(0.1, 1.0, 0.4, power=1e4)],
+    [friction, SlewRateLimit(150.0, top=400.0), GainDrift(0.1, 1.0, 0.4, 1.4, speed=1e2, size=5.0)],
     ids=["coulomb_friction", "slew_rate_limit", "gain_drift"],
 )
 def test_periodic_history_is_the_last_of_many_cycles(block):
@@ -326,9 +331,15 @@ def test_periodic_history_is_the_last_of_many_cycles(block):
 
 ALL: dict[str, tuple[AbstractBlock, dict]] = {
     "coulomb_friction": (friction, {"amplitude": 0.0}),
-    "lost_contact": (LostContact(0.6, 1.5, low=0.0, span=8.0), {"share": 0.0}),
+    "lost_contact": (
+        LostContact(0.6, 1.5, 0.1, low=0.0, span=8.0),
+        {"share": 0.0, "compliance": 0.0},
+    ),
     "slew_rate_limit": (SlewRateLimit(15.0, top=60.0), {"rate": 1e9}),
-    "gain_drift": (GainDrift(0.2, 0.5, 0.4, power=200.0), {"gain": 0.0, "expansion": 0.0}),
+    "gain_drift": (
+        GainDrift(0.2, 0.5, 0.4, 1.4, speed=14.0, size=3.0),
+        {"gain": 0.0, "expansion": 0.0},
+    ),
     "viscoelastic_layer": (ViscoelasticLayer(0.3, 0.1, 0.3), {"strength": 0.0}),
     "clock_skew": (ClockSkew(5e-4), {"skew": 0.0}),
     "quantisation": (Quantisation(0.3, 0.2, step=0.5), {"share": 0.0}),
@@ -384,7 +395,7 @@ def test_from_rest_the_first_sample_is_already_a_motion():
     climbing = respond(SlewRateLimit(1 / STEP, top=1e3), drive, history="rest")
     np.testing.assert_allclose(climbing, np.minimum(np.arange(1, 51), 5.0), rtol=0, atol=1e-12)
     np.testing.assert_array_equal(
-        respond(GainDrift(0.1, 1.0, 0.4, power=1.0), drive, history="rest"), drive
+        respond(GainDrift(0.1, 1.0, 0.4, speed=1.0, size=1.0), drive, history="rest"), drive
     )
 
 

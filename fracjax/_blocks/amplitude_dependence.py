@@ -20,16 +20,15 @@ _PLACES = (np.arange(_GROUPS * _TOGETHER) + 0.5) / (_GROUPS * _TOGETHER)
 class AmplitudeDependence(AbstractBlock):
     r"""Domain walls pushed over random obstacles: plays of all thresholds, equally frequent:
 
-        y = (4 α/U) ∫_0^U p_r(t) dr,    p_r the play of the drive with radius r
+        v = u + (4 α/U) ∫_0^U p_r(t) dr,    p_r the play of the drive u with radius r
 
-    Each branch then is Rayleigh's parabola: from the virgin state at u_0 (that of t = 0)
-    y - y_0 = 2 α (u - u_0)²/U, and from a turning point u_1 y - y_1 = ±α (u - u_1)²/U, until an
-    older branch is met, which goes on as if nothing had been.  A steady loop A wide has the mean
-    slope α A/U, the opening α A²/(2U) and the area α A³/(3U): the coefficient d_0 + α A/U, whose
-    d_0 is the base's.  Rayleigh's own constant is 2 α/U, for an amplitude E_0 = A/2.
-    α [response/drive] enters linearly.  Soft ceramics gain tens of percent of slope below the
-    coercive field, hard ones a few; a hysteresis beside it may have taken up too much, hence any
-    sign.
+    Each branch then adds Rayleigh's parabola to the drive: from the virgin state at u_0 (that of
+    t = 0) 2 α (u - u_0)²/U, and from a turning point u_1 ±α (u - u_1)²/U, until an older branch is
+    met, which goes on as if nothing had been.  A steady loop A wide has the mean slope 1 + α A/U,
+    the opening α A²/(2U) and the area α A³/(3U): Rayleigh's coefficient d_0 + α A/U with the base's
+    d_0 for unity.  Rayleigh's own constant is 2 α/U, for an amplitude E_0 = A/2.
+    α is dimensionless.  Soft ceramics gain tens of percent of slope below the coercive field, hard
+    ones a few; a hysteresis beside it may have taken up too much, hence a bound below zero.
     U [drive] is the span of the recording's drive: a larger one finds no further thresholds.
     The integral is a sum over 64 radii, exact but for 2.5e-4 α U at each turning point kept.
     Source: D. Damjanovic & M. Demartin, J. Phys. D 29 (1996) 2057; D. A. Hall, J. Mater. Sci. 36
@@ -41,7 +40,7 @@ class AmplitudeDependence(AbstractBlock):
     radii: Array | np.ndarray
 
     def __init__(self, alpha: float, *, span: float):
-        self.alpha = Parameter(alpha, "response/drive", gain=True)
+        self.alpha = Parameter(alpha, lower=-0.5, upper=2.0, plausible=(0.0, 1.0))
         self.radii = (_PLACES * span).reshape(_GROUPS, _TOGETHER)
 
     @property
@@ -54,20 +53,19 @@ class AmplitudeDependence(AbstractBlock):
 
         # A few radii at a time: all at once would be the largest array of a fit.
         total, _ = jax.lax.scan(add, jnp.zeros_like(drive), jnp.asarray(self.radii))
-        return 4 * self.alpha.value * total / self.radii.size
+        return drive + 4 * self.alpha.value * total / self.radii.size
 
 
 def _trials(setting: Setting) -> list:
-    slope = setting.response_span / setting.drive_span
-    return [AmplitudeDependence(0.1 * slope, span=setting.drive_span)]
+    return [AmplitudeDependence(0.03, span=setting.drive_span)]
 
 
 EFFECT = Effect(
     name="amplitude_dependence",
-    site="additive",
+    site="drive",
     sentence="domain walls move irreversibly over random obstacles, so that the gain grows with "
     "the amplitude and the width of the loop with its square",
-    equation="(4 alpha/U) integral of play(u, r) over r from 0 to U: d = d0 + alpha A/U",
+    equation="u + (4 alpha/U) integral of play(u, r) over r from 0 to U: d = d0 (1 + alpha A/U)",
     source="Damjanovic & Demartin, J. Phys. D 29 (1996) 2057; Hall, J. Mater. Sci. 36 (2001) 4575",
     trials=_trials,
     separated_by={

@@ -12,6 +12,8 @@ from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
 
 _LINES = np.arange(1, 6)
+_WANDER = 0.002
+_MOST_TRIED = 6
 
 
 class MainsInterference(AbstractBlock):
@@ -35,7 +37,7 @@ class MainsInterference(AbstractBlock):
             "Hz",
             lower=0.99 * frequency,
             upper=1.01 * frequency,
-            plausible=(0.998 * frequency, 1.002 * frequency),
+            plausible=((1 - _WANDER) * frequency, (1 + _WANDER) * frequency),
         )
 
     @property
@@ -51,14 +53,19 @@ class MainsInterference(AbstractBlock):
 def _trials(setting: Setting) -> list:
     size = 0.001 * setting.response_span
     lines = size * np.eye(_LINES.size)
-    return [
-        trial
-        for mains in (50.0, 60.0)
-        for trial in at_values(
-            MainsInterference(mains),
-            [{name: line} for name in ("cosines", "sines") for line in lines],
-        )
-    ]
+    trials = []
+    for mains in (50.0, 60.0):
+        # A recording T long tells frequencies 1/T apart, and a search does not cross from one to
+        # the next.
+        either_side = min(round(_WANDER * mains * setting.duration), _MOST_TRIED)
+        shapes = [
+            {"frequency": mains + k / setting.duration, name: line}
+            for k in range(-either_side, either_side + 1)
+            for name in ("cosines", "sines")
+            for line in lines
+        ]
+        trials += at_values(MainsInterference(mains), shapes)
+    return trials
 
 
 EFFECT = Effect(

@@ -23,6 +23,7 @@ from .._fit import (
     prepare,
     settle,
     silent,
+    solve_from,
     take_of,
 )
 from .._models import Model
@@ -41,7 +42,7 @@ from ._judgement import (
 )
 from ._next_experiment import Limits, propose, recorded_limits
 from ._numerics import TARGET, fine_enough
-from ._procedure import Course, Round, run
+from ._procedure import Course, Round, run, with_noise_beyond_mismatch
 from ._result import (
     Axis,
     Candidate,
@@ -56,6 +57,7 @@ from ._sentence import next_experiment, sentence_of, where_of
 from ._stage import Stage, path_of
 
 _STARTS = 8
+_MOST_READINGS = 2
 _MOST_RIVALS = 4
 
 
@@ -95,6 +97,16 @@ def diagnose(
         base = Stage(model.name, model.block, (), solved, preparation)
         predict = _Predict(preparation, holdout)
         course = run(base, numerics, predict, seed, progress)
+        for _ in range(_MOST_READINGS):
+            clearer = with_noise_beyond_mismatch(base, course)
+            if clearer is None:
+                break
+            progress("reading the noise again, without the mismatch")
+            solved = solve_from([base.solved.block, model.block], clearer)
+            solved, clearer, numerics = fine_enough(solved, clearer, progress)
+            base = Stage(model.name, model.block, (), solved, clearer)
+            predict = _Predict(clearer, holdout)
+            course = run(base, numerics, predict, seed, progress)
         limits = limits or recorded_limits(listed)
         return _Conclusion(model, base, numerics, predict, course).diagnosis(limits, progress)
 

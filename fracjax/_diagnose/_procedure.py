@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .._blocks import EFFECTS
-from .._fit import Preparation, Progress, Solved, solve_from
+from .._fit import Preparation, Progress, Solved, residual_noise, solve_from
 from ._held_out import Prediction, gain
 from ._judgement import (
     DELTA_BIC,
@@ -33,6 +33,7 @@ from ._stage import Stage
 _SHORTLIST, _LONGEST_SHORTLIST = 4, 8
 _LIKE = 0.9
 _ROUNDS = 3
+_CLEARLY_LESS = 0.98
 
 Predict = Callable[[Solved, Preparation], Prediction]
 
@@ -84,6 +85,31 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
         detection = _detect(stage, seed, progress)
     stage, rounds = _without_idle(stage, rounds, progress)
     return Course(first, rounds, judged, stage)
+
+
+def with_noise_beyond_mismatch(base: Stage, course: Course) -> Preparation | None:
+    """The base's recordings, their noise read from what the best of the refits leaves over.
+
+    Where nothing but a fit tells the noise, what the base left over holds the mismatch too; seen
+    against that, a mismatch looks small.  None where no refit leaves clearly less.
+    """
+    best = course.stage.solved
+    if not course.rounds:
+        better = [j for j in course.judged.values() if j.delta_bic >= DELTA_BIC and j.plausible]
+        if not better:
+            return None
+        best = max(better, key=lambda j: j.delta_bic).solved
+    noises, clearer = [], False
+    for take, simulation in zip(base.preparation.takes, best.simulations, strict=True):
+        noise = take.noise
+        assert noise is not None  # a diagnosis has one
+        if noise.is_leftover:
+            left = take.recording.response - simulation
+            again = residual_noise(left, take.used, take.recording)
+            if again.innovation < _CLEARLY_LESS * noise.innovation:
+                noise, clearer = again, True
+        noises.append(noise)
+    return base.preparation.with_noises(noises) if clearer else None
 
 
 def _detect(stage: Stage, seed: int, progress: Progress) -> Detection:

@@ -383,10 +383,7 @@ def settle(
     if not all(believed):
         preparation = preparation.with_noises(
             [
-                noise
-                or residual_noise(
-                    (take.recording.response - s)[take.used], take.recording.response_unit
-                )
+                noise or residual_noise(take.recording.response - s, take.used, take.recording)
                 for noise, take, s in zip(
                     believed, preparation.takes, solved.simulations, strict=True
                 )

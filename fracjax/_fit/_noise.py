@@ -2,22 +2,32 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal
 
 import numpy as np
 from scipy.linalg import solve_toeplitz
 from scipy.ndimage import median_filter
-from scipy.signal import lfilter
-from scipy.stats import kurtosis
+from scipy.signal import fftconvolve, lfilter
+from scipy.stats import chi2, kurtosis
 
 from .._recording import InputError, Recording
+from ._problem import resolution
 
 Method = Literal["repeats", "static", "specification", "residual"]
 _LARGEST_ORDER = 12
 _REST_SECONDS = 0.2
 # Successive second differences have the correlations -2/3 and 1/6: 1 + 2 Σ ρ² ≈ 2.
 _SHARED = 2.0
+_RELAXATION = 5
+_PIECES = 12
+_SHORTEST_PIECE = 40
+_SURELY_VARYING = 1e-4
+# Of n normal values the square of the median size has the relative variance 5.44/n, and of their
+# differences, which share values, a third more.
+_MEDIAN_SQUARED = 7.3
+_SAME = 2e-3
+_STEADY = np.zeros(0), np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -30,6 +40,9 @@ class Noise:
     rest, or from noise with heavy tails, is known less well than the recording's length suggests.
     `lines`: frequencies [1/sample] and power (n,) of the whitened noise, 1 where the filter fits,
     each as good as 2/`shared` degrees of freedom.
+    `is_leftover`: it was read from what a fit left over, so that a better fit tells it better.
+    `course`: sample numbers and the noise's size there (n,), of which it is 1 on average; none
+    where the noise is as large everywhere as far as can be seen.
     """
 
     sigma: float
@@ -41,6 +54,17 @@ class Noise:
     kurtosis: float = 3.0
     lines: tuple[np.ndarray, np.ndarray] = (np.zeros(0), np.zeros(0))
     shared: float = 1.0
+    is_leftover: bool = False
+    course: tuple[np.ndarray, np.ndarray] = _STEADY
+
+    def size_at(self, samples: int) -> np.ndarray | None:
+        """How large the noise is at each sample (N,), 1 on average; None where it does not vary."""
+        where, size = self.course
+        if not where.size:
+            return None
+        # Where none was seen, at either end, it is not taken for smaller than elsewhere.
+        ends = {"left": max(size[0], 1.0), "right": max(size[-1], 1.0)}
+        return np.interp(np.arange(samples), where, size, **ends)
 
     def doubt(self, kurtosis: float = 3.0) -> float:
         """The relative standard error of the variance, with the heavier of both tails."""
@@ -85,17 +109,46 @@ def autoregression(series: list[np.ndarray]) -> tuple[np.ndarray, float]:
     return best
 
 
-def _noise(series: list[np.ndarray], unit: str, method: Method, shared: float = 1.0) -> Noise:
+@dataclass(frozen=True)
+class _Stretch:
+    """Samples (n,) that hold nothing but noise, the first one's number in the recording, and how
+    many freedoms a fit has taken from them."""
+
+    samples: np.ndarray
+    start: int
+    taken: int = 0
+
+
+def _noise(
+    stretches: list[_Stretch],
+    unit: str,
+    method: Method,
+    shared: float = 1.0,
+    *,
+    may_vary: bool = False,
+) -> Noise:
     """Noise from stretches that hold nothing else; `shared`: how many of their samples hold the
-    same noise."""
+    same noise; `may_vary`: whether its size is followed along the recording."""
+    series = [s.samples * np.sqrt(s.samples.size / (s.samples.size - s.taken)) for s in stretches]
     coefficients, innovation = autoregression(series)
     sigma = float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
     taps = coefficients / innovation
-    stretches = [np.asarray(lfilter(taps, 1.0, s))[taps.size - 1 :] for s in series]
-    white = np.concatenate(stretches)
+    lost = taps.size - 1
+    whitened = [np.asarray(lfilter(taps, 1.0, s))[lost:] for s in series]
+    starts = [s.start + lost for s in stretches]
+    course = _course(whitened, starts, shared) if may_vary else _STEADY
+    if course[0].size:
+        whitened = [
+            w / np.interp(start + np.arange(w.size), *course)
+            for w, start in zip(whitened, starts, strict=True)
+        ]
+    white = np.concatenate(whitened)
     tails = max(float(kurtosis(white, fisher=False)), 3.0)
+    # The slowest lines are the ones that the fit took away.
+    slow = [1 + (s.taken + 1) // 2 for s in stretches]
     spectra = [
-        (np.fft.rfftfreq(w.size)[1:], np.abs(np.fft.rfft(w))[1:] ** 2 / w.size) for w in stretches
+        (np.fft.rfftfreq(w.size)[k:], np.abs(np.fft.rfft(w))[k:] ** 2 / w.size)
+        for w, k in zip(whitened, slow, strict=True)
     ]
     frequencies, power = (np.concatenate(parts) for parts in zip(*spectra, strict=True))
     return Noise(
@@ -108,10 +161,35 @@ def _noise(series: list[np.ndarray], unit: str, method: Method, shared: float = 
         kurtosis=tails,
         lines=(frequencies, power),
         shared=shared,
+        course=course,
     )
 
 
-def _from_repeats(recording: Recording, counts: np.ndarray | None) -> list[np.ndarray]:
+def _course(
+    whitened: list[np.ndarray], starts: list[int], shared: float
+) -> tuple[np.ndarray, np.ndarray]:
+    """How the size of the noise changes along the recording: sample numbers and sizes (n,), none
+    where a χ² test over pieces shows no change."""
+    # In differences the slow decay that one period after a jump has before the next is gone.
+    white = np.concatenate([np.diff(w) for w in whitened])
+    where = np.concatenate(
+        [s + np.arange(w.size - 1) for s, w in zip(starts, whitened, strict=True)]
+    )
+    order = np.argsort(where, kind="stable")
+    pieces = min(_PIECES, white.size // _SHORTEST_PIECE)
+    if pieces < 2:
+        return _STEADY
+    # The median passes over what rings at the beginning of a rest, and over outliers.
+    sizes = np.array([np.median(np.abs(part)) for part in np.array_split(white[order], pieces)])
+    centres = np.array([np.mean(part) for part in np.array_split(where[order], pieces)])
+    relative = (sizes / np.sqrt(np.mean(sizes**2))) if sizes.all() else np.ones(pieces)
+    variance = _MEDIAN_SQUARED * shared * pieces / white.size
+    if chi2.sf(np.sum((relative**2 - 1) ** 2) / variance, pieces - 1) > _SURELY_VARYING:
+        return _STEADY
+    return centres, relative
+
+
+def _from_repeats(recording: Recording, counts: np.ndarray | None) -> list[_Stretch]:
     """Second differences over successive periods /√6, once the response has settled.
 
     A first difference would still hold the slow decay of the actuator's memory of its start; the
@@ -125,18 +203,23 @@ def _from_repeats(recording: Recording, counts: np.ndarray | None) -> list[np.nd
     difference = (y[2 * period :] - 2 * y[period:-period] + y[: -2 * period]) / np.sqrt(6)
     # Period by period: across periods a difference has a comb for its spectrum, noise has none.
     blocks = difference[: difference.size // period * period].reshape(-1, period)
+    # A difference of three periods is as large as they are on average: as the one in the middle.
+    starts = repeats.start + period * np.arange(1, len(blocks) + 1)
     if counts is not None:
         good = counts[repeats.start : repeats.stop] > 0
         clean = good[2 * period :] & good[period:-period] & good[: -2 * period]
-        blocks = blocks[clean[: blocks.size].reshape(-1, period).all(axis=1)]
+        whole = clean[: blocks.size].reshape(-1, period).all(axis=1)
+        blocks, starts = blocks[whole], starts[whole]
         if not len(blocks):
             return []
     spread = blocks.std(axis=1)
     settled = int(np.argmax(spread <= 1.2 * np.median(spread)))
-    return list(blocks[settled:] - blocks[settled:].mean())
+    mean = blocks[settled:].mean()
+    pairs = zip(blocks[settled:], starts[settled:], strict=True)
+    return [_Stretch(block - mean, int(start)) for block, start in pairs]
 
 
-def _from_static(recording: Recording, counts: np.ndarray | None) -> list[np.ndarray]:
+def _from_static(recording: Recording, counts: np.ndarray | None) -> list[_Stretch]:
     """Rests without the actuator's slow relaxation: a parabola and logarithms of time taken off.
 
     Those with samples of weight 0 are left out."""
@@ -145,11 +228,16 @@ def _from_static(recording: Recording, counts: np.ndarray | None) -> list[np.nda
         begin = start + (stop - start) // 10
         if counts is not None and not np.all(counts[begin:stop]):
             continue
-        y = recording.response[begin:stop]
-        x = np.linspace(0, 1, y.size)
-        slow = np.stack([np.ones_like(x), x, x**2, np.log(x + 0.02), np.log(x + 0.2)], axis=1)
-        stretches.append(y - slow @ np.linalg.lstsq(slow, y, rcond=None)[0])
+        left = _without_relaxation(recording.response[begin:stop])
+        stretches.append(_Stretch(left, begin, _RELAXATION))
     return stretches
+
+
+def _without_relaxation(series: np.ndarray) -> np.ndarray:
+    """A series (n,) less the parabola and the logarithms of time that fit it best."""
+    x = np.linspace(0, 1, series.size)
+    slow = np.stack([np.ones_like(x), x, x**2, np.log(x + 0.02), np.log(x + 0.2)], axis=1)
+    return series - slow @ np.linalg.lstsq(slow, series, rcond=None)[0]
 
 
 def measured_noise(
@@ -174,16 +262,45 @@ def measured_noise(
                 "record the same drive twice"
             )
         difference = (repeat.response - recording.response) / np.sqrt(2)
-        return _noise([difference - difference.mean()], unit, "repeats")
+        return _noise([_Stretch(difference - difference.mean(), 0)], unit, "repeats")
+    # Within a converter's steps there is none, and beside them much: that is no change of size.
+    fine = resolution(recording.response) == 0
     if series := _from_repeats(recording, counts):
-        return _noise(series, unit, "repeats", _SHARED)
+        return _noise(series, unit, "repeats", _SHARED, may_vary=fine)
     if series := _from_static(recording, counts):
-        return _noise(series, unit, "static")
+        return _noise(series, unit, "static", may_vary=fine)
     if specification is not None:
         return Noise(specification, unit, "specification", np.ones(1), specification)
     return None
 
 
-def residual_noise(residual: np.ndarray, unit: str) -> Noise:
-    """The last resort: what a fit left over, taken as noise, mismatch and all."""
-    return _noise([residual - residual.mean()], unit, "residual")
+def residual_noise(residual: np.ndarray, used: np.ndarray, recording: Recording) -> Noise:
+    """The noise in what a fit left over (N,), where samples are `used`.
+
+    Of a drive that is given twice, half the difference of both times: what repeats is mismatch, and
+    what the memory of the start makes of the first time is in the fit.  Otherwise all of it,
+    mismatch and all: the last resort.
+    """
+    period = _given_twice(recording.drive)
+    if period is not None and used.all():
+        difference = _without_relaxation((residual[period:] - residual[:-period]) / np.sqrt(2))
+        noise = _noise([_Stretch(difference, 0, _RELAXATION)], recording.response_unit, "repeats")
+    else:
+        left = residual[used] - residual[used].mean()
+        noise = _noise([_Stretch(left, 0)], recording.response_unit, "residual")
+    return replace(noise, is_leftover=True)
+
+
+def _given_twice(drive: np.ndarray) -> int | None:
+    """After how many samples a drive (N,) comes a second time: at least a third of it, to 0.2 % of
+    its deviation and moving as much as the whole; None where it does not."""
+    moved = drive - drive.mean()
+    spread, size = moved.std(), drive.size
+    lags = np.arange(size // 3, size - size // 3)
+    squares = np.concatenate([[0.0], np.cumsum(moved**2)])
+    products = fftconvolve(moved, moved[::-1])[size - 1 :]
+    differ = squares[size - lags] + squares[-1] - squares[lags] - 2 * products[lags]
+    best = int(lags[np.argmin(differ / (size - lags))])
+    again, once = drive[best:], drive[: size - best]
+    same = np.sqrt(np.mean((again - once) ** 2)) <= _SAME * spread
+    return best if same and once.std() > 0.5 * spread else None

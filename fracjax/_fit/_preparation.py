@@ -40,8 +40,12 @@ class Take:
 
     @property
     def roots(self) -> np.ndarray | None:
-        """Square roots of all weights (N,), which multiply the residual; None where none are."""
+        """What multiplies the whitened residual (N,): the square roots of all weights, and one over
+        the size of a noise that varies; None where there is neither."""
         given = [np.sqrt(w) for w in (self.weights, self.trust) if w is not None]
+        size = None if self.noise is None else self.noise.size_at(len(self.recording))
+        if size is not None:
+            given.append(1 / size)
         return np.prod(given, axis=0) if given else None
 
     @property

@@ -171,9 +171,12 @@ def test_a_gain_within_the_noise_is_not_convincing():
     generator = np.random.default_rng(6)
     fold = np.arange(1000) % 5
     noise = generator.standard_normal(1000)
-    base = Prediction(1.0, (1.0,) * 5, noise, fold)
-    other = Prediction(1.0, (1.0,) * 5, noise + 0.1 * generator.standard_normal(1000), fold)
-    better = Prediction(0.5, (0.5,) * 5, 0.5 * noise, fold)
+    certain = np.zeros((1000, 0))
+    base = Prediction(1.0, (1.0,) * 5, noise, fold, certain)
+    other = Prediction(
+        1.0, (1.0,) * 5, noise + 0.1 * generator.standard_normal(1000), fold, certain
+    )
+    better = Prediction(0.5, (0.5,) * 5, 0.5 * noise, fold, certain)
     assert not gain(base, other).convincing
     assert gain(base, better).convincing
 

@@ -20,8 +20,8 @@ class LostContact(AbstractBlock):
         x = y - w min(y - y_c, 0) - c Y^(1/3) max(y - y_c, 0)^(2/3)
 
     Above the threshold y_c [response] the load follows, behind a contact that yields as Hertz's,
-    the less the more it is pressed (c Y is what it has yielded one span Y [response] above; c = 0: a
-    rigid one); below it, by the share 1 - w of the motion (w = 1: the load stays where a stop or
+    the less the more it is pressed (c Y is what it has yielded one span Y [response] above; c = 0:
+    a rigid one); below it, by the share 1 - w of the motion (w = 1: the load stays where a stop or
     its own spring holds it).  y is counted from the response at the first sample, as y_c is: a
     recording does not tell where the zero of its sensor lies, and a law with memory leaves its own
     level open by what happened before.  Recordings that are fitted together, or predicted, must

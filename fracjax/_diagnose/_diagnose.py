@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Sequence
 from dataclasses import replace
 
 import jax
@@ -29,6 +29,7 @@ from .._fit import (
 from .._models import Model
 from .._parameters import named_parameters
 from .._recording import Recording, require_units_of
+from ._codes import seen_in_codes
 from ._held_out import Prediction, predict_recording, predict_stretches
 from ._judgement import (
     EXPLAINED,
@@ -36,6 +37,7 @@ from ._judgement import (
     Judged,
     explained_fraction,
     is_exhausted,
+    leaves_a_pattern,
     probability_of,
     reason,
     rivals_of,
@@ -156,9 +158,11 @@ class _Conclusion:
         if self.rounds:
             model = Model(stage.solved.block, stage.name)
             extended = fit_of(model, stage.solved, stage.preparation)
-        effects = self._effects(extended)
+        coded = seen_in_codes(stage)
+        effects = (*self._effects(extended), *((coded,) if coded else ()))
         verdict = self._verdict(effects)
-        candidates, axes, held_out = self._candidates(), self._axes(), self._held_out()
+        candidates = self._candidates({e.name for e in effects})
+        axes, held_out = self._axes(), self._held_out()
         return Diagnosis(
             verdict=verdict,
             sentence=sentence_of(
@@ -179,16 +183,17 @@ class _Conclusion:
         )
 
     def _verdict(self, effects: tuple[NamedEffect, ...]) -> Verdict:
-        if self.course.first.p_value >= SIGNIFICANCE:
-            return "none"
         if not effects:
-            return "unexplained"
+            return "none" if self.course.first.p_value >= SIGNIFICANCE else "unexplained"
         return "confusable" if any(e.confusable_with for e in effects) else "missing"
 
     def _effects(self, extended: Fit | None) -> tuple[NamedEffect, ...]:
         """The adopted effects, if together they explain the mismatch."""
-        enough = self.explained >= EXPLAINED and is_exhausted(self.course.stage)
+        stage = self.course.stage
+        enough = self.explained >= EXPLAINED and is_exhausted(stage)
         if extended is None or not enough:
+            return ()
+        if leaves_a_pattern(self.base, stage, self.course.last.axes):
             return ()
         return tuple(
             self._named(round_, self._own_parameters(k, extended))
@@ -212,13 +217,19 @@ class _Conclusion:
         own = [e for e in extended.estimates if e.name.startswith(path)]
         return tuple(replace(e, name=e.name.removeprefix(path)) for e in own)
 
-    def _candidates(self) -> tuple[Candidate, ...]:
+    def _candidates(self, named: Collection[str]) -> tuple[Candidate, ...]:
         """Every effect of the catalogue, by the evidence for it in what the base left."""
         ranked = sorted(self.course.first.scores, key=lambda s: -s.log_evidence)
-        return tuple(self._candidate(s, self.course.judged.get(s.effect.name)) for s in ranked)
+        judged = self.course.judged
+        return tuple(self._candidate(s, judged.get(s.effect.name), named) for s in ranked)
 
-    def _candidate(self, score: EffectScore, judged: Judged | None) -> Candidate:
+    def _candidate(
+        self, score: EffectScore, judged: Judged | None, named: Collection[str]
+    ) -> Candidate:
         adopted, p_value = self.course.stage.adopted, self.course.first.p_value
+        why = reason(score, judged, adopted, p_value, self.numerics)
+        if score.effect.name in named and score.effect.name not in adopted:
+            why = "named: the response lies on a grid whose steps are as large as the noise"
         return Candidate(
             name=score.effect.name,
             site=score.effect.site,
@@ -226,7 +237,7 @@ class _Conclusion:
             log_evidence=score.log_evidence,
             detectable_amplitude=score.detectable_amplitude,
             concealment=float(np.clip(score.concealments[score.best], 0.0, 1.0)),
-            reason=reason(score, judged, adopted, p_value, self.numerics),
+            reason=why,
             delta_bic=None if judged is None else judged.delta_bic,
             explained_fraction=None if judged is None else judged.explained,
             held_out_gain=None if judged is None else judged.gain.share_of_rmse,

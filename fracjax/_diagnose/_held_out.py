@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .._fit import Preparation, Solved, Take, jacobian
+from .._fit import Preparation, Problem, Solved, Take, jacobian, layout_of
 
 _FOLDS = 5
 # Of a drive given twice no fold holds the same phase of both times.
@@ -15,12 +15,17 @@ _BLOCKS = 22
 
 @dataclass(frozen=True)
 class Prediction:
-    """Errors of one model on data it has not seen: per fold RMSE, and whitened errors (n,)."""
+    """Errors of one model on data it has not seen: per fold RMSE, and whitened errors (n,).
+
+    `spread` (n, r): what r independent standard normals make of the whitened errors through the
+    uncertainty of the parameters.
+    """
 
     rmse: float
     folds: tuple[float, ...]
     whitened: np.ndarray
     fold_of_sample: np.ndarray
+    spread: np.ndarray
 
 
 def predict_recording(solved: Solved, preparation: Preparation, take: Take) -> Prediction:
@@ -35,7 +40,24 @@ def predict_recording(solved: Solved, preparation: Preparation, take: Take) -> P
     scored = np.arange(samples) >= take.baseline.stop
     folds = np.minimum(np.arange(samples) * _FOLDS // samples, _FOLDS - 1)
     assert take.noise is not None  # given its noise by the caller
-    return _prediction(error[scored], error[scored] / take.noise.sigma, folds[scored])
+    sigma = take.noise.sigma
+    spread = _spread(solved, preparation, problem)[:samples]
+    spread = (spread - spread[take.baseline].mean(axis=0)) / sigma
+    return _prediction(error[scored], error[scored] / sigma, folds[scored], spread[scored])
+
+
+def _spread(solved: Solved, preparation: Preparation, problem: Problem) -> np.ndarray:
+    """What one standard error in each independent direction of the parameters (r) makes of the
+    response (L, r) in another recording."""
+    layout = layout_of(solved.block)
+    names = [name for name, _ in layout.shapes + layout.gains]
+    derivative = problem.linearised(solved.block, names)[1]
+    known = jacobian(solved.block, preparation.problems())[1]
+    scale = np.linalg.norm(known, axis=0) + 1e-300
+    _, singular, directions = np.linalg.svd(known / scale, full_matrices=False)
+    kept = singular > 1e-6 * singular[0]
+    errors = (directions[kept] / singular[kept, None] / scale).T
+    return derivative @ errors[: derivative.shape[1]]
 
 
 def predict_stretches(solved: Solved, preparation: Preparation) -> Prediction:
@@ -77,12 +99,15 @@ def predict_stretches(solved: Solved, preparation: Preparation) -> Prediction:
         step = np.linalg.lstsq(information - own.T @ own, own.T @ white[inside], rcond=1e-10)[0]
         predicted[inside] += raw[inside] @ step
         predicted_white[inside] += own @ step
-    return _prediction(predicted[counted], predicted_white[counted], fold[counted])
+    none = np.zeros((np.count_nonzero(counted), 0))
+    return _prediction(predicted[counted], predicted_white[counted], fold[counted], none)
 
 
-def _prediction(error: np.ndarray, whitened: np.ndarray, fold: np.ndarray) -> Prediction:
+def _prediction(
+    error: np.ndarray, whitened: np.ndarray, fold: np.ndarray, spread: np.ndarray
+) -> Prediction:
     folds = tuple(float(np.sqrt(np.mean(error[fold == k] ** 2))) for k in np.unique(fold))
-    return Prediction(float(np.sqrt(np.mean(error**2))), folds, whitened, fold)
+    return Prediction(float(np.sqrt(np.mean(error**2))), folds, whitened, fold, spread)
 
 
 @dataclass(frozen=True)
@@ -103,19 +128,19 @@ class Gain:
 def gain(base: Prediction, extended: Prediction) -> Gain:
     """The noise makes the fall of χ² uncertain by 2 ‖difference of the predictions‖."""
     fall = float(np.sum(base.whitened**2) - np.sum(extended.whitened**2))
-    difference = float(np.linalg.norm(base.whitened - extended.whitened))
-    # A fold that the effect does not touch speaks neither for nor against it.
-    falls = [
-        float(
-            np.sum(base.whitened[base.fold_of_sample == k] ** 2)
-            - np.sum(extended.whitened[base.fold_of_sample == k] ** 2)
-        )
-        for k in np.unique(base.fold_of_sample)
-    ]
-    touched = [f for f in falls if abs(f) > 1e-3 * abs(fall)]
+    difference = base.whitened - extended.whitened
+    touched = []
+    for k in np.unique(base.fold_of_sample):
+        own = base.fold_of_sample == k
+        one = float(np.sum(base.whitened[own] ** 2) - np.sum(extended.whitened[own] ** 2))
+        # A fold speaks neither for nor against an effect that does not touch it, or where what the
+        # training leaves open of the parameters matters more.
+        doubt = 2 * float(np.linalg.norm(difference[own] @ extended.spread[own]))
+        if abs(one) > max(1e-3 * abs(fall), doubt):
+            touched.append(one > 0)
     return Gain(
         fall=fall,
-        standard_error=2 * difference,
-        improved=float(np.mean([f > 0 for f in touched])) if touched else 0.0,
+        standard_error=2 * float(np.linalg.norm(difference)),
+        improved=float(np.mean(touched)) if touched else float(fall > 0),
         share_of_rmse=1 - extended.rmse / base.rmse,
     )

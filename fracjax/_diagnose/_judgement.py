@@ -13,6 +13,7 @@ from .._parameters import named_parameters
 from ._held_out import Gain, Prediction
 from ._numerics import LIMIT
 from ._refit import Refit
+from ._result import Axis
 from ._score import EffectScore
 from ._stage import Layer, Stage, path_of
 
@@ -22,6 +23,7 @@ EXPLAINED = 0.9
 WORTH_NAMING = 0.1
 _INEXACT = 0.05
 _REMAINDER = 0.5
+_PATTERN = 0.15
 
 
 @dataclass(frozen=True, eq=False)
@@ -111,6 +113,16 @@ def is_exhausted(stage: Stage) -> bool:
     """
     doubt = _excess_doubt(stage.preparation, stage.solved)
     return stage.solved.cost / stage.solved.samples - 1 <= _REMAINDER + doubt
+
+
+def leaves_a_pattern(base: Stage, stage: Stage, axes: Sequence[Axis]) -> bool:
+    """Whether places still take from the residual a share of what the effects have taken.
+
+    Then the effects have followed something else as far as they could.
+    """
+    fall = base.solved.cost - stage.solved.cost
+    left = max((axis.excess for axis in axes), default=0.0)
+    return left > _PATTERN * (left + fall)
 
 
 def _excess_doubt(preparation: Preparation, solved: Solved) -> float:

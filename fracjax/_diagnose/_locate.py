@@ -19,6 +19,7 @@ _REVERSAL_BINS = 10
 _FREQUENCY_BINS = 14
 _HARMONICS = 10
 _SIGNIFICANCE = 0.01
+_DOUBT = 3.0
 
 
 def locate(
@@ -84,17 +85,20 @@ class _Places:
             at += length
         return np.concatenate(pieces, axis=1)
 
-    def _p_value(self, columns: np.ndarray) -> float:
-        """Test of a group of columns (K, ΣL) after projection: χ², with a noise level that is
-        itself an estimate, hence F."""
+    def _energy(self, columns: np.ndarray) -> tuple[float, int]:
+        """χ² that a group of columns (K, ΣL) takes from the residual after projection, and with how
+        many freedoms."""
         projected = self.residual.project(self._whiten(columns))
         left, singular, _ = np.linalg.svd(projected.T, full_matrices=False)
         kept = left[:, singular > 1e-6 * max(float(singular[0]), 1e-300)]
-        energy, count = np.sum((kept.T @ self.residual.whitened) ** 2), max(kept.shape[1], 1)
-        return float(f.sf(energy / count, count, self.freedom))
+        return float(np.sum((kept.T @ self.residual.whitened) ** 2)), max(kept.shape[1], 1)
 
     def _axis(self, name: str, unit: str, edges: np.ndarray, groups: Iterator[np.ndarray]) -> Axis:
-        return _map(name, unit, edges, np.array([self._p_value(g) for g in groups]))
+        """Test of each group: χ², with a noise level that is itself an estimate, hence F."""
+        energies, counts = np.array([self._energy(group) for group in groups]).T
+        p_values = f.sf(energies / counts, counts, self.freedom)
+        beyond = float(energies.sum() - counts.sum() - _DOUBT * np.sqrt(2 * counts.sum()))
+        return _map(name, unit, edges, p_values, max(0.0, beyond))
 
     def _binned(self, name: str, unit: str, values: np.ndarray, edges: np.ndarray, *shapes) -> Axis:
         """Bins of a coordinate; within each the residual may follow any of the shapes."""
@@ -200,7 +204,9 @@ class _Places:
         return float(f.sf(power.mean() / noise.mean(), 2 * power.size, freedom))
 
 
-def _map(name: str, unit: str, edges: np.ndarray, p_values: np.ndarray) -> Axis:
+def _map(
+    name: str, unit: str, edges: np.ndarray, p_values: np.ndarray, excess: float = 0.0
+) -> Axis:
     """An axis from its bins' p-values: |z|-equivalents, threshold, and the bins that stand out."""
     strength = norm.isf(np.maximum(p_values, 1e-300) / 2)
     threshold = float(norm.isf(_SIGNIFICANCE / p_values.size / 2))
@@ -212,4 +218,4 @@ def _map(name: str, unit: str, edges: np.ndarray, p_values: np.ndarray) -> Axis:
             low = intervals.pop()[0]
         intervals.append((low, high))
     p_value = min(1.0, float(p_values.min()) * p_values.size)
-    return Axis(name, unit, edges, strength, threshold, tuple(intervals), p_value)
+    return Axis(name, unit, edges, strength, threshold, tuple(intervals), p_value, excess)

@@ -57,9 +57,11 @@ class Round:
 
 @dataclass(frozen=True)
 class Course:
-    """How a diagnosis went: what the base left, the rounds, and the stage it ended on."""
+    """How a diagnosis went: what the base left, the rounds, the stage it ended on and what the
+    last test found."""
 
     first: Detection
+    last: Detection
     rounds: list[Round]
     judged: dict[str, Judged]
     stage: Stage
@@ -80,11 +82,11 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
             break
         rounds.append(Round(winner, found))
         stage = stage.extended(winner.layer, winner.solved, winner.preparation)
+        detection = _detect(stage, seed, progress)
         if len(rounds) == _ROUNDS:
             break
-        detection = _detect(stage, seed, progress)
     stage, rounds = _without_idle(stage, rounds, progress)
-    return Course(first, rounds, judged, stage)
+    return Course(first, detection, rounds, judged, stage)
 
 
 def with_noise_beyond_mismatch(base: Stage, course: Course) -> Preparation | None:

@@ -60,7 +60,8 @@ class Axis:
 
     `edges` (n+1,) bound the bins, in `unit`; `strength` (n,) is each bin's |z|-equivalent and
     `threshold` the level that 1 % of clean recordings exceed anywhere on the axis; `intervals` are
-    the bins above it, joined where they touch.
+    the bins above it, joined where they touch.  `excess` is the χ² that the bins together take from
+    the residual beyond three standard deviations of what noise would give them.
     """
 
     axis: str
@@ -70,6 +71,7 @@ class Axis:
     threshold: float
     intervals: tuple[tuple[float, float], ...]
     p_value: float
+    excess: float = 0.0
 
 
 @dataclass(frozen=True)

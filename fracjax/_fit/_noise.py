@@ -125,10 +125,11 @@ def _noise(
     method: Method,
     shared: float = 1.0,
     *,
-    may_vary: bool = False,
+    resolution: float = np.inf,
 ) -> Noise:
     """Noise from stretches that hold nothing else; `shared`: how many of their samples hold the
-    same noise; `may_vary`: whether its size is followed along the recording."""
+    same noise.  Its size is followed along the recording where it is larger than the response's
+    resolution: within a converter's step there is none, and beside it much."""
     series = [s.samples * np.sqrt(s.samples.size / (s.samples.size - s.taken)) for s in stretches]
     coefficients, innovation = autoregression(series)
     sigma = float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
@@ -136,7 +137,7 @@ def _noise(
     lost = taps.size - 1
     whitened = [np.asarray(lfilter(taps, 1.0, s))[lost:] for s in series]
     starts = [s.start + lost for s in stretches]
-    course = _course(whitened, starts, shared) if may_vary else _STEADY
+    course = _course(whitened, starts, shared) if resolution < sigma else _STEADY
     if course[0].size:
         whitened = [
             w / np.interp(start + np.arange(w.size), *course)
@@ -263,12 +264,11 @@ def measured_noise(
             )
         difference = (repeat.response - recording.response) / np.sqrt(2)
         return _noise([_Stretch(difference - difference.mean(), 0)], unit, "repeats")
-    # Within a converter's steps there is none, and beside them much: that is no change of size.
-    fine = resolution(recording.response) == 0
+    step = resolution(recording.response)
     if series := _from_repeats(recording, counts):
-        return _noise(series, unit, "repeats", _SHARED, may_vary=fine)
+        return _noise(series, unit, "repeats", _SHARED, resolution=step)
     if series := _from_static(recording, counts):
-        return _noise(series, unit, "static", may_vary=fine)
+        return _noise(series, unit, "static", resolution=step)
     if specification is not None:
         return Noise(specification, unit, "specification", np.ones(1), specification)
     return None

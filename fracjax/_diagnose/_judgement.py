@@ -52,14 +52,14 @@ class Judged:
         return self.refit.solved
 
     @property
+    def contends(self) -> bool:
+        """Better beyond doubt, also on data held out, and not an artefact."""
+        return self.delta_bic >= DELTA_BIC and self.gain.convincing and self.numerics <= LIMIT
+
+    @property
     def admissible(self) -> bool:
-        """Better beyond doubt, also on data held out, within its range, and not an artefact."""
-        return (
-            self.delta_bic >= DELTA_BIC
-            and self.gain.convincing
-            and self.plausible
-            and self.numerics <= LIMIT
-        )
+        """A contender within its expected range."""
+        return self.contends and self.plausible
 
 
 def best_of(found: Sequence[Judged]) -> Judged | None:
@@ -77,19 +77,23 @@ def margin_of(winner: Judged) -> float:
 
 
 def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
-    """The admissible effects that fit as well as the winner, best first."""
+    """The contenders that fit as well as the winner or better, best first.
+
+    One outside its expected range is not adopted; yet what fits no less well is not excluded by a
+    range that was guessed.
+    """
     margin = margin_of(winner)
     close = [
         j
         for j in found
-        if j.admissible and j is not winner and winner.delta_bic - j.delta_bic < margin
+        if j.contends and j is not winner and winner.delta_bic - j.delta_bic < margin
     ]
     return sorted(close, key=lambda j: -j.delta_bic)
 
 
 def probability_of(winner: Judged, found: Sequence[Judged]) -> float:
     """The winner's share of the evidence, which counts in units of the margin."""
-    rivals = [winner, *(j for j in found if j.admissible and j is not winner)]
+    rivals = [winner, *(j for j in found if j.contends and j is not winner)]
     unit = margin_of(winner) / DELTA_BIC
     return float(softmax([0.5 * j.delta_bic / unit for j in rivals])[0])
 

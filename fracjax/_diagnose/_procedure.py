@@ -19,6 +19,7 @@ from ._judgement import (
     delta_bic,
     explained_fraction,
     freedom_of,
+    is_exhausted,
     is_plausible,
     rivals_of,
     share_of_excess,
@@ -76,9 +77,7 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
         found = _judge(base, stage, detection.scores, predict, seed, progress)
         judged = {**{j.name: j for j in found}, **judged}
         winner = best_of(found)
-        # A remainder far smaller than what was explained may be no more than that effect's own law
-        # being another than ours.
-        if winner is None or (rounds and share_of_excess(base, stage, winner) < WORTH_NAMING):
+        if winner is None or share_of_excess(base, stage, winner) < _least_share(stage):
             break
         rounds.append(Round(winner, found))
         stage = stage.extended(winner.layer, winner.solved, winner.preparation)
@@ -87,6 +86,15 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
             break
     stage, rounds = _without_idle(stage, rounds, progress)
     return Course(first, detection, rounds, judged, stage)
+
+
+def _least_share(stage: Stage) -> float:
+    """The share of the base's excess below which a further effect is not looked for.
+
+    A remainder under the noise, and far smaller than what was explained, may be no more than the
+    adopted effect's own law being another than ours.
+    """
+    return WORTH_NAMING if stage.layers and is_exhausted(stage) else 0.0
 
 
 def with_noise_beyond_mismatch(base: Stage, course: Course) -> Preparation | None:
@@ -157,8 +165,7 @@ def _judge(
     found: list[tuple[_Question, Judged]] = []
     hopeless = np.inf
     least = DELTA_BIC + np.log(stage.solved.samples)
-    if stage.layers:
-        least = max(least, WORTH_NAMING * base.excess)
+    least = max(least, _least_share(stage) * base.excess)
     for score in _shortlist(scores, least):
         progress(f"refitting with {score.effect.name}")
         attempt = refit(score, stage, seed, hopeless)

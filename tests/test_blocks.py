@@ -556,7 +556,7 @@ NOTHING = {
     "coulomb_friction": {"amplitude": 0.0},
     "lost_contact": {"share": 0.0, "compliance": 0.0},
     "slew_rate_limit": {"rate": 1e9},
-    "gain_drift": {"gain": 0.0, "expansion": 0.0},
+    "gain_drift": {"gain": 0.0},
     "viscoelastic_layer": {"strength": 0.0},
     "clock_skew": {"skew": 0.0},
     "quantisation": {"share": 0.0},

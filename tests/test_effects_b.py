@@ -199,7 +199,7 @@ def test_a_slew_limit_never_reached_is_exactly_nothing():
 
 @pytest.mark.parametrize("losses", [1.0, 1.6, 2.0])
 def test_gain_drift_is_its_thermal_equation_to_second_order(losses):
-    block = GainDrift(0.2, 0.5, 0.4, losses, speed=14.0, size=3.0)
+    block = GainDrift(0.2, 2.5, 0.4, losses, speed=14.0, size=3.0)
 
     def power(t):
         moved = np.abs(motion(t) - motion(0.0)) / 3
@@ -220,9 +220,9 @@ def test_gain_drift_is_its_thermal_equation_to_second_order(losses):
 
 
 def test_a_ramp_warms_exactly_as_an_exponential():
-    found = respond(GainDrift(0.0, 1.0, 0.4, speed=3.0, size=1.0), 3 * TIMES) - 3 * TIMES
+    found = respond(GainDrift(1.0, 0.0, 0.4, speed=3.0, size=1.0), 3 * TIMES) - 3 * TIMES
     # No power has come before the first sample.
-    np.testing.assert_allclose(found, -np.expm1(-TIMES / 0.4), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(found, -3 * TIMES * np.expm1(-TIMES / 0.4), rtol=0, atol=1e-12)
 
 
 def test_a_gain_changes_by_its_share_in_the_long_run():
@@ -338,7 +338,7 @@ ALL: dict[str, tuple[AbstractBlock, dict]] = {
     "slew_rate_limit": (SlewRateLimit(15.0, top=60.0), {"rate": 1e9}),
     "gain_drift": (
         GainDrift(0.2, 0.5, 0.4, 1.4, speed=14.0, size=3.0),
-        {"gain": 0.0, "expansion": 0.0},
+        {"gain": 0.0},
     ),
     "viscoelastic_layer": (ViscoelasticLayer(0.3, 0.1, 0.3), {"strength": 0.0}),
     "clock_skew": (ClockSkew(5e-4), {"skew": 0.0}),

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Iterator
 
 import numpy as np
-from scipy.stats import f, norm
+from scipy.stats import f, kurtosis, norm
 
 from .._fit import Preparation, Problem
 from ._result import Axis
@@ -52,6 +52,8 @@ class _Places:
         noise = preparation.takes[0].noise
         assert noise is not None  # a diagnosis has one
         self.noise = noise
+        counted = residual.whitened[residual.whitened != 0]
+        self.kurtosis = max(3.0, noise.kurtosis, float(kurtosis(counted, fisher=False)))
         self.units = (first.drive_unit, first.response_unit)
         lengths = [p.response.shape[0] for p in problems]
         self.drive = np.concatenate(
@@ -85,19 +87,25 @@ class _Places:
             at += length
         return np.concatenate(pieces, axis=1)
 
-    def _energy(self, columns: np.ndarray) -> tuple[float, int]:
-        """χ² that a group of columns (K, ΣL) takes from the residual after projection, and with how
-        many freedoms."""
+    def _energy(self, columns: np.ndarray) -> tuple[float, int, float]:
+        """χ² that a group of columns (K, ΣL) takes from the residual after projection, with how
+        many freedoms, and its variance.
+
+        Where the noise's tails are heavy, a group of few samples scatters more than a χ².
+        """
         projected = self.residual.project(self._whiten(columns))
         left, singular, _ = np.linalg.svd(projected.T, full_matrices=False)
         kept = left[:, singular > 1e-6 * max(float(singular[0]), 1e-300)]
-        return float(np.sum((kept.T @ self.residual.whitened) ** 2)), max(kept.shape[1], 1)
+        energy, count = np.sum((kept.T @ self.residual.whitened) ** 2), max(kept.shape[1], 1)
+        tails = (self.kurtosis - 3) * float(np.sum(np.sum(kept**2, axis=1) ** 2))
+        return float(energy), count, 2 * count + tails
 
     def _axis(self, name: str, unit: str, edges: np.ndarray, groups: Iterator[np.ndarray]) -> Axis:
         """Test of each group: χ², with a noise level that is itself an estimate, hence F."""
-        energies, counts = np.array([self._energy(group) for group in groups]).T
-        p_values = f.sf(energies / counts, counts, self.freedom)
-        beyond = float(energies.sum() - counts.sum() - _DOUBT * np.sqrt(2 * counts.sum()))
+        energies, counts, variances = np.array([self._energy(group) for group in groups]).T
+        # As many freedoms as a χ² of the same mean, and so scaled, has for this variance.
+        p_values = f.sf(energies / counts, 2 * counts**2 / variances, self.freedom)
+        beyond = float(energies.sum() - counts.sum() - _DOUBT * np.sqrt(variances.sum()))
         return _map(name, unit, edges, p_values, max(0.0, beyond))
 
     def _binned(self, name: str, unit: str, values: np.ndarray, edges: np.ndarray, *shapes) -> Axis:

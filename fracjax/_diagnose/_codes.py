@@ -13,7 +13,7 @@ _LEAST = 0.9
 _EXACT = 1e-3
 
 
-def seen_in_codes(stage: Stage) -> NamedEffect | None:
+def seen_in_codes(base: Stage, stage: Stage) -> NamedEffect | None:
     """The converter's steps, where all values lie on a grid as coarse as the noise is large.
 
     A noise that reaches over a third of a step makes the rounding error independent of the response
@@ -23,7 +23,7 @@ def seen_in_codes(stage: Stage) -> NamedEffect | None:
     """
     step = stage.preparation.setting.resolution
     floors = [take.noise.sigma for take in stage.preparation.takes if take.noise is not None]
-    if _NAME in stage.adopted or step < _LEAST * min(floors) or not is_exhausted(stage):
+    if _NAME in stage.adopted or step < _LEAST * min(floors) or not is_exhausted(base, stage):
         return None
     unit = stage.preparation.takes[0].recording.response_unit
     return NamedEffect(

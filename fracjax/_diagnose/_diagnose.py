@@ -158,7 +158,7 @@ class _Conclusion:
         if self.rounds:
             model = Model(stage.solved.block, stage.name)
             extended = fit_of(model, stage.solved, stage.preparation)
-        coded = seen_in_codes(stage)
+        coded = seen_in_codes(self.base, stage)
         effects = (*self._effects(extended), *((coded,) if coded else ()))
         verdict = self._verdict(effects)
         candidates = self._candidates({e.name for e in effects})
@@ -190,7 +190,7 @@ class _Conclusion:
     def _effects(self, extended: Fit | None) -> tuple[NamedEffect, ...]:
         """The adopted effects, if together they explain the mismatch."""
         stage = self.course.stage
-        enough = self.explained >= EXPLAINED and is_exhausted(stage)
+        enough = self.explained >= EXPLAINED and is_exhausted(self.base, stage)
         if extended is None or not enough:
             return ()
         if leaves_a_pattern(self.base, stage, self.course.last.axes):

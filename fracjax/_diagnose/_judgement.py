@@ -110,13 +110,15 @@ def explained_fraction(base: Stage, solved: Solved) -> float:
     return float(fall / max(fall, base.excess - doubt)) if fall > 0 else 0.0
 
 
-def is_exhausted(stage: Stage) -> bool:
-    """Whether what is left over is smaller than the noise, as far as that is known.
+def is_exhausted(base: Stage, stage: Stage) -> bool:
+    """Whether what is left over is smaller than the noise, as far as that is known, but for what
+    the effects' own laws may differ from ours.
 
     Where it is not, the best of the catalogue has taken up most of something that is not in it.
     """
-    doubt = _excess_doubt(stage.preparation, stage.solved)
-    return stage.solved.cost / stage.solved.samples - 1 <= _REMAINDER + doubt
+    doubt, samples = _excess_doubt(stage.preparation, stage.solved), stage.solved.samples
+    inexact = _INEXACT * max(0.0, base.excess / base.solved.samples)
+    return stage.solved.cost / samples - 1 <= _REMAINDER + inexact + doubt
 
 
 def leaves_a_pattern(base: Stage, stage: Stage, axes: Sequence[Axis]) -> bool:

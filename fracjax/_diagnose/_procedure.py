@@ -77,7 +77,7 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
         found = _judge(base, stage, detection.scores, predict, seed, progress)
         judged = {**{j.name: j for j in found}, **judged}
         winner = best_of(found)
-        if winner is None or share_of_excess(base, stage, winner) < _least_share(stage):
+        if winner is None or share_of_excess(base, stage, winner) < _least_share(base, stage):
             break
         rounds.append(Round(winner, found))
         stage = stage.extended(winner.layer, winner.solved, winner.preparation)
@@ -88,13 +88,13 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
     return Course(first, detection, rounds, judged, stage)
 
 
-def _least_share(stage: Stage) -> float:
+def _least_share(base: Stage, stage: Stage) -> float:
     """The share of the base's excess below which a further effect is not looked for.
 
     A remainder under the noise, and far smaller than what was explained, may be no more than the
     adopted effect's own law being another than ours.
     """
-    return WORTH_NAMING if stage.layers and is_exhausted(stage) else 0.0
+    return WORTH_NAMING if stage.layers and is_exhausted(base, stage) else 0.0
 
 
 def with_noise_beyond_mismatch(base: Stage, course: Course) -> Preparation | None:
@@ -165,7 +165,7 @@ def _judge(
     found: list[tuple[_Question, Judged]] = []
     hopeless = np.inf
     least = DELTA_BIC + np.log(stage.solved.samples)
-    least = max(least, _least_share(stage) * base.excess)
+    least = max(least, _least_share(base, stage) * base.excess)
     for score in _shortlist(scores, least):
         progress(f"refitting with {score.effect.name}")
         attempt = refit(score, stage, seed, hopeless)

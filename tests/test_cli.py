@@ -422,7 +422,7 @@ def test_simulate_at_nominal_values(loop, model, history, capsys):
 def test_info(loop, capsys):
     assert run(["info", loop]) == 0
     text = capsys.readouterr().out
-    for said in ("400 at 100 Hz", "5 to 95 V, sine", "1 s, 4 repeats", "% of the response's span"):
+    for said in ("400 at 100 Hz", "sine, 5 to 95 V", "1 s, 4 repeats", "% of the stroke"):
         assert said in text
     assert run(["info", loop, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import spearmanr
 
 from .._recording import Recording
 
@@ -102,7 +101,8 @@ def _is_chirp(drive: np.ndarray) -> bool:
     lengths = np.diff(_rises(drive))
     if lengths.size < 5 or lengths.max() < 1.5 * lengths.min():
         return False
-    trend = spearmanr(np.arange(lengths.size), lengths)[0]
+    ranks = lengths.argsort().argsort()
+    trend = np.corrcoef(np.arange(lengths.size), ranks)[0, 1]
     changes = np.abs(np.diff(np.log(lengths)))
     # A sweep moves from period to period; a sequence of sines now and then.
     return bool(abs(trend) > 0.9 and np.median(changes) > 0.2 * changes.mean())

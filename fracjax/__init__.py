@@ -66,6 +66,8 @@ if TYPE_CHECKING:
     from ._posterior import sample_posterior as sample_posterior
     from ._recording import InputError as InputError
     from ._recording import Recording as Recording
+    from ._registry import RECORDINGS as RECORDINGS
+    from ._registry import fetch_recording as fetch_recording
     from ._report import write_report as write_report
     from ._simulate import Simulation as Simulation
     from ._simulate import simulate as simulate
@@ -136,6 +138,7 @@ _HOMES = {
         "sample_posterior",
     ),
     "_recording": ("InputError", "Recording"),
+    "_registry": ("RECORDINGS", "fetch_recording"),
     "_report": ("write_report",),
     "_simulate": ("Simulation", "simulate"),
 }
@@ -144,6 +147,7 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = [
     "EFFECTS",
     "MODELS",
+    "RECORDINGS",
     "ARNoise",
     "AbstractBlock",
     "AbstractLinearBlock",
@@ -184,6 +188,7 @@ __all__ = [
     "crosscheck",
     "derivative",
     "diagnose",
+    "fetch_recording",
     "fit",
     "fit_batch",
     "fit_frequency_response",

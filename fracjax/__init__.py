@@ -1,4 +1,15 @@
-"""fracjax: what a simulation of a piezoelectric actuator left out, and by how much."""
+"""fracjax: what a simulation of a piezoelectric actuator left out, and by how much.
+
+- `read` gives a `Recording`: drive and response in uniform steps, with their units.
+- `fit` fits a `Model`, known by name (`MODELS`, `parse_model`) or put together from `blocks`, to it.
+- `diagnose` says whether, where and why the two differ, and which of the `EFFECTS` explains it.
+- `sample_posterior` gives what is known of the parameters, `compensate` the drive for a motion.
+- `fit_batch` fits many recordings, `write_report` writes any result as one HTML file.
+- `fetch_recording` brings real recordings (`RECORDINGS`); `operators` holds fractional calculus.
+
+All numbers are float64, which the functions switch on for themselves.  What cannot be used ends in
+an `InputError` of one sentence: where, what was expected, what was found, and the remedy.
+"""
 
 from importlib import import_module
 from typing import TYPE_CHECKING

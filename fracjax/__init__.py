@@ -1,7 +1,7 @@
 """fracjax: what a simulation of a piezoelectric actuator left out, and by how much.
 
 - `read` gives a `Recording`: drive and response in uniform steps, with their units.
-- `fit` fits a `Model`, known by name (`MODELS`, `parse_model`) or put together from `blocks`, to it.
+- `fit` fits a `Model` to it, known by name (`MODELS`, `parse_model`) or made of `blocks`.
 - `diagnose` says whether, where and why the two differ, and which of the `EFFECTS` explains it.
 - `sample_posterior` gives what is known of the parameters, `compensate` the drive for a motion.
 - `fit_batch` fits many recordings, `write_report` writes any result as one HTML file.

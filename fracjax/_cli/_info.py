@@ -6,23 +6,27 @@ from typing import Any
 
 import click
 
-from ._options import json_option, reading_options
+from ._options import reading_options, takes_results
+from ._results import Results
 from ._tables import print_json, print_table
 
 
 @click.command("info")
 @click.argument("recording")
 @reading_options
-@json_option
-def info_command(recording: str, as_json: bool, **columns: str | None) -> None:
-    """Say what was understood of a recording."""
+@takes_results
+def info_command(recording: str, results: Results, **columns: str | None) -> None:
+    """Say what was understood of a recording.
+
+    With --quiet its exit status alone says whether the file can be used.
+    """
     from .._io import read_with_columns
     from .._report._description import describe
 
     told = describe(*read_with_columns(recording, **columns))
-    if as_json:
+    if results.as_json:
         print_json(told)
-    else:
+    elif not results.quiet:
         print_table([], _rows(told))
         for warning in told["warnings"]:
             print(f"Warning: {warning}")

@@ -16,6 +16,7 @@ from pathlib import Path
 from types import ModuleType
 
 import pdoc
+import pdoc.render
 from pdoc.doc import Class, Function, Module
 
 import fracjax

@@ -1,4 +1,15 @@
-"""fracjax: what a simulation of a piezoelectric actuator left out, and by how much."""
+"""fracjax: what a simulation of a piezoelectric actuator left out, and by how much.
+
+- `read` gives a `Recording`: drive and response in uniform steps, with their units.
+- `fit` fits a `Model` to it, known by name (`MODELS`, `parse_model`) or made of `blocks`.
+- `diagnose` says whether, where and why the two differ, and which of the `EFFECTS` explains it.
+- `sample_posterior` gives what is known of the parameters, `compensate` the drive for a motion.
+- `fit_batch` fits many recordings, `write_report` writes any result as one HTML file.
+- `fetch_recording` brings real recordings (`RECORDINGS`); `operators` holds fractional calculus.
+
+All numbers are float64, which the functions switch on for themselves.  What cannot be used ends in
+an `InputError` of one sentence: where, what was expected, what was found, and the remedy.
+"""
 
 from importlib import import_module
 from typing import TYPE_CHECKING
@@ -66,6 +77,8 @@ if TYPE_CHECKING:
     from ._posterior import sample_posterior as sample_posterior
     from ._recording import InputError as InputError
     from ._recording import Recording as Recording
+    from ._registry import RECORDINGS as RECORDINGS
+    from ._registry import fetch_recording as fetch_recording
     from ._report import write_report as write_report
     from ._simulate import Simulation as Simulation
     from ._simulate import simulate as simulate
@@ -136,6 +149,7 @@ _HOMES = {
         "sample_posterior",
     ),
     "_recording": ("InputError", "Recording"),
+    "_registry": ("RECORDINGS", "fetch_recording"),
     "_report": ("write_report",),
     "_simulate": ("Simulation", "simulate"),
 }
@@ -144,6 +158,7 @@ _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 __all__ = [
     "EFFECTS",
     "MODELS",
+    "RECORDINGS",
     "ARNoise",
     "AbstractBlock",
     "AbstractLinearBlock",
@@ -184,6 +199,7 @@ __all__ = [
     "crosscheck",
     "derivative",
     "diagnose",
+    "fetch_recording",
     "fit",
     "fit_batch",
     "fit_frequency_response",

@@ -19,7 +19,10 @@ _FINEST = 32
 
 
 class Simulation(NamedTuple):
-    """A response (N,), and what the last halving of the step changed, as a share of its span."""
+    """A response (N,) in the model's response unit, and the `error` of its discretisation.
+
+    The error is what the last halving of the step changed, as a share of the response's span.
+    """
 
     response: np.ndarray
     error: float

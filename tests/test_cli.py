@@ -1,6 +1,7 @@
 """The command line: what it writes and prints, and the one sentence it fails with."""
 
 import json
+import os
 import signal
 import subprocess
 import sys
@@ -16,6 +17,7 @@ import fracjax._diagnose
 import fracjax._fit
 from fracjax._blocks import EFFECTS, FOH
 from fracjax._cli import heed_interrupt, run
+from fracjax._cli._main import cli
 from fracjax._diagnose import Axis, Candidate, Diagnosis, HeldOut
 from fracjax._fit import Fit, load_model
 from fracjax._io import read, write_text
@@ -176,6 +178,33 @@ def test_help(call, capsys):
     assert err == ""
 
 
+def test_every_command_can_be_quiet_or_speak_json():
+    """Another program that calls one need not know which."""
+    for name, command in cli.commands.items():
+        flags = {flag for option in command.params for flag in option.opts}
+        assert {"--json", "--quiet"} <= flags, name
+        assert command.get_short_help_str(), name
+
+
+@pytest.mark.parametrize("shell", ["bash", "zsh", "fish"])
+def test_words_are_completed(shell):
+    environment = os.environ | {"_FRACJAX_COMPLETE": f"{shell}_source"}
+    called = [sys.executable, "-c", "from fracjax._cli import main; main()"]
+    told = subprocess.run(
+        called, env=environment, cwd=PACKAGE.parent, capture_output=True, text=True, check=True
+    )
+    assert "_fracjax_completion" in told.stdout
+    environment = os.environ | {
+        "_FRACJAX_COMPLETE": "zsh_complete",
+        "COMP_WORDS": "fracjax cro",
+        "COMP_CWORD": "1",
+    }
+    told = subprocess.run(
+        called, env=environment, cwd=PACKAGE.parent, capture_output=True, text=True, check=True
+    )
+    assert "crosscheck" in told.stdout.splitlines()
+
+
 def test_help_waits_for_nothing():
     """The command line alone, without the package's own imports, loads nothing heavy."""
     script = (
@@ -282,6 +311,12 @@ def test_json_is_all_that_is_printed(loop, quick, capsys):
 @pytest.mark.parametrize("command", ["fit", "diagnose"])
 def test_quiet(loop, quick, capsys, command):
     assert run([command, loop, "--model", "foh", "--out", "results", "--quiet"]) == 0
+    assert capsys.readouterr() == ("", "")
+
+
+@pytest.mark.parametrize("call", ["info LOOP", "models", "effects", "effects creep"])
+def test_quiet_lists_say_nothing(call, loop, capsys):
+    assert run([*call.replace("LOOP", loop).split(), "--quiet"]) == 0
     assert capsys.readouterr() == ("", "")
 
 
@@ -422,7 +457,7 @@ def test_simulate_at_nominal_values(loop, model, history, capsys):
 def test_info(loop, capsys):
     assert run(["info", loop]) == 0
     text = capsys.readouterr().out
-    for said in ("400 at 100 Hz", "5 to 95 V, sine", "1 s, 4 repeats", "% of the response's span"):
+    for said in ("400 at 100 Hz", "sine, 5 to 95 V", "1 s, 4 repeats", "% of the stroke"):
         assert said in text
     assert run(["info", loop, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)

@@ -27,7 +27,6 @@ from fracjax._models import Model
 from fracjax._operators import Grid
 from fracjax._recording import Recording
 from fracjax._report import write_report
-from fracjax._report._description import describe, kind_of_drive, loop_opening
 from fracjax._report._text import estimate_row, figure, key_figures, noise_of, pretty_unit, ranked
 
 STEP = 0.01
@@ -274,42 +273,3 @@ def test_units_as_printed(unit, pretty):
 )
 def test_figures(value, text):
     assert figure(value) == text
-
-
-# Recordings described -----------------------------------------------------------------------------
-
-
-def recording_of(drive: np.ndarray) -> Recording:
-    return Recording(drive, np.cumsum(drive - drive.mean() + 1e-3), STEP)
-
-
-TIMES = STEP * np.arange(1000)
-
-
-@pytest.mark.parametrize(
-    ("kind", "drive"),
-    [
-        ("sine", np.sin(2 * np.pi * TIMES)),
-        ("sine", np.sin(2 * np.pi * 0.73 * TIMES)),
-        ("triangle", np.abs((TIMES + 0.003) % 1 - 0.5)),
-        ("steps", np.floor(TIMES) % 3),
-        ("multisine", sum(np.sin(2 * np.pi * k * TIMES + k * k) for k in (1, 3, 7))),
-        ("other", np.sin(2 * np.pi * TIMES**2)),
-        ("other", np.random.default_rng(0).normal(size=TIMES.size)),
-    ],
-)
-def test_kinds_of_drive(kind, drive):
-    assert kind_of_drive(recording_of(np.asarray(drive))) == kind
-
-
-@pytest.mark.parametrize("lag", [0.02, 0.3])
-def test_loop_opening_of_an_ellipse(lag):
-    angles = 2 * np.pi * TIMES
-    recording = Recording(np.sin(angles), np.sin(angles - lag), STEP)
-    assert loop_opening(recording) == pytest.approx(100 * np.sin(lag), rel=2e-3)
-
-
-def test_a_recording_without_repeats_says_so():
-    told = describe(recording_of(np.sin(2 * np.pi * TIMES**2)))
-    assert (told["period"], told["loop_opening_percent"]) == (None, None)
-    json.dumps(told, allow_nan=False)

@@ -1,13 +1,12 @@
 """The real recordings, as the benchmarks here read them, and the tables they write.
 
-FRACJAX_DATA names the folder that holds them; where each comes from, and under which licence, is
-in its SOURCE.md.
+FRACJAX_DATA names the folder that holds them, else they are fetched; where each comes from, and
+under which licence, is in fracjax/_registry/recordings.txt.
 """
 
 from __future__ import annotations
 
 import csv
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -21,20 +20,19 @@ HERE = Path(__file__).parent
 PACKAGES = ("fracjax", "jax", "numpy", "scipy", "optimistix")
 
 
-def folder(name: str) -> Path:
-    """Where a set of recordings lies; ends the program with one sentence where it does not."""
-    found = Path(os.environ.get("FRACJAX_DATA", "")) / name
-    if "FRACJAX_DATA" not in os.environ or not found.is_dir():
-        raise SystemExit(f"Skipped: FRACJAX_DATA names no folder that holds {name}.")
-    return found
+def path_of(name: str) -> Path:
+    """Where a recording lies; ends the program with one sentence where it cannot be had."""
+    try:
+        return fj.fetch_recording(name)
+    except fj.InputError as error:
+        raise SystemExit(f"Skipped: {error}") from None
 
 
 def piezo_dbo() -> tuple[fj.Recording, fj.Recording]:
     """Steady cycles of one amplitude, and nested loops of many: drive in V, response in um."""
-    where = folder("piezo_dbo")
     steady, nested = (
-        fj.read(where / name, input=0, output=4, rate="200Hz", input_unit="V", output_unit="um")
-        for name in ("Model_Vi_Do.dat", "Test_Vi_Do_Di.dat")
+        fj.read(path_of(name), input=0, output=4, rate="200Hz", input_unit="V", output_unit="um")
+        for name in ("piezo_dbo/Model_Vi_Do.dat", "piezo_dbo/Test_Vi_Do_Di.dat")
     )
     return steady, nested
 
@@ -45,8 +43,8 @@ FSM_PERIOD = 8192  # samples
 
 def fsm_cubespec(level: str = "300mV_train") -> tuple[np.ndarray, np.ndarray]:
     """Drives [V] and responses [um] (8192 samples, 3 axes, realisations, 2 periods)."""
-    where = folder("fsm_cubespec")
-    return np.load(where / f"u_{level}.npy"), 1e6 * np.load(where / f"y_{level}.npy")
+    drives, responses = (np.load(path_of(f"fsm_cubespec/{s}_{level}.npy")) for s in "uy")
+    return drives, 1e6 * responses
 
 
 def low_passed(periods: np.ndarray, cutoff: float, decimation: int) -> np.ndarray:
@@ -72,7 +70,7 @@ def _filtered(periods: np.ndarray, cutoff: float) -> np.ndarray:
 def mr_damper(name: str) -> fj.Recording:
     """Displacement [mm] as drive, force [N] as response."""
     return fj.read(
-        folder("mr_damper") / f"{name}.mat",
+        path_of(f"mr_damper/{name}.mat"),
         input="dist",
         output="forc",
         input_unit="mm",

@@ -22,7 +22,10 @@ Columns = dict[str, Array]
 
 
 class AbstractBlock(eqx.Module):
-    """One physical law: drive (N,) on a grid → response (N,)."""
+    """One physical law: drive (N,) on a grid → response (N,).
+
+    Drive and response are in the units of the recording; each parameter says its own unit.
+    """
 
     @property
     @abc.abstractmethod
@@ -117,7 +120,10 @@ def _outside(columns: Columns, part: str) -> Columns:
 
 
 class AbstractLinearBlock(AbstractBlock):
-    """A law given by its transfer function G(s); its response is one convolution."""
+    """A law given by its transfer function G(s), s [1/s]; its response is one convolution.
+
+    G is in response unit per drive unit, or dimensionless where the law passes a signal on.
+    """
 
     @abc.abstractmethod
     def symbol(self, s: Array) -> Array:

@@ -20,11 +20,11 @@ Site = Literal["drive", "response", "additive", "modulation", "force", "series"]
 class Setting:
     """What a recording says about the size of things: from it an effect takes its typical shapes.
 
-    drive_low, drive_high: the drive's extremes; response_span: peak to peak of the response;
-    step, duration: in seconds; top_frequency: in Hz, the highest with appreciable drive;
-    top_rate, rms_rate: of the drive, per second; response_low: the lowest response, counted from
-    the first sample; resolution: the step between the codes that the response is written in, 0
-    where it lies on no grid.
+    drive_low, drive_high [drive unit]: the drive's extremes; response_span [response unit]: peak
+    to peak of the response; step, duration [s]; top_frequency [Hz]: the highest with appreciable
+    drive; top_rate, rms_rate [drive unit/s]; response_low [response unit]: the lowest response,
+    counted from the first sample; resolution [response unit]: the step between the codes that the
+    response is written in, 0 where it lies on no grid.
     """
 
     drive_low: float
@@ -55,6 +55,7 @@ class Effect:
     direction of the score test and a start of the refit.  `separated_by` says, for each look-alike,
     which experiment tells the two apart.  `axes` are the places where its signature stands out.
     `one_sided`: its trials show the only sign that physics allows, as a delay is never an advance.
+    Each block's parameters say their unit and the range that is plausible in it.
     """
 
     name: str

@@ -39,6 +39,7 @@ class Delay(AbstractBlock):
 
     Read between the grid's samples by Catmull–Rom cubics, continuous in slope, so that it is
     differentiable in τ.
+    Source: Ljung, System Identification (1999), section 4.2.
     """
 
     delay: Parameter

@@ -23,6 +23,7 @@ class MainsInterference(AbstractBlock):
 
     a, b [response], f within 1 % of 50 or 60 Hz.  Lines above half the sampling rate appear
     aliased, as in the recording.
+    Source: Ott, Electromagnetic Compatibility Engineering (2009), chapter 3.
     """
 
     cosines: Parameter

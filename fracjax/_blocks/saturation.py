@@ -17,6 +17,7 @@ class Saturation(AbstractBlock):
         v = min(u, u_max),   u_max [drive]
 
     The derivative with respect to u_max is 1 where the drive is cut and 0 elsewhere.
+    Source: Khalil, Nonlinear Systems (2002), section 1.2.
     """
 
     threshold: Parameter

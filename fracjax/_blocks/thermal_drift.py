@@ -17,6 +17,7 @@ class ThermalDrift(AbstractBlock):
         d(t) = a (1 - exp(-t/τ)) + b t
 
     a [response], b [response/s], τ [s].  Independent of the drive.
+    Source: Slocum, Precision Machine Design (1992), section 2.3.
     """
 
     amplitude: Parameter

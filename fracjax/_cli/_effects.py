@@ -7,8 +7,9 @@ from typing import Any
 
 import click
 
-from ._options import json_option
+from ._options import takes_results
 from ._parameters import free_parameters
+from ._results import Results
 from ._tables import print_json, print_table
 
 
@@ -20,11 +21,8 @@ from ._tables import print_json, print_table
     metavar="FILE",
     help="Draw the effect's signature, as .svg, .png or .pdf.",
 )
-@json_option
-@click.pass_obj
-def effects_command(
-    saved: list[Path], name: str | None, picture: Path | None, as_json: bool
-) -> None:
+@takes_results
+def effects_command(name: str | None, picture: Path | None, results: Results) -> None:
     """List the effects that diagnose knows, or tell all about one."""
     from .._blocks import EFFECTS
     from .._recording import InputError
@@ -35,17 +33,17 @@ def effects_command(
             "correct it"
         )
     if picture is not None:
-        _drawn(name, picture, saved)
+        _drawn(name, picture, results.saved)
     listed = [_effect(key) for key in ([name] if name else EFFECTS)]
-    if as_json:
+    if results.as_json:
         print_json(listed[0] if name else listed)
-    elif name is None:
+    elif name is not None and not results.quiet:
+        print_table([], _rows(listed[0]))
+    elif not results.quiet:
         print_table(
             ["effect", "inserted at", "equation", "what it is"],
             [[e["name"], e["site"], e["equation"], e["sentence"]] for e in listed],
         )
-    else:
-        print_table([], _rows(listed[0]))
 
 
 def _drawn(name: str | None, picture: Path, saved: list[Path]) -> None:

@@ -7,8 +7,9 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ._options import json_option
+from ._options import takes_results
 from ._parameters import free_parameters
+from ._results import Results
 from ._tables import print_json, print_table
 
 if TYPE_CHECKING:
@@ -16,17 +17,18 @@ if TYPE_CHECKING:
 
 
 @click.command("models")
-@json_option
-def models_command(as_json: bool) -> None:
+@takes_results
+def models_command(results: Results) -> None:
     """List the models with their equations and parameters."""
     from .._models import MODELS
 
     listed = [_law(name, make()) for name, make in MODELS.items()]
-    if as_json:
+    if results.as_json:
         print_json(listed)
-        return
-    print_table(["model", "what it is", "equation", "parameters"], [_row(law) for law in listed])
-    print('Models and effects are joined in series by >> and in parallel by +: "foh >> creep".')
+    elif not results.quiet:
+        heads = ["model", "what it is", "equation", "parameters"]
+        print_table(heads, [_row(law) for law in listed])
+        print('Models and effects are joined in series by >> and in parallel by +: "foh >> creep".')
 
 
 def _row(law: dict[str, Any]) -> list[str]:

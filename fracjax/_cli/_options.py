@@ -33,7 +33,7 @@ model_option = click.option("--model", "name", required=True, help="See `models`
 folder_option = click.option(
     "--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="For the results."
 )
-json_option = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
+_json = click.option("--json", "as_json", is_flag=True, help="Print the result as JSON.")
 _quiet = click.option("--quiet", is_flag=True, help="Show no progress and no summary.")
 
 
@@ -100,7 +100,7 @@ def takes_given(command: Callable) -> Callable:
 def takes_results(command: Callable) -> Callable:
     """How results are told, which with the files saved reaches the command as `results`."""
 
-    @options(_quiet, json_option)
+    @options(_quiet, _json)
     @click.pass_obj
     @wraps(command)
     def called(saved: list[Path], *, quiet: bool, as_json: bool, **others: Any) -> int:

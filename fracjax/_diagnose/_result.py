@@ -102,7 +102,14 @@ class NextExperiment:
 
 @dataclass(frozen=True)
 class Diagnosis:
-    """What a model leaves unexplained in a recording, where, and what physics would explain it."""
+    """What a model leaves unexplained in a recording, where, and what physics would explain it.
+
+    `verdict` is "none", "missing", "confusable" or "unexplained", and `sentence` says it in words.
+    `base` and `extended` are the fits before and after, `effects` what was named and `candidates`
+    all that were tried.  `axes` and `where` place the mismatch.  `noise` is in the response's unit;
+    `numerics`, the discretisation error, is a share of it.  `p_value` is that of a recording the
+    base model explains; `held_out` scores both models on data no fit has seen.
+    """
 
     verdict: Verdict
     sentence: str

@@ -30,7 +30,8 @@ _DECIMALS = 4
 class Combination:
     """A sum Σ c_i θ_i or a product Π θ_i^c_i of parameters, known better than they are.
 
-    `text` names it; `coefficients` are the c_i by parameter.
+    `text` names it; `coefficients` are the c_i by parameter, dimensionless: parameters of a sum
+    have one unit.
     """
 
     text: str

@@ -54,7 +54,7 @@ class Row:
 class Comparison:
     """Fits of several models to the same recordings, best first by BIC, a row for each.
 
-    `method` says what was held out.
+    `method` says what was held out; errors are in the response's unit.
     """
 
     fits: tuple[Fit, ...]

@@ -133,7 +133,8 @@ def crosscheck(
     its own starts: `starts` points for the two that follow gradients, `population` × `iterations`
     evaluations for the others.  These search twice: with gains eliminated, as the gradient fit
     does, and over all parameters, as the papers do.  A recording's own offset is always eliminated.
-    Arguments as in `fit`.  Raises InputError where jaxopt is not installed, and as `fit` does.
+    Errors are in the response's unit.  Arguments as in `fit`.  Raises InputError where jaxopt is
+    not installed, and as `fit` does.
     """
     listed = [recordings] if isinstance(recordings, Recording) else list(recordings)
     require_jaxopt()  # before minutes are spent

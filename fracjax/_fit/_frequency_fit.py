@@ -94,9 +94,9 @@ def _complex(both: np.ndarray) -> np.ndarray:
 class FrequencyFit:
     """A linear law fitted to a frequency response.
 
-    `fitted` (F,) is the model's, complex.  `amplitude_rms_dB` and `phase_rms_deg` are what is left
-    of amplitude and phase, `e_r` = ‖G_k - G‖/‖G_k‖; `bic` is χ² + n ln 2F where the errors are
-    known, 2F ln χ² + n ln 2F where not.
+    `fitted` (F,) is the model's, complex, in response unit per drive unit.  `amplitude_rms_dB` and
+    `phase_rms_deg` are what is left of amplitude [dB] and phase [degrees], `e_r` =
+    ‖G_k - G‖/‖G_k‖; `bic` is χ² + n ln 2F where the errors are known, 2F ln χ² + n ln 2F where not.
     """
 
     model: Model
@@ -165,7 +165,8 @@ def fit_frequency_response(
 ) -> FrequencyFit:
     """Fit a linear model to a measured frequency response.
 
-    Arguments by name are those of `fit`.  Raises InputError for a model that has no transfer
+    The table's amplitudes are in response unit per drive unit, over frequencies [Hz].  Arguments
+    by name are those of `fit`.  Raises InputError for a model that has no transfer
     function, for unknown names, and for fewer numbers in the table than the model has parameters.
     """
     with jax.enable_x64(True):

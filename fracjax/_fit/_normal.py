@@ -36,7 +36,7 @@ class AbstractPrior(eqx.Module):
 
 
 class Normal(AbstractPrior):
-    """p(x) = exp(-(x - mean)²/2 sd²) / (sd √2π)."""
+    """p(x) = exp(-(x - mean)²/2 sd²) / (sd √2π), mean and sd in the parameter's unit."""
 
     mean: np.ndarray = eqx.field(converter=number)
     sd: np.ndarray = eqx.field(converter=number)

@@ -77,7 +77,10 @@ class Profile:
 
 
 def with_profiles(fit: Fit, names: Iterable[str], progress: Progress = silent) -> Fit:
-    """The fit with profiles of the named parameters, and a warning where one found a better fit."""
+    """The fit with profiles of the named parameters, and a warning where one found a better fit.
+
+    Each profile is in its parameter's unit.  Raises InputError as `profile` does.
+    """
     found = []
     for name in names:
         progress(f"profile of {name}")
@@ -93,8 +96,8 @@ def with_profiles(fit: Fit, names: Iterable[str], progress: Progress = silent) -
 def profile(fit: Fit, name: str) -> Profile:
     """The profile likelihood of one parameter, from the fit outwards on both sides.
 
-    Of a robust loss the weights are held.  Raises InputError where the name is none of the fit's
-    single numbers that all recordings share.
+    Its values are in the parameter's unit.  Of a robust loss the weights are held.  Raises
+    InputError where the name is none of the fit's single numbers that all recordings share.
     """
     labels = [estimate.name for estimate in fit.estimates]
     parameters = named_parameters(fit.model.block)

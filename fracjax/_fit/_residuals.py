@@ -109,7 +109,10 @@ class ResidualAnalysis:
 
 
 def analyse_residuals(fit: Fit) -> tuple[ResidualAnalysis, ...]:
-    """The tests for each of a fit's recordings, over the samples that count."""
+    """The tests for each of a fit's recordings, over the samples that count.
+
+    They see the residual whitened by the noise, dimensionless: 1 is one standard deviation.
+    """
     with jax.enable_x64(True):
         problems = fit.preparation.problems()
         found = []

@@ -25,6 +25,7 @@ __all__ = [
     "read",
     "read_drive",
     "read_response",
+    "read_with_columns",
     "write",
     "write_text",
 ]
@@ -80,6 +81,30 @@ def read(
 
     **Raises:** `InputError` with file, place and column for a file that cannot be used.
     """
+    return read_with_columns(
+        path,
+        time=time,
+        input=input,
+        output=output,
+        rate=rate,
+        input_unit=input_unit,
+        output_unit=output_unit,
+        resample=resample,
+    )[0]
+
+
+def read_with_columns(
+    path: str | PathLike[str],
+    *,
+    time: str | int | None = None,
+    input: str | int | None = None,
+    output: str | int | None = None,
+    rate: str | float | None = None,
+    input_unit: str | None = None,
+    output_unit: str | None = None,
+    resample: str | float | None = None,
+) -> tuple[Recording, dict[str, str | int]]:
+    """As `read`, and the columns of "time", if any, "input" and "output": name, or index from 0."""
     return recording(
         _table(path),
         {"time": time, "input": input, "output": output},

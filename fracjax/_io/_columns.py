@@ -38,6 +38,8 @@ class _Signals(NamedTuple):
     step: float
     """[s]"""
     notes: tuple[str, ...]
+    columns: dict[str, str | int]
+    """By role, the column's name, or its index from 0 where it has none."""
 
 
 def recording(
@@ -47,8 +49,8 @@ def recording(
     rate: str | float | None,
     units: Mapping[str, str | None],
     resample: str | float | None,
-) -> Recording:
-    """The recording in a table.
+) -> tuple[Recording, dict[str, str | int]]:
+    """The recording in a table, and by role its columns: the name, or the index from 0.
 
     **Arguments:** `columns`, name or index of the time, input and output column where the call
     gives it; `rate` [Hz]; `units` of input and output, likewise; `resample`, the rate [Hz] to
@@ -58,16 +60,10 @@ def recording(
     unknown unit, columns of unequal length, a time that does not run in uniform steps (with
     `resample`, that does not increase), or a signal no `Recording` takes.
     """
-    samples, told, step, notes = _signals(table, columns, rate, units, resample)
-    return Recording(
-        samples["input"],
-        samples["output"],
-        step,
-        told["input"],
-        told["output"],
-        table.source,
-        notes,
-    )
+    samples, told, step, notes, taken = _signals(table, columns, rate, units, resample)
+    drive, response = samples["input"], samples["output"]
+    units_told = told["input"], told["output"]
+    return Recording(drive, response, step, *units_told, table.source, notes), taken
 
 
 def drive(
@@ -82,8 +78,8 @@ def drive(
 
     **Arguments** and **raises:** as `recording`, `columns` for time and input only.
     """
-    samples, told, step, _ = _signals(table, columns, rate, {"input": unit}, resample)
-    return samples["input"], step, told["input"]
+    found = _signals(table, columns, rate, {"input": unit}, resample)
+    return found.samples["input"], found.step, found.units["input"]
 
 
 def response(
@@ -98,8 +94,8 @@ def response(
 
     **Arguments** and **raises:** as `recording`, `columns` for time and output only.
     """
-    samples, told, step, _ = _signals(table, columns, rate, {"output": unit}, resample)
-    return samples["output"], step, told["output"]
+    found = _signals(table, columns, rate, {"output": unit}, resample)
+    return found.samples["output"], found.step, found.units["output"]
 
 
 def _signals(
@@ -129,7 +125,8 @@ def _signals(
     if wanted is not None:
         samples, bridged = resampled(clock, samples, wanted, table.source)
         notes, step = [*notes, bridged], 1 / wanted
-    return _Signals(samples, units_told, step, tuple(note for note in notes if note))
+    taken = {role: table.names[at] if table.names else at for role, at in chosen.items()}
+    return _Signals(samples, units_told, step, tuple(note for note in notes if note), taken)
 
 
 # Columns ------------------------------------------------------------------------------------------

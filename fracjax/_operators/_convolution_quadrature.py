@@ -35,7 +35,7 @@ _WRAP_AROUND = 1e-10
 
 
 def generating_function(zeta: Any, order: int) -> Any:
-    """δ_p(ζ) of the backward differentiation formula of order p."""
+    """δ_p(ζ) of the backward differentiation formula of order p, dimensionless."""
     return sum(((1 - zeta) ** k / k for k in range(2, order + 1)), 1 - zeta)
 
 
@@ -61,7 +61,10 @@ def _symbol_on_circle(symbol: Symbol, samples: int, grid: Grid, order: int) -> A
 
 
 def kernel(symbol: Symbol, samples: int, grid: Grid, order: int = 2) -> Array:
-    """The first `samples` quadrature weights w_n of K(s): response_n = Σ_j w_j drive_{n-j}."""
+    """The first `samples` quadrature weights w_n of K(s): response_n = Σ_j w_j drive_{n-j}.
+
+    They have the unit of K, response unit per drive unit; s is in [1/s], the grid's step in [s].
+    """
     length, radius = circle(samples)
     values = jnp.fft.irfft(_symbol_on_circle(symbol, samples, grid, order), length)[:samples]
     return values * radius ** -np.arange(samples, dtype=float)
@@ -72,6 +75,7 @@ def convolve(
 ) -> Array:
     """Response (N,) of the linear law K(s) to a drive (N,) on the grid, to the given order (1–4).
 
+    K is in response unit per drive unit at s [1/s], and the grid's step in [s].
     With `constant` history the law sees the drive's excursion from its first value, and that value
     itself is passed on by `static_gain` (K(0), or 0 where a power law has none).  With `periodic`
     history the steady response is exact at the harmonics of the record, K(jω).
@@ -103,5 +107,8 @@ def derivative(order: ArrayLike, drive: Array, grid: Grid, accuracy: int = 4) ->
 
 
 def direct_convolution(weights: np.ndarray, drive: np.ndarray) -> np.ndarray:
-    """The same convolution as a plain O(N²) sum: the oracle of the fast one, for tests."""
+    """The same convolution as a plain O(N²) sum: the oracle of the fast one, for tests.
+
+    Weights (N,) in response unit per drive unit, as of `kernel`; drive (N,) in its own unit.
+    """
     return np.array([weights[: n + 1] @ drive[n::-1] for n in range(drive.size)])

@@ -17,7 +17,7 @@ HISTORIES: tuple[History, ...] = get_args(History)
 class Grid(eqx.Module):
     """Uniform grid with what is assumed before its first sample.
 
-    `step` is in seconds.  `history` says what the drive did for t < 0: `rest` (zero), `constant`
+    `step` [s].  `history` says what the drive did for t < 0: `rest` (zero), `constant`
     (its first value, for ever: the Caputo convention) or `periodic` (the samples are whole steady
     periods).
     """
@@ -42,7 +42,9 @@ def _is_staircase(drive: np.ndarray) -> bool:
 
 
 def interpolate(drive: np.ndarray, oversampling: int) -> tuple[np.ndarray, str]:
-    """Carry a drive (N,) onto a grid `oversampling` times finer: ((N-1)·oversampling + 1,).
+    """Carry a drive (N,), of any unit, onto a grid `oversampling` times finer.
+
+    Of shape ((N-1)·oversampling + 1,).
 
     A staircase is held.  Otherwise linear, Akima and cubic interpolation are each asked to predict
     the odd samples from the even ones and back, and the one that errs least either way is used:
@@ -66,7 +68,10 @@ def interpolate(drive: np.ndarray, oversampling: int) -> tuple[np.ndarray, str]:
 
 
 def refine(drive: np.ndarray, oversampling: int, history: History) -> np.ndarray:
-    """A drive (N,) on the grid that a law with this history runs on: whole periods stay whole."""
+    """A drive (N,), of any unit, on the grid that a law with this history runs on.
+
+    Whole periods stay whole.
+    """
     if history == "periodic":
         return interpolate(np.append(drive, drive[0]), oversampling)[0][:-1]
     return interpolate(drive, oversampling)[0]

@@ -2,28 +2,38 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from typing import Any
 
 import numpy as np
 
 from .._fit import measured_noise, top_frequency
 from .._recording import Recording
+from ._doubts import doubts_about
+from ._drive_kind import kind_of_drive
 
 _LEVELS = 64
-_LINES = 30
 
 
-def describe(recording: Recording) -> dict[str, Any]:
-    """A recording as plain data: what was understood, and what stands in the way of a fit."""
+def describe(
+    recording: Recording, columns: Mapping[str, str | int] | None = None
+) -> dict[str, Any]:
+    """A recording as plain data: what was understood, and what stands in the way of a fit.
+
+    `columns`: by "time", "input" and "output", where in its file it was found.
+    """
+    columns = columns or {}
     repeats = recording.drive_period()
     noise = measured_noise(recording)
     return {
         "schema": "fracjax.info/1",
         "source": recording.source,
+        "time": {"column": columns.get("time")},
         "samples": len(recording),
         "rate_Hz": recording.rate,
         "duration_s": len(recording) * recording.dt,
         "drive": {
+            "column": columns.get("input"),
             "unit": recording.drive_unit,
             "low": float(recording.drive.min()),
             "high": float(recording.drive.max()),
@@ -31,6 +41,7 @@ def describe(recording: Recording) -> dict[str, Any]:
             "top_frequency_Hz": top_frequency(recording),
         },
         "response": {
+            "column": columns.get("output"),
             "unit": recording.response_unit,
             "low": float(recording.response.min()),
             "high": float(recording.response.max()),
@@ -51,30 +62,8 @@ def describe(recording: Recording) -> dict[str, Any]:
         "noise": None
         if noise is None
         else {"sigma": noise.sigma, "unit": noise.unit, "method": noise.method},
-        "warnings": [*recording.warnings, *recording.checks()],
+        "warnings": [*recording.warnings, *recording.checks(), *doubts_about(recording)],
     }
-
-
-def kind_of_drive(recording: Recording) -> str:
-    """The drive's kind: steps, triangle, sine, multisine, or other where it is none of them."""
-    changes = np.abs(np.diff(recording.drive))
-    moving = changes[changes > 1e-3 * changes.max()]
-    if moving.size <= 0.05 * changes.size:
-        return "steps"
-    if np.mean(np.abs(moving / np.median(moving) - 1) < 0.1) > 0.9:
-        return "triangle"
-    centred = recording.drive - recording.drive.mean()
-    power = np.abs(np.fft.rfft(centred * np.hanning(centred.size))) ** 2
-    peak = int(np.argmax(power))
-    # A Hann window spreads one line over its neighbours.
-    if power[max(0, peak - 2) : peak + 3].sum() > 0.995 * power.sum():
-        return "sine"
-    cycle = _mean_cycle(recording)
-    if cycle is None:
-        return "other"
-    lines = np.sort(np.abs(np.fft.rfft(cycle[0]))[1:] ** 2)[::-1]
-    few = min(_LINES, lines.size // 4)
-    return "multisine" if lines[:few].sum() > 0.999 * lines.sum() else "other"
 
 
 def _mean_cycle(recording: Recording) -> np.ndarray | None:

@@ -1,0 +1,84 @@
+"""The README's figures from the benchmarks' tables, so that none is typed by hand.
+
+Run: python docs/tables.py
+
+It rewrites what stands between `<!-- NAME -->` and `<!-- end -->` in README.md.
+"""
+
+from __future__ import annotations
+
+import csv
+import re
+from pathlib import Path
+
+ROOT = Path(__file__).resolve().parents[1]
+README = ROOT / "README.md"
+
+_LENGTHS = ("1000", "10000", "100000", "1000000")
+_OPERATORS = {
+    "fracjax": "**fracjax**, fourth order",
+    "fracjax, its gradient too": "**fracjax**, value and derivative in the order",
+    "scipy": "Grünwald–Letnikov by SciPy's FFT",
+    "torch": "Grünwald–Letnikov by torch's FFT",
+    "differint GL": "differint, `GL` (convolves circularly)",
+    "differint RL": "differint, `RL`",
+    "pycaputo L1": "pycaputo, L1",
+}
+_DRIVES = {
+    "line": "none: a straight line",
+    "lfdh": "`lfdh`",
+    "foh": "`foh`",
+    "foh + minor_loop_memory": "`foh + minor_loop_memory`",
+}
+
+
+def rows_of(path: str) -> list[dict[str, str]]:
+    """The rows of a benchmark's table, below the versions it was made with."""
+    lines = (ROOT / "benchmarks" / path).read_text(encoding="utf-8").splitlines()
+    return list(csv.DictReader(line for line in lines if not line.startswith("#")))
+
+
+def operators() -> str:
+    """Time and error of D^0.4 t² beside the peers'."""
+    found = {(row["method"], row["N"]): row for row in rows_of("operators/results.csv")}
+    heads = [f"{int(count):,} samples" for count in _LENGTHS]
+    lines = [_line("D^0.4 t²: time over SciPy's, largest error", *heads)]
+    for method, told in _OPERATORS.items():
+        at = [found.get((method, count)) for count in _LENGTHS]
+        cells = [
+            "–" if row is None else ", ".join(v for v in (row["over_scipy"], row["max_error"]) if v)
+            for row in at
+        ]
+        lines.append(_line(told, *cells))
+    return "\n".join([lines[0], "|---" * (1 + len(heads)) + "|", *lines[1:]])
+
+
+def compensation() -> str:
+    """Tracking errors of an open-loop drive by each model."""
+    rows = rows_of("compensation/results.csv")
+    motions = list(dict.fromkeys(row["trajectory"] for row in rows))
+    found = {(row["drive"], row["trajectory"]): row["rms_percent"] for row in rows}
+    lines = [_line("compensated by; rms tracking error [% of stroke]", *motions)]
+    lines.append("|---" * (1 + len(motions)) + "|")
+    for drive, told in _DRIVES.items():
+        lines.append(_line(told, *(found[drive, motion] for motion in motions)))
+    return "\n".join(lines)
+
+
+def _line(*cells: str) -> str:
+    return f"| {' | '.join(cells)} |"
+
+
+TABLES = {"operators": operators, "compensation": compensation}
+
+
+def updated(text: str) -> str:
+    """A text with each table between its marks as the benchmarks have it now."""
+    for name, table in TABLES.items():
+        marked = re.compile(rf"(<!-- {name} -->\n).*?(<!-- end -->)", re.DOTALL)
+        text = marked.sub(lambda found, t=table: f"{found[1]}{t()}\n{found[2]}", text)
+    return text
+
+
+if __name__ == "__main__":
+    README.write_text(updated(README.read_text(encoding="utf-8")), encoding="utf-8")

@@ -1,0 +1,133 @@
+"""What kind of drive a recording was made with, seen through its noise."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .._recording import Recording
+
+KINDS = ("steps", "sine", "triangle", "chirp", "multisine", "other")
+
+# A Hann window spreads one line over its neighbours.
+_SPREAD = 2
+_SINE = 0.995
+"""Least share of the power in one line: a triangle has 0.986."""
+_BLOCKS = 20
+"""Slopes per period by which a triangle is known: enough samples in each to average noise."""
+_ALIKE = 0.98
+"""Least correlation of a period with the next: noise of 5 % of a sine's range leaves 0.98."""
+_LINES = 0.998
+"""Share of the power that the lines of a multisine hold."""
+
+
+def kind_of_drive(recording: Recording) -> str:
+    """One of `KINDS`; "other" where it is none of the rest."""
+    drive = _moving(recording.drive)
+    drive = drive - drive.mean()
+    if _is_steps(drive):
+        return "steps"
+    power = np.abs(np.fft.rfft(drive * np.hanning(drive.size))) ** 2
+    peak = int(np.argmax(power))
+    # Where there is hardly a period, any curve is a sine.
+    if peak > 1:
+        if power[max(0, peak - _SPREAD) : peak + _SPREAD + 1].sum() > _SINE * power.sum():
+            return "sine"
+        if _is_triangle(drive, drive.size / peak):
+            return "triangle"
+    period = _period(drive)
+    if _is_chirp(drive if period is None else period):
+        return "chirp"
+    return "multisine" if period is not None and _is_multisine(period) else "other"
+
+
+def _moving(drive: np.ndarray) -> np.ndarray:
+    """The samples of (N,) between a rest before and a rest after, which belong to no kind."""
+    far = 0.05 * np.ptp(drive)
+    start = int(np.argmax(np.abs(drive - drive[0]) > far))
+    stop = drive.size - int(np.argmax(np.abs(drive - drive[-1])[::-1] > far))
+    lengths = start, drive.size - stop
+    return drive[start:stop] if drive.size // 50 < max(lengths) < drive.size // 2 else drive
+
+
+def _period(drive: np.ndarray) -> np.ndarray | None:
+    """The mean of the first periods of (N,), two at least; None where nothing repeats.
+
+    `Recording.drive_period` asks for three that are alike to the last digit, as a simulation
+    needs them; a name needs less.
+    """
+    count = drive.size
+    size = 1 << (2 * count - 1).bit_length()
+    products = np.fft.irfft(np.abs(np.fft.rfft(drive, size)) ** 2, size)[: count // 2 + 1]
+    squares = np.concatenate(([0.0], np.cumsum(drive**2)))
+    lags = np.arange(products.size)
+    powers = squares[count - lags] + squares[count] - squares[lags]
+    alike = 2 * products / powers
+    # Nothing repeats before it has been unlike itself.
+    apart = int(np.argmax(alike < 0.5))
+    later = alike[apart:]
+    if apart == 0 or later.max() < _ALIKE:
+        return None
+    first = int(np.argmax(later > later.max() - (1 - _ALIKE) / 2))
+    lag = apart + first + int(np.argmax(later[first : first + 1 + (apart + first) // 20]))
+    repeats = min(count // lag, 8)
+    return drive[: repeats * lag].reshape(repeats, lag).mean(axis=0)
+
+
+def _is_steps(drive: np.ndarray) -> bool:
+    """Whether few large jumps divide (N,) into stretches that are flat but for noise."""
+    changes = np.abs(np.diff(drive))
+    jumps = changes > max(8 * np.median(changes), 0.02 * np.ptp(drive))
+    if not 0 < jumps.sum() <= 0.05 * changes.size:
+        return False
+    stretch = np.concatenate(([0], np.cumsum(jumps)))
+    means = np.bincount(stretch, drive) / np.bincount(stretch)
+    return bool(np.var(drive - means[stretch]) < 0.01 * np.var(drive))
+
+
+def _is_triangle(drive: np.ndarray, period: float) -> bool:
+    """Whether (N,), of a period [samples], has one slope up and down, by means over blocks.
+
+    At most two blocks at each of the two corners have another; of a sine a fifth have about one.
+    """
+    width = max(1, int(period / _BLOCKS))
+    blocks = drive[: drive.size // width * width].reshape(-1, width).mean(axis=1)
+    slopes = np.abs(np.diff(blocks))
+    alike = np.abs(slopes - np.median(slopes)) < 0.15 * np.median(slopes)
+    return bool(alike.mean() > 0.6)
+
+
+def _is_chirp(drive: np.ndarray) -> bool:
+    """Whether the periods of (N,), five at least, become ever shorter or ever longer."""
+    lengths = np.diff(_rises(drive))
+    if lengths.size < 5 or lengths.max() < 1.5 * lengths.min():
+        return False
+    ranks = lengths.argsort().argsort()
+    trend = np.corrcoef(np.arange(lengths.size), ranks)[0, 1]
+    changes = np.abs(np.diff(np.log(lengths)))
+    # A sweep moves from period to period; a sequence of sines now and then.
+    return bool(abs(trend) > 0.9 and np.median(changes) > 0.2 * changes.mean())
+
+
+def _rises(drive: np.ndarray) -> np.ndarray:
+    """Where (N,) rises through its middle [samples], once it has been well below and above."""
+    far = 0.15 * np.ptp(drive)
+    side = np.where(drive > far, 1, np.where(drive < -far, -1, 0))
+    known = np.flatnonzero(side)
+    turns = np.flatnonzero((side[known[:-1]] < 0) & (side[known[1:]] > 0))
+    before, after = known[turns], known[turns + 1]
+    return before + (after - before) * drive[before] / (drive[before] - drive[after])
+
+
+def _is_multisine(period: np.ndarray) -> bool:
+    """Whether a period consists of few lines, or of many that are level or change smoothly."""
+    power = np.abs(np.fft.rfft(period))[1:] ** 2
+    ranked = np.argsort(-power)
+    held = np.cumsum(power[ranked]) / power.sum()
+    lines = np.sort(ranked[: 1 + int(np.searchsorted(held, _LINES))])
+    strong = np.count_nonzero(power > 0.01 * power.max())
+    if strong < 3:
+        return False
+    if lines.size <= min(30, power.size // 4):
+        return True
+    # The lines of random signals differ by much more, as exponential variates do.
+    return bool(np.median(np.abs(np.diff(np.log(power[lines])))) < 0.3)

@@ -23,7 +23,7 @@ from scipy.special import gamma
 from benchmarks.versions import versions
 from fracjax import Grid, derivative
 from fracjax._operators import generating_function
-from fracjax._operators._convolution_quadrature import _circle
+from fracjax._operators._convolution_quadrature import circle
 
 ORDER = 0.4
 LENGTHS = (1_000, 5_000, 10_000, 100_000, 1_000_000)
@@ -51,7 +51,7 @@ def by_transform(signal: np.ndarray, step: float, fft) -> np.ndarray:
 
 def fracjax_methods(signal: np.ndarray, step: float) -> list[Method]:
     grid, drive = Grid(step, "rest"), jnp.asarray(signal)
-    length, radius = _circle(signal.size)
+    length, radius = circle(signal.size)
     zeta = radius * np.exp(-2j * np.pi * np.arange(length // 2 + 1) / length)
     logarithm = jnp.asarray(np.log(generating_function(zeta, 4) / step))
     growth = jnp.asarray(radius ** -np.arange(signal.size, dtype=float))

@@ -27,6 +27,7 @@ from fracjax._fit._box import (
 )
 from fracjax._fit._evolution import DifferentialEvolution
 from fracjax._fit._layout import layout_of, placed, position_of
+from fracjax._fit._least_squares import Objective
 from fracjax._fit._swarm import ParticleSwarm
 from fracjax._parameters import named_parameters, set_values
 from fracjax._report import write_report
@@ -283,7 +284,7 @@ def sabotaged(checked) -> Crosscheck:
         problems = preparation.problems()
         cost = cost_at(block, problems, position_of(block))
         return _crosscheck.solved_at(
-            block, position_of(block), preparation,
+            Objective(block, problems), position_of(block), preparation,
             converged=True, costs=(float(cost),), evaluations=1,
         )  # fmt: skip
 

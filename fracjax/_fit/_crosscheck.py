@@ -35,6 +35,7 @@ from ._fit import (
     starts_of,
 )
 from ._layout import Layout, layout_of
+from ._least_squares import Objective
 from ._noise import Noise
 from ._preparation import Past, Preparation
 from ._problem import Problem
@@ -233,7 +234,7 @@ def _timed(run: Callable[[], Found]) -> tuple[Found, float]:
 def _solved(block: AbstractBlock, found: Found, preparation: Preparation) -> Solved:
     """A search's end as a fit's: it ends by its budget, and has no other criterion."""
     return solved_at(
-        block,
+        Objective(block, preparation.problems(), preparation.conditions),
         np.asarray(found.position),
         preparation,
         converged=bool(np.isfinite(found.cost)),

@@ -216,19 +216,17 @@ def solve_from(
     convergence; the best of them finished.
 
     A fit counts as converged too when twelve looks gain less than a tenth in χ², or less than 1e-4
-    of what is left beyond the noise.  Above `hopeless` in χ² the first looks are all that is spent.
+    of what is left beyond the noise; of a noise that is not known yet, what is left is the measure.
+    Above `hopeless` in χ² the first looks are all that is spent.
     """
     make_room()
     problems, asked = preparation.problems(), preparation.conditions
     samples = _counted(problems)
-    descents = [
-        descend(begin(start, len(problems), asked), problems, _FIRST_LOOKS, asked)
-        for start in starts
-    ]
+    descents = [descend(begin(start, problems, asked), _FIRST_LOOKS) for start in starts]
     descents.sort(key=lambda d: d.cost)
     for k, descent in enumerate(descents[: -(-len(starts) // 2)]):
         if not descent.converged and descent.cost <= hopeless:
-            descents[k] = descend(descent, problems, _LOOKS, asked)
+            descents[k] = descend(descent, _LOOKS)
     for _ in range(_ROUNDS):
         order = np.argsort([d.cost for d in descents])
         best = descents[order[0]]
@@ -236,13 +234,13 @@ def solve_from(
             break
         for k in order[:2]:
             if not descents[k].converged:
-                descents[k] = descend(descents[k], problems, _LOOKS, asked)
+                descents[k] = descend(descents[k], _LOOKS)
         least = int(np.argmin([d.cost for d in descents]))
-        if best.cost - descents[least].cost < max(0.1, 1e-4 * (best.cost - samples)):
+        if best.cost - descents[least].cost < _negligible(best.cost, samples, preparation):
             descents[least] = descents[least]._replace(converged=True)
     best = min(descents, key=lambda d: d.cost)
     return solved_at(
-        best.block,
+        best.objective,
         best.position,
         preparation,
         converged=best.converged and np.isfinite(best.cost),
@@ -251,8 +249,15 @@ def solve_from(
     )
 
 
+def _negligible(cost: float, samples: int, preparation: Preparation) -> float:
+    """A gain in χ² that is none."""
+    if any(take.noise is None for take in preparation.takes):
+        return 0.1 * cost / samples
+    return max(0.1, 1e-4 * (cost - samples))
+
+
 def solved_at(
-    block: AbstractBlock,
+    objective: Objective,
     position: np.ndarray,
     preparation: Preparation,
     *,
@@ -262,7 +267,6 @@ def solved_at(
 ) -> Solved:
     """The block at the best position that was found, finished; `costs` (S,) of all starts."""
     problems = preparation.problems()
-    objective = Objective(block, problems, preparation.conditions)
     point = objective.at(position)
     counts = [p.own.shape[1] for p in problems]
     own = np.split(point.own, np.cumsum(counts)[:-1])
@@ -381,7 +385,7 @@ def settle(
                 solved, preparation = other, alternative
     believed = _believed_noises(solved, preparation)
     if not all(believed):
-        preparation = preparation.with_noises(
+        known = preparation.with_noises(
             [
                 noise
                 or residual_noise(
@@ -392,8 +396,31 @@ def settle(
                 )
             ]
         )
-        solved = fit_block(solved.block, preparation, starts, seed)
+        solved, preparation = _refitted(solved, preparation, known, starts, seed), known
     return solved, preparation
+
+
+def _refitted(
+    solved: Solved, before: Preparation, preparation: Preparation, starts: int, seed: int
+) -> Solved:
+    """A fit under other noises: where they only scale χ², its optimum is theirs."""
+    scale = _scale(before, preparation)
+    if scale is None:
+        return fit_block(solved.block, preparation, starts, seed)
+    return replace(
+        solved,
+        cost=scale**2 * solved.cost,
+        whitened=tuple(scale * residual for residual in solved.whitened),
+        start_costs=tuple(scale**2 * cost for cost in solved.start_costs),
+    )
+
+
+def _scale(before: Preparation, after: Preparation) -> float | None:
+    """What multiplies every whitened residual, where it is one number; None of other changes."""
+    pairs = list(zip(before.problems(), after.problems(), strict=True))
+    scale = float(pairs[0][1].whitening[0] / pairs[0][0].whitening[0])
+    alike = all(np.allclose(b.whitening, scale * a.whitening, 1e-12, 0) for a, b in pairs)
+    return scale if alike and not after.conditions.priors else None
 
 
 def _believed_noises(solved: Solved, preparation: Preparation) -> list[Noise | None]:

@@ -196,11 +196,11 @@ def fit_frequency_response(
                 "measure more frequencies, or fix parameters",
             )
         descents = [
-            descend(begin(start, 1, conditions), (problem,), _LOOKS, conditions)
+            descend(begin(start, (problem,), conditions), _LOOKS)
             for start in starts_of(block, starts, seed)
         ]
         best = min(descents, key=lambda d: d.cost)
-        point = Objective(best.block, (problem,), conditions).at(best.position)
+        point = best.objective.at(best.position)
         residual = point.residual[: 2 * len(table)]
         cost = float(residual @ residual)
         spread = float(np.sqrt(cost / freedom))

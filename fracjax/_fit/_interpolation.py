@@ -27,7 +27,7 @@ from scipy.stats import qmc
 from .._blocks import AbstractBlock
 from .._operators import Grid
 from .._operators._convolution_quadrature import circle
-from .._parameters import named_parameters, set_values
+from .._parameters import Parameter, named_parameters, set_values
 from ._chains import transfer
 from ._layout import Layout, layout_of
 
@@ -118,7 +118,7 @@ def placed_together(block: AbstractBlock, positions: np.ndarray) -> AbstractBloc
     """Blocks at positions (K, n) of their shapes in one, each shape an array (K, 1) of values."""
     parameters, names = named_parameters(block), [name for name, _ in layout_of(block).shapes]
     values = {
-        name: np.asarray(parameters[name].from_share(share))[:, None]
+        name: np.asarray(Parameter.from_share(parameters[name], share))[:, None]
         for name, share in zip(names, positions.T, strict=True)
     }
     return set_values(block, values)

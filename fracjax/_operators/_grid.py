@@ -67,6 +67,8 @@ def interpolate(drive: np.ndarray, oversampling: int) -> tuple[np.ndarray, str]:
 
 def refine(drive: np.ndarray, oversampling: int, history: History) -> np.ndarray:
     """A drive (N,) on the grid that a law with this history runs on: whole periods stay whole."""
+    if oversampling == 1:
+        return drive
     if history == "periodic":
         return interpolate(np.append(drive, drive[0]), oversampling)[0][:-1]
     return interpolate(drive, oversampling)[0]

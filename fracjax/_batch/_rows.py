@@ -23,6 +23,7 @@ from ._jobs import Job
 SCHEMA = "fracjax.batch/1"
 STATUSES = ("fitted", "not converged", "unreadable", "failed")
 SETTINGS = b"fracjax.settings"
+_VERSION = version("fracjax")
 _TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
 
 Row = dict[str, Any]
@@ -95,7 +96,7 @@ class Work:
             "oversampling": 0,
             "converged": False,
             "model": model.name,
-            "fracjax_version": version("fracjax"),
+            "fracjax_version": _VERSION,
             "schema": SCHEMA,
             "key": "",
             "digest": "",

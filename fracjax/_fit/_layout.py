@@ -66,7 +66,8 @@ def position_of(block: AbstractBlock) -> np.ndarray:
     """Where a block's shapes (n,) stand between their bounds, each from 0 to 1 on its own scale;
     one without bounds by its value."""
     parameters = named_parameters(block)
-    places = [parameters[n].to_share(parameters[n].value) for n, _ in layout_of(block).shapes]
+    free = [parameters[name] for name, _ in layout_of(block).shapes]
+    places = [Parameter.to_share(parameter, parameter.value) for parameter in free]
     return np.concatenate([np.ravel(place) for place in places]) if places else np.zeros(0)
 
 

@@ -1,10 +1,12 @@
 """Many recordings, each fitted by itself, into one table that survives being interrupted.
 
-On one machine every core takes a recording and runs `fit` on it.  All recordings of one structure
-(model, length bucket, oversampling, history) run one compiled program, that of `fit`, so that their
-results are its results to the last bit.  Mapping the program over recordings by `lax.map` with a
-batch size was tried instead: with two cores busy it was no faster at 2,000 samples, took twice as
-long to compile, and took another path from each start.
+On one machine every core takes a recording and runs `fit` on it: of many recordings in a process of
+its own, for most of a short fit is Python, whose lock lets one thread through.  All recordings of
+one structure (model, length bucket, oversampling, history) run one compiled program, that of `fit`,
+so that their results are its results to the last bit.  What recordings of one drive share, `fit`
+keeps: the signals that span the model's responses, and their factorisation.  Mapping the program
+over recordings by `lax.map` with a batch size was tried instead: with two cores busy it was no
+faster at 2,000 samples, took twice as long to compile, and took another path from each start.
 """
 
 from __future__ import annotations
@@ -25,9 +27,11 @@ from .._recording import parse_quantity
 from ._cluster import on_cluster
 from ._jobs import Given, Job, jobs_of
 from ._parts import Parts
+from ._processes import Unfit, in_processes
 from ._rows import Row, Rows, Work, row_of
 
 FITS = "fits.parquet"
+_MANY = 256
 _PATIENCE = 30.0
 """Longest time [s] for which finished rows wait to be written: what a kill may cost."""
 
@@ -83,7 +87,7 @@ def fit_batch(
     progress(done, len(jobs))
     rows: list[Row] = []
     written = time.monotonic()
-    found = on_cluster(cluster, missing, work) if cluster else in_threads(missing, work)
+    found = on_cluster(cluster, missing, work) if cluster else on_this_machine(missing, work)
     try:
         with closing(found):
             for some in found:
@@ -97,6 +101,19 @@ def fit_batch(
         if rows:
             parts.write(rows)
     return parts.table(jobs)
+
+
+def on_this_machine(jobs: list[Job], work: Work) -> Rows:
+    """Rows in the order in which they are done: of many recordings from processes, which take
+    seconds to start, of few from threads, and from threads where processes cannot do the work."""
+    cores = os.cpu_count() or 1
+    if len(jobs) >= _MANY and cores > 1:
+        try:
+            yield from in_processes(jobs, work, cores)
+            return
+        except Unfit:
+            pass
+    yield from in_threads(jobs, work)
 
 
 def in_threads(jobs: list[Job], work: Work) -> Rows:

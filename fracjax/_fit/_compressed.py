@@ -191,7 +191,7 @@ def _rows_of(span: Span, problem: Problem) -> np.ndarray:
         if not frame.asked:
             # Its basis would cost as much again, and most drives never come back.
             frame.asked = True
-            return np.linalg.qr(np.column_stack([whitened, response]), mode="r")
+            return np.asarray(np.linalg.qr(np.column_stack([whitened, response]), mode="r"))
         frame.basis, frame.triangle = np.linalg.qr(whitened)
     along = frame.basis.T @ response
     beside = np.linalg.norm(response - frame.basis @ along)

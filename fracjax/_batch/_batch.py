@@ -17,11 +17,13 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import closing
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import pandas as pd
 
-from .._fit import Past
+from .._fit import Loss, Past
+from .._fit._asked import OfModel
+from .._fit._weights import Mask
 from .._models import Model
 from .._recording import parse_quantity
 from ._cluster import on_cluster
@@ -51,19 +53,23 @@ def fit_batch(
     read_options: dict[str, Any] | None = None,
     history: Past | None = None,
     settling: int | str | None = None,
+    mask: Mask = (),
+    loss: Loss = "least_squares",
     starts: int = 4,
     seed: int = 0,
     chunk: int = 64,
     progress: Count = silent,
+    **asked: Unpack[OfModel],
 ) -> pd.DataFrame:
     """Fit a model to each of many recordings, as `fit` does to one.
 
     **Arguments:** `model`, or its name, then made for each recording's own size; `recordings`, in
     memory or as files, folders (searched for files with the suffix of a recording) and patterns
     such as "data/**/*.csv"; `out`, a folder for the table; `cluster`, the address of a dask
-    scheduler whose workers see the same files; `read_options`, those of `read`; `history`,
-    `starts` and `seed` as in `fit`; `settling`, samples or a time such as "1 s"; `chunk`, rows that
-    make a file of the table; `progress`, told how many of how many are done.
+    scheduler whose workers see the same files; `read_options`, those of `read`; `history`, `mask`,
+    `loss`, `starts`, `seed`, and of parameters `fixed`, `bounds`, `priors` and `tied` as in `fit`;
+    `settling`, samples or a time such as "1 s"; `chunk`, rows that make a file of the table;
+    `progress`, told how many of how many are done.
 
     **Returns:** one row per recording, in the order given.  `status` is "fitted", "not converged",
     "unreadable" or "failed", and `reason` says why; a parameter p has the columns p.value,
@@ -73,12 +79,14 @@ def fit_batch(
     whole.  The same call again fits what is missing, was changed, or could not be read or fitted.
     One call at a time may write to a folder.
 
-    **Raises:** `InputError` for an unknown model, for paths that lead to no file, for an `out` with
-    rows of other settings, and for a cluster that cannot be reached.
+    **Raises:** `InputError` for an unknown model or parameter, for paths that lead to no file, for
+    an `out` with rows of other settings, and for a cluster that cannot be reached.
     """
     if isinstance(settling, str):
         parse_quantity(settling, "s", "--settle")
-    work = Work(model, history, settling, starts, seed, read_options or {})
+    wishes = {**asked, "mask": mask, "loss": loss if loss != "least_squares" else None}
+    told = {name: wish for name, wish in wishes.items() if wish}
+    work = Work(model, history, settling, starts, seed, read_options or {}, told)
     parts = Parts(Path(out) / FITS, work.table_schema())
     jobs = jobs_of(recordings, parts.folder)
     parts.check()

@@ -111,7 +111,8 @@ class Parameter(eqx.Module):
     def with_value(self, value: ArrayLike) -> Parameter:
         """The same parameter at another value."""
         traced = isinstance(value, jax.Array)
-        return eqx.tree_at(lambda p: p.value, self, value if traced else _array(value))
+        (_, *others), structure = jax.tree_util.tree_flatten(self)
+        return structure.unflatten([value if traced else _array(value), *others])
 
     def draw(self, generator: np.random.Generator) -> Any:
         """A start, uniform in the plausible range on its scale; without one as it is."""
@@ -149,4 +150,7 @@ def replace_parameters(tree: Any, parameters: Mapping[str, Parameter]) -> Any:
 def set_values(tree: Any, values: Mapping[str, ArrayLike]) -> Any:
     """The same tree with the named parameters' values exchanged."""
     known = named_parameters(tree)
-    return replace_parameters(tree, {n: known[n].with_value(v) for n, v in values.items()})
+    # By the class: a bound method of a Module is itself a Module, made anew at every access.
+    return replace_parameters(
+        tree, {n: Parameter.with_value(known[n], v) for n, v in values.items()}
+    )

@@ -8,6 +8,7 @@ import random
 import signal
 import subprocess
 import sys
+import threading
 import time
 import types
 from collections.abc import Iterator
@@ -26,9 +27,10 @@ import fracjax as fj
 import fracjax._batch._rows
 from fracjax._batch import FITS
 from fracjax._batch._cluster import on_cluster
-from fracjax._batch._jobs import File, jobs_of
+from fracjax._batch._jobs import File, Held, jobs_of
 from fracjax._batch._parts import Parts
-from fracjax._batch._rows import Work
+from fracjax._batch._processes import in_processes
+from fracjax._batch._rows import Work, row_of
 from fracjax._cli import run
 from fracjax._io import write_text
 from fracjax._parameters import replace_parameters
@@ -211,6 +213,24 @@ def test_options_reach_every_fit(quick):
         assert told == ("rest", settling, 3, 7)
 
 
+def test_what_is_asked_reaches_every_fit_and_the_columns(quick):
+    prior = fj.Normal(0.01, 0.1)
+    asked: dict[str, Any] = {"fixed": {"k_c": 0.1}, "priors": {"mu": prior}, "loss": "huber"}
+    (row,) = told([recording(0)], mask=[(0.1, 0.2)], **asked)
+    (call,) = quick
+    assert {name: call[name] for name in asked} == asked
+    assert call["mask"] == [(0.1, 0.2)]
+    assert {"mu.value"} == {name for name in row if name.endswith(".value")}
+
+
+def test_a_held_parameter_is_held_in_a_batch():
+    (row,) = told([recording(0)], bounds={"mu": (0.01, 0.02)})
+    assert row["mu.value"] == pytest.approx(0.02)
+    assert row["mu.at_bound"]
+    expected = fj.fit(fj.parse_model("creep"), recording(0), starts=2, bounds={"mu": (0.01, 0.02)})
+    assert row["rmse"] == expected.scores.rmse
+
+
 def test_a_name_is_made_a_model_for_each_recording(quick):
     save(Path("a.csv"), 1)
     large = replace(recording(0), response=100 * recording(0).response, source="large")
@@ -230,6 +250,9 @@ def test_reading_options_reach_the_reader(quick):
 @pytest.mark.parametrize(
     ("options", "said"),
     [
+        ({"fixed": {"nu": 1.0}}, 'parameter "nu": expected one of k_c, mu, found none'),
+        ({"tied": {"mu": "nu"}}, 'parameter "nu": expected one of'),
+        ({"loss": "cauchy"}, "cauchy"),
         ({"settling": "9 um"}, "--settle: expected a value in s"),
         ({"cluster": "nonsense"}, "--cluster nonsense: expected a dask scheduler"),
         ({"cluster": "tcp://127.0.0.1:9"}, "--cluster tcp://127.0.0.1:9: .*connection refused"),
@@ -393,6 +416,9 @@ def test_recordings_in_memory_are_known_by_name_and_content(quick):
         ("creep", {"starts": 3}, "starts: 2.*starts: 3"),
         ("creep", {"history": "rest"}, "history: auto.*history: rest"),
         ("creep", {"settling": "1 s"}, "settling: auto.*settling: 1 s"),
+        ("creep", {"fixed": {"mu": 0.01}}, r"fixed: not given.*fixed: \{'mu': 0.01\}"),
+        ("creep", {"priors": {"mu": fj.Normal(0.01, 0.1)}}, "priors: not given.*priors: .*0.01"),
+        ("creep", {"loss": "huber"}, "loss: not given.*loss: 'huber'"),
         ("creep", {"read_options": {"input": "voltage_V"}}, "input: not given.*input: voltage_V"),
         ("lfdh", {}, "model: creep.*model: lfdh"),
         (fj.Model(fj.blocks.Creep(mu=0.0072 + 1e-12)), {}, "model made by: name.*values"),
@@ -530,6 +556,46 @@ def test_rows_do_not_wait_long_to_be_written(data, quick, monkeypatch):
     assert len(parts()) > 1
 
 
+# Processes ----------------------------------------------------------------------------------------
+
+
+class Mortal(Held):
+    """A recording that ends the process which unpacks it."""
+
+    def __reduce__(self):
+        return os._exit, (9,)
+
+
+def test_processes_fit_as_fit_does_and_outlive_one_that_dies():
+    work = Work("creep", None, None, 2, 0)
+    jobs = [Held(recording(0)), Mortal(recording(1, source="deadly")), Held(recording(2))]
+    rows = {row["key"]: row for some in in_processes(jobs, work, 1) for row in some}
+    assert len(rows) == 3
+    for job in (jobs[0], jobs[2]):
+        assert rows[job.key] == row_of(job, work)
+    lost = rows[jobs[1].key]
+    assert (lost["status"], lost["source"]) == ("failed", "deadly")
+    assert lost["reason"] == "the process that fitted it died."
+
+
+def test_what_no_process_can_unpack_is_fitted_here(quick, monkeypatch):
+    class Own(fj.Model):
+        pass
+
+    monkeypatch.setattr("fracjax._batch._batch._MANY", 1)
+    rows = fj.fit_batch(Own(fj.blocks.Creep(), "creep"), [recording(0)], out=OUT)
+    assert (len(quick), list(rows["status"])) == (1, ["fitted"])
+
+
+def test_processes_end_with_what_asked_for_them():
+    found = in_processes(
+        [Held(recording(k)) for k in range(40)], Work("creep", None, None, 2, 0), 1
+    )
+    assert next(found)
+    found.close()
+    assert not any(thread.name.endswith("(serve)") for thread in threading.enumerate())
+
+
 # A cluster ----------------------------------------------------------------------------------------
 
 
@@ -663,7 +729,8 @@ def failure(capsys) -> str:
 
 def test_the_command(data, quick, capsys):
     (data / "5.csv").write_text("nonsense")
-    call = ["batch", str(data), "--model", "creep", "--out", "results"]
+    call = ["batch", str(data), "--model", "creep", "--out", "results", "--bound", "mu=0.001..0.1"]
+    call += ["--mask", "1 s..2 s", "--loss", "huber"]
     assert run([*call, "--settle", "250ms", "--seed", "3", "--history", "rest"]) == 0
     out, err = capsys.readouterr()
     assert out.startswith("creep: of 7 recordings 6 fitted, 1 unreadable.\n")
@@ -672,6 +739,8 @@ def test_the_command(data, quick, capsys):
     assert err == ""
     told = (quick[0]["history"], quick[0]["settling"], quick[0]["seed"], quick[0]["starts"])
     assert told == ("rest", 25, 3, 4)
+    told = {name: quick[0][name] for name in ("bounds", "mask", "loss")}
+    assert told == {"bounds": {"mu": (0.001, 0.1)}, "mask": ((1.0, 2.0),), "loss": "huber"}
     assert run([*call, "--seed", "1"]) == 2
     assert "give another --out" in failure(capsys)
 

@@ -11,9 +11,10 @@ import pytest
 import fracjax as fj
 from fracjax._fit import _fit as fitting
 from fracjax._fit import compress, layout_of, prepare
+from fracjax._fit._asked import constrained
 from fracjax._fit._box import with_gradient
 from fracjax._fit._compressed import columns_at
-from fracjax._fit._fit import constrained, fit_block, solve_from, starts_of
+from fracjax._fit._fit import fit_block, solve_from, starts_of
 from fracjax._fit._interpolation import _greedy
 from fracjax._fit._layout import placed, with_gains
 from fracjax._fit._least_squares import Objective

@@ -27,6 +27,7 @@ from fracjax._fit._box import (
 )
 from fracjax._fit._evolution import DifferentialEvolution
 from fracjax._fit._layout import layout_of, placed, position_of
+from fracjax._fit._least_squares import Objective
 from fracjax._fit._swarm import ParticleSwarm
 from fracjax._parameters import named_parameters, set_values
 from fracjax._report import write_report
@@ -283,7 +284,7 @@ def sabotaged(checked) -> Crosscheck:
         problems = preparation.problems()
         cost = cost_at(block, problems, position_of(block))
         return _crosscheck.solved_at(
-            block, position_of(block), preparation,
+            Objective(block, problems), position_of(block), preparation,
             converged=True, costs=(float(cost),), evaluations=1,
         )  # fmt: skip
 
@@ -362,7 +363,9 @@ def answer(monkeypatch, result: Crosscheck) -> list[dict]:
 
 def test_the_command_prints_one_table(loop, checked, monkeypatch, capsys):
     calls = answer(monkeypatch, checked)
-    assert run(["crosscheck", loop, "--model", "foh", "--seed", "7", "--settle", "0.1 s"]) == 0
+    asked = ["--fix", "beta=-0.1", "--bound", "alpha=0..0.5", "--mask", "1 s..1.1 s"]
+    call = ["crosscheck", loop, "--model", "foh", "--seed", "7", "--settle", "0.1 s"]
+    assert run([*call, *asked]) == 0
     out, err = capsys.readouterr()
     assert err == ""
     assert out.startswith("foh on three_tones.csv: no method finds less than the gradient fit's")
@@ -374,6 +377,7 @@ def test_the_command_prints_one_table(loop, checked, monkeypatch, capsys):
     assert "Written" not in out
     assert calls[0] | {"recordings": None} == {
         "model": "foh", "recordings": None, "history": None, "settling": 50, "seed": 7,
+        "fixed": {"beta": -0.1}, "bounds": {"alpha": (0.0, 0.5)}, "mask": ((1.0, 1.1),),
     }  # fmt: skip
     assert [path.name for path in Path.cwd().iterdir()] == ["loop.csv"]
 
@@ -432,6 +436,31 @@ def test_a_linear_fit_is_refused():
     model = fj.parse_model("foh")
     with pytest.raises(fj.InputError, match=r"foh: expected a free parameter that is no gain"):
         fj.crosscheck(model, recording(), fixed=HELD | {"alpha": 0.1})
+
+
+def test_a_masked_stretch_counts_in_no_search():
+    """All methods minimise over the same samples: none ends above the others for a spoilt one."""
+    clean = recording()
+    response = clean.response.copy()
+    spoilt = (clean.times >= 0.5) & (clean.times <= 0.6)
+    response[spoilt] += 100.0
+    found = fj.crosscheck(
+        fj.parse_model("foh"), replace(clean, response=response), noise=NOISE, fixed=HELD,
+        bounds=KEPT, mask=[(0.5, 0.6)], starts=2, population=8, iterations=40,
+    )  # fmt: skip
+    assert found.fit.preparation.takes[0].used.sum() == np.count_nonzero(~spoilt)
+    eliminated = [row for row in found.rows if "all parameters" not in row.method]
+    assert all(row.over_best < 1.1 for row in eliminated)
+    assert found.rows[0].rmse < 1.1 * NOISE.sigma
+
+
+def test_what_the_searches_do_not_know_is_refused():
+    with pytest.raises(fj.InputError, match=r"found priors; the searches know none"):
+        fj.crosscheck(
+            fj.parse_model("foh"),
+            recording(),
+            priors={"alpha": fj.Normal(0.1, 0.1)},  # type: ignore[call-arg]
+        )
 
 
 @pytest.mark.parametrize("sizes", [{"population": 3}, {"iterations": 0}])

@@ -81,11 +81,17 @@ def test_the_true_parameters_are_recovered(recovered):
 
 
 def test_the_simulation_is_the_model_at_the_samples(recovered):
-    """All but the last two samples, where central differences look beyond the record."""
+    """The last too, whose rate looks beyond the record."""
     grid = fj.Grid(STEP, "constant")
     found = recovered.model.block(jnp.asarray(DRIVE), grid) + recovered.offsets[0]
     size = np.ptp(CLEAN)
-    np.testing.assert_allclose(recovered.simulations[0][:-2], found[:-2], rtol=0, atol=1e-9 * size)
+    np.testing.assert_allclose(recovered.simulations[0], found, rtol=0, atol=1e-9 * size)
+
+
+def test_the_last_samples_are_as_good_as_the_others(recovered):
+    """FOH's rate there needs samples that were never taken: going straight on, it cost 10 sigma."""
+    error = recovered.simulations[0] - CLEAN
+    assert np.abs(error[-4:] - error[:-4].mean()).max() < SIGMA
 
 
 def test_intervals_of_95_percent_cover_the_truth():
@@ -276,10 +282,12 @@ def test_programs_are_forgotten_before_the_process_runs_out_of_maps(tmp_path, mo
     make_room()
     assert compiled._cache_size() == 1  # type: ignore[attr-defined]
     (tmp_path / "limit").write_text("100\n")
+    _programs._look.cache_clear()
     monkeypatch.setattr(_programs, "_LIMIT", tmp_path / "limit")
     make_room()
     assert compiled._cache_size() == 0  # type: ignore[attr-defined]
     monkeypatch.setattr(_programs, "_MAPS", tmp_path / "no such system")
+    _programs._look.cache_clear()
     make_room()
 
 

@@ -318,13 +318,40 @@ def test_rate_is_exact_on_polynomials_of_degree_four(history):
 
 
 def test_rate_at_the_ends():
-    """Held before the first sample, straight on after the last; wrapped where periodic."""
+    """Held before the first sample, foretold after the last; wrapped where periodic."""
     ramp = jnp.arange(20.0)
     found = rate(ramp, Grid(1.0, "constant"))
     close(found[2:], np.ones(18), 1e-12)
     assert 0 < float(found[0]) < 1
     angles = 2 * np.pi * np.arange(400) / 400
     close(rate(jnp.sin(angles), Grid(angles[1], "periodic")), np.cos(angles), 1e-8)
+
+
+@pytest.mark.parametrize("samples", [40, 80, 160])
+def test_rate_at_the_last_sample_of_a_sine(samples):
+    """Of third order: at 40 samples a period it errs by less than 0.2 % of the largest rate, where
+    a straight line errs by 5 %."""
+    for phase in np.linspace(0, 2 * np.pi, 16):
+        angles = 2 * np.pi * np.arange(3 * samples) / samples + phase
+        found = np.asarray(rate(jnp.sin(angles), Grid(2 * np.pi / samples, "constant")))
+        bound = 1.05 * (2 * np.pi / samples) ** 3 / 4
+        assert np.abs(found - np.cos(angles))[-2:].max() < bound + (2 * np.pi / samples) ** 4
+
+
+@pytest.mark.parametrize("after", [3, 4, 6, 20])
+def test_rate_after_a_corner_is_that_of_the_line(after):
+    """A cubic through the corner would miss by several times the rate."""
+    signal = 10.0 - np.abs(np.arange(50.0) - (49 - after))
+    found = np.asarray(rate(jnp.asarray(signal), Grid(1.0, "constant")))
+    np.testing.assert_allclose(found[-1], -1.0, rtol=1e-12)
+
+
+def test_rate_of_noise_goes_straight_on():
+    generator = np.random.default_rng(0)
+    ramps = np.arange(60.0) + generator.standard_normal((400, 60))
+    found = np.array([rate(jnp.asarray(ramp), Grid(1.0, "constant"))[-1] for ramp in ramps])
+    # Straight on it is (7, -8, 1)/6, whose noise is 1.78; through a cubic 3.84.
+    assert np.std(found - 1) < 2.0
 
 
 # Interpolation ------------------------------------------------------------------------------------

@@ -1,18 +1,19 @@
 """FOH fitted by fracjax's cross-check and by its peers, in one run and one table.
 
-    python -m benchmarks.fitting.run --out benchmarks/fitting/results.csv
+    python -m benchmarks.fitting.run
 
 Two recordings with 0.1 % of noise from the exam's simulator, which shares no numerics with any of
 the methods: several tones, which determine alpha, and one at 1 Hz, which hardly does.  A run is at
 the floor when its rmse is within 1 % of the least that any method reached; the table says how large
 a share of a method's starts or seeds came there.  Seconds are those of all its starts together,
-warm unless the row says otherwise.  Peers that are not installed are left out: pyswarms, cma.
+warm unless the row says otherwise; at the end they are told per arrival at the floor, over those of
+fracjax's gradient fit.  Peers that are not installed are left out: pyswarms, cma.  A quarter of an
+hour at full size, most of it the peers'; a case that the table holds is done.
 """
 
 from __future__ import annotations
 
 import argparse
-import csv
 import importlib
 import time
 import warnings
@@ -22,18 +23,23 @@ from pathlib import Path
 
 import jax
 import numpy as np
+import optimistix
 import scipy.fft
 from scipy.optimize import differential_evolution, least_squares
 
 import fracjax as fj
 from benchmarks.concealed.truth import BASES, OVER
-from benchmarks.versions import versions
+from benchmarks.fitting.tables import HERE, Table
+from fracjax._fit import prepare
+from fracjax._fit._layout import placed
+from fracjax._fit._variable_projection import projected_residual
 
 STEP = 2e-3  # s
 LAW = {"alpha": 0.14, "beta": -0.13, "k_l": 0.07, "k_h": 0.04, "k_p": 1.5e-6}
 NOISE = 1e-3  # of the span
 ORDER, ROOM = 0.95, 3.0
 AT_FLOOR = 1.01
+GRADIENT = "fracjax, gradient fit"
 PACKAGES = ("fracjax", "jax", "jaxlib", "optimistix", "jaxopt", "numpy", "scipy", "pyswarms", "cma")
 COLUMNS = ("case", "samples", "method", "rmse_over_noise", "at_floor", "of", "evaluations",
            "seconds", "note")  # fmt: skip
@@ -134,6 +140,38 @@ def repeated(name: str, model: Foh, runs: int, one: Callable[[int], float], note
 # The methods --------------------------------------------------------------------------------------
 
 
+def by_optimistix(recording: fj.Recording, starts: int) -> Outcome:
+    """Levenberg–Marquardt on fracjax's compiled residual with gains eliminated, orders by a
+    logistic curve between their bounds."""
+    block = fj.parse_model("foh").block
+    with jax.enable_x64(True):
+        problems = prepare([recording], history="constant", settling=0).problems()
+        solver = optimistix.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
+
+        @jax.jit
+        def solved(start: jax.Array) -> tuple[jax.Array, jax.Array]:
+            def residual(z: jax.Array, _: None) -> jax.Array:
+                return projected_residual(placed(block, jax.nn.sigmoid(z)), problems)
+
+            found = optimistix.least_squares(residual, solver, start, max_steps=100, throw=False)
+            left = residual(found.value, None)
+            return jax.numpy.sqrt(jax.numpy.mean(left[: len(recording)] ** 2)), found.stats[
+                "num_steps"
+            ]
+
+        generator = np.random.default_rng(0)
+        positions = generator.uniform(-1.5, 1.5, (starts, 2))
+        jax.block_until_ready(solved(positions[0]))
+        began = time.perf_counter()
+        ended = [solved(position) for position in positions]
+        rmse = tuple(float(found) for found, _ in ended)
+        seconds = time.perf_counter() - began
+    steps = sum(int(count) for _, count in ended)
+    return Outcome(
+        "optimistix LM, gains eliminated", rmse, steps, seconds, "steps, not evaluations"
+    )
+
+
 def by_peers(recording: fj.Recording, starts: int, seeds: int, swarm: tuple) -> Iterator[Outcome]:
     model = Foh(recording)
     low, high, (particles, iterations) = model.low, model.high, swarm
@@ -195,7 +233,7 @@ def by_fracjax(recording: fj.Recording, starts: int, seeds: int, swarm: tuple) -
     cold = fj.fit(model, recording, **options)
     seconds = time.perf_counter() - began
     floors = tuple(cold.scores.rmse * np.sqrt(c / min(cold.start_costs)) for c in cold.start_costs)
-    name = "fracjax, gradient fit (optimistix)"
+    name = GRADIENT
     note = "cold: with compilation; poor starts are given up early"
     checks = [
         fj.crosscheck(
@@ -230,6 +268,7 @@ def rows_for(case: str, samples: int, starts: int, seeds: int, swarm: tuple) -> 
     recording, sigma = record(CASES[case], samples)
     outcomes = [
         *by_fracjax(recording, starts, seeds, swarm),
+        by_optimistix(recording, starts),
         *by_peers(recording, starts, seeds, swarm),
     ]
     floor = min(min(outcome.rmse) for outcome in outcomes)
@@ -240,27 +279,39 @@ def rows_for(case: str, samples: int, starts: int, seeds: int, swarm: tuple) -> 
         values = (case, samples, found.method, ratio, arrived, len(found.rmse),
                   found.evaluations or "", f"{found.seconds:.3g}", found.note)  # fmt: skip
         rows.append(dict(zip(COLUMNS, values, strict=True)))
-        print(*(f"{value}" for value in values), sep="  ", flush=True)
     return rows
 
 
+def told(rows: list[dict[str, str]]) -> None:
+    """Seconds per arrival at the floor, over those of the gradient fit, method by method."""
+    for case in dict.fromkeys(row["case"] for row in rows):
+        those = [row for row in rows if row["case"] == case]
+        per_arrival = {
+            row["method"]: float(row["seconds"]) / int(row["at_floor"])
+            for row in those
+            if int(row["at_floor"]) and not row["note"].startswith("cold")
+        }
+        print(f"{case}: seconds per arrival at the floor, in those of {GRADIENT}")
+        for row in those:
+            if not row["note"].startswith("cold"):
+                ratio = per_arrival.get(row["method"], np.inf) / per_arrival[GRADIENT]
+                print(f"  {row['method']:42s} {ratio:10.3g}  ({row['at_floor']} of {row['of']})")
+
+
 def main() -> None:
-    """Write the table."""
-    parser = argparse.ArgumentParser(description=main.__doc__)
-    parser.add_argument("--out", type=Path, required=True)
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--out", type=Path, default=HERE / "results.csv")
     parser.add_argument("--samples", type=int, default=5000)
     parser.add_argument("--starts", type=int, default=16)
     parser.add_argument("--seeds", type=int, default=5)
     parser.add_argument("--swarm", type=int, nargs=2, default=(40, 200), metavar=("P", "T"))
     options = parser.parse_args()
-    with options.out.open("w", newline="") as file:
-        file.write(versions(PACKAGES))
-        table = csv.DictWriter(file, COLUMNS)
-        table.writeheader()
-        for case in CASES:
-            table.writerows(
-                rows_for(case, options.samples, options.starts, options.seeds, tuple(options.swarm))
-            )
+    table = Table(options.out, COLUMNS, ("case", "samples"), PACKAGES)
+    for case in CASES:
+        if (case, str(options.samples)) not in table.done():
+            swarm = tuple(options.swarm)
+            table.add(rows_for(case, options.samples, options.starts, options.seeds, swarm))
+    told(table.rows())
 
 
 if __name__ == "__main__":

@@ -14,8 +14,11 @@ import equinox as eqx
 import numpy as np
 import pyarrow as pa
 
-from .._fit import Fit, Past, fit, layout_of, settling_samples
+from .._fit import Fit, Past, fit, settling_samples
+from .._fit._asked import OfModel, conditioned
+from .._fit._conditions import numbers_of
 from .._fit._problem import setting_of
+from .._fit._robust import shape_of
 from .._models import Model, parse_model
 from .._recording import InputError, Recording
 from ._jobs import Job
@@ -23,6 +26,7 @@ from ._jobs import Job
 SCHEMA = "fracjax.batch/1"
 STATUSES = ("fitted", "not converged", "unreadable", "failed")
 SETTINGS = b"fracjax.settings"
+_VERSION = version("fracjax")
 _TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
 
 Row = dict[str, Any]
@@ -35,7 +39,8 @@ class Work:
     """What is done to every recording alike.
 
     A model's name is made a model for each recording anew, with effects of the size that suits it.
-    `settling`: samples, or a time such as "1 s"; `columns`: the options of `read`.
+    `settling`: samples, or a time such as "1 s"; `columns`: the options of `read`; `asked`: other
+    keywords of `fit`, where they ask for something.
     """
 
     model: Model | str
@@ -44,6 +49,7 @@ class Work:
     starts: int
     seed: int
     columns: dict[str, Any] = field(default_factory=dict)
+    asked: dict[str, Any] = field(default_factory=dict)
 
     def typical(self) -> Model:
         """The model, or one of its name for a stack of common size."""
@@ -59,6 +65,10 @@ class Work:
         given = {name: value for name, value in self.columns.items() if value is not None}
         with np.printoptions(precision=17, threshold=sys.maxsize):
             exact = eqx.tree_pformat(self.typical(), short_arrays=False)
+            wishes = {
+                name: " ".join(eqx.tree_pformat(wish, short_arrays=False).split())
+                for name, wish in self.asked.items()
+            }
         return {
             "schema": SCHEMA,
             "model": self.typical().name,
@@ -69,7 +79,15 @@ class Work:
             "starts": str(self.starts),
             "seed": str(self.seed),
             **{name: str(value) for name, value in given.items()},
+            **wishes,
         }
+
+    def labels(self) -> tuple[str, ...]:
+        """What is fitted, by name.  Raises InputError where what is asked makes no sense."""
+        shape_of(self.asked.get("loss", "least_squares"))
+        of_model = {n: w for n, w in self.asked.items() if n in OfModel.__annotations__}
+        block, conditions = conditioned(self.typical(), **of_model)
+        return numbers_of(block, 1, conditions).labels
 
     def blank(self) -> Row:
         """The row of a recording that was not fitted: every column, in order."""
@@ -80,7 +98,7 @@ class Work:
             "step_s": np.nan,
             **dict.fromkeys(("drive_unit", "response_unit"), ""),
         }
-        for label in layout_of(model.block).labels:
+        for label in self.labels():
             row |= dict.fromkeys((f"{label}.value", f"{label}.standard_error"), np.nan)
             row |= dict.fromkeys((f"{label}.low", f"{label}.high"), np.nan)
             row |= {f"{label}.unit": "", f"{label}.identified": False, f"{label}.at_bound": False}
@@ -95,7 +113,7 @@ class Work:
             "oversampling": 0,
             "converged": False,
             "model": model.name,
-            "fracjax_version": version("fracjax"),
+            "fracjax_version": _VERSION,
             "schema": SCHEMA,
             "key": "",
             "digest": "",
@@ -129,6 +147,7 @@ def row_of(job: Job, work: Work) -> Row:
             settling=None if settling is None else settling_samples(settling, recording),
             starts=work.starts,
             seed=work.seed,
+            **work.asked,
         )
     except Exception as error:
         return row | {"status": "failed", "reason": sentence(error)}

@@ -10,7 +10,19 @@ import click
 from ._files import folder
 from ._given import Given
 from ._jax import prepare_jax
-from ._options import folder_option, model_option, takes_given, takes_results
+from ._options import (
+    bound_option,
+    fix_option,
+    folder_option,
+    loss_option,
+    mask_option,
+    model_option,
+    prior_option,
+    takes_asked,
+    takes_given,
+    takes_results,
+    tie_option,
+)
 from ._progress import bar
 from ._results import Results, Summary
 from ._statuses import NOT_CONVERGED, UNUSABLE, fail
@@ -29,6 +41,7 @@ _NOTES = 5
 @click.option(
     "--cluster", metavar="ADDRESS", help="Of a dask scheduler, whose workers do the fits."
 )
+@takes_asked(fix_option, bound_option, prior_option, tie_option, mask_option, loss_option)
 @takes_given
 @takes_results
 def batch_command(
@@ -36,6 +49,7 @@ def batch_command(
     name: str,
     out: Path,
     cluster: str | None,
+    asked: dict[str, Any],
     given: Given,
     results: Results,
 ) -> int:
@@ -63,6 +77,7 @@ def batch_command(
                     settling=given.settle,
                     seed=given.seed,
                     progress=progress,
+                    **asked,
                 )
         finally:
             if (out / FITS).exists():

@@ -4,13 +4,23 @@ from __future__ import annotations
 
 from contextlib import nullcontext
 from pathlib import Path
+from typing import Any
 
 import click
 
 from ._files import folder
 from ._given import Given
 from ._jax import prepare_jax
-from ._options import model_option, recordings_argument, takes_given, takes_results
+from ._options import (
+    bound_option,
+    fix_option,
+    mask_option,
+    model_option,
+    recordings_argument,
+    takes_asked,
+    takes_given,
+    takes_results,
+)
 from ._progress import stages
 from ._results import Results, Summary
 from ._statuses import status_of
@@ -21,10 +31,16 @@ from ._tables import doubts
 @recordings_argument
 @model_option
 @click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="For the results.")
+@takes_asked(fix_option, bound_option, mask_option)
 @takes_given
 @takes_results
 def crosscheck_command(
-    recordings: tuple[str, ...], name: str, out: Path | None, given: Given, results: Results
+    recordings: tuple[str, ...],
+    name: str,
+    out: Path | None,
+    asked: dict[str, Any],
+    given: Given,
+    results: Results,
 ) -> int:
     """Fit a model by gradients, bounded L-BFGS, particle swarm and evolution, side by side.
 
@@ -40,7 +56,7 @@ def crosscheck_command(
 
     prepare_jax()
     with nullcontext() if out is None else folder(out), stages(results.quiet) as progress:
-        found = crosscheck(model, taken, progress=progress, **how)
+        found = crosscheck(model, taken, progress=progress, **how, **asked)
         if out is not None:
             progress("writing the report")
             results.save(found.save, out / "crosscheck.json")

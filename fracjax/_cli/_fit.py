@@ -12,29 +12,27 @@ from ._files import folder
 from ._fit_table import fit_table
 from ._given import Given
 from ._jax import prepare_jax
-from ._options import folder_option, options, recordings_argument, takes_given, takes_results
+from ._options import (
+    bound_option,
+    fix_option,
+    folder_option,
+    loss_option,
+    mask_option,
+    own_option,
+    prior_option,
+    recordings_argument,
+    takes_asked,
+    takes_given,
+    takes_results,
+    tie_option,
+)
 from ._progress import stages
 from ._results import Results, Summary
 from ._statuses import status_of
 from ._tables import doubts, parameter_figures
 
 if TYPE_CHECKING:
-    from .._fit import Comparison, Fit, Loss
-
-_asking = options(
-    click.option("--fix", multiple=True, metavar='"alpha=0.1"', help="Hold a parameter."),
-    click.option("--bound", multiple=True, metavar='"alpha=0.05..0.2"', help="Narrow its range."),
-    click.option(
-        "--prior", multiple=True, metavar='"alpha=0.1±0.02"', help="What was known of it (or +-)."
-    ),
-    click.option(
-        "--tie", multiple=True, metavar='"second.mu=2*first.alpha"', help="Let one equal another."
-    ),
-    click.option(
-        "--own", multiple=True, metavar="NAME", help="A value of its own for every recording."
-    ),
-    click.option("--mask", multiple=True, metavar='"3 s..4 s"', help="Leave out these times."),
-)
+    from .._fit import Comparison, Fit
 
 
 @click.command("fit")
@@ -53,13 +51,14 @@ _asking = options(
     is_flag=True,
     help="Of a table of frequency, amplitude and phase, by a linear law.",
 )
-@_asking
-@click.option(
-    "--loss",
-    type=click.Choice(["least_squares", "huber", "soft_l1", "student_t"]),
-    default="least_squares",
-    show_default=True,
-    help="All but the first let outliers weigh less.",
+@takes_asked(
+    fix_option,
+    bound_option,
+    prior_option,
+    tie_option,
+    own_option,
+    mask_option,
+    loss_option,
 )
 @takes_given
 @takes_results
@@ -70,10 +69,9 @@ def fit_command(
     unseen: tuple[str, ...],
     profiled: tuple[str, ...],
     of_frequency: bool,
-    loss: Loss,
+    asked: dict[str, Any],
     given: Given,
     results: Results,
-    **asked: Any,
 ) -> int:
     """Fit models to recordings, jointly where there are several.
 
@@ -84,11 +82,11 @@ def fit_command(
     """
     if of_frequency:
         return fit_table(recordings, names, out, given, results, asked)
-    from .._fit import compared, fit, options_for, options_of, with_profiles
+    from .._fit import compared, fit, options_for, with_profiles
     from .._report import write_report
     from .._report._text import file_name
 
-    wishes = options_of(**asked) | {"profiled": profiled}
+    wishes = asked | {"profiled": profiled}
     taken, models = given.understood(recordings, names)
     how = given.how(taken)
     held_out = [given.read(path) for path in unseen]
@@ -100,7 +98,7 @@ def fit_command(
         for model in models:
             told = options_for(wishes, model.parameters.keys(), everything)
             wanted = told.pop("profiled")
-            found = fit(model, taken, loss=loss, progress=progress, **how, **told)
+            found = fit(model, taken, progress=progress, **how, **told)
             fits.append(with_profiles(found, wanted, progress))
             if len(models) > 1:
                 results.save(fits[-1].save, out / f"fit_{file_name(model.name)}.json")

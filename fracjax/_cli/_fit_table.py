@@ -29,15 +29,14 @@ def fit_table(
     asked: dict[str, Any],
 ) -> int:
     """Fit each of the models to the one table, tell of it and return the exit status."""
-    from .._fit import fit_frequency_response, options_for, options_of, read_frequency_table
+    from .._fit import fit_frequency_response, options_for, read_frequency_table
     from .._models import parse_model
     from .._report import write_report
     from .._report._text import file_name
 
-    wishes = options_of(**asked)
-    if len(paths) > 1 or wishes.keys() & {"mask", "own"}:
+    if len(paths) > 1 or asked.keys() & {"mask", "own", "loss"}:
         raise click.UsageError(
-            "--frequency-response takes one table, and neither --mask nor --own",
+            "--frequency-response takes one table, and neither --mask nor --own nor --loss",
             click.get_current_context(),
         )
     units = given.columns["input_unit"], given.columns["output_unit"]
@@ -48,7 +47,7 @@ def fit_table(
     with folder(out), stages(results.quiet) as progress:
         fits = []
         for model in models:
-            told = options_for(wishes, model.parameters.keys(), everything)
+            told = options_for(asked, model.parameters.keys(), everything)
             fits.append(
                 fit_frequency_response(model, table, seed=given.seed, progress=progress, **told)
             )

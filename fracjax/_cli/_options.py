@@ -82,6 +82,34 @@ _settle = click.option(
 _seed = click.option("--seed", type=int, default=0, show_default=True, help="Of random starts.")
 
 
+# What is asked of parameters and samples ----------------------------------------------------------
+
+fix_option = click.option("--fix", multiple=True, metavar='"alpha=0.1"', help="Hold a parameter.")
+bound_option = click.option(
+    "--bound", multiple=True, metavar='"alpha=0.05..0.2"', help="Narrow its range."
+)
+prior_option = click.option(
+    "--prior", multiple=True, metavar='"alpha=0.1±0.02"', help="What was known of it (or +-)."
+)
+tie_option = click.option(
+    "--tie", multiple=True, metavar='"second.mu=2*first.alpha"', help="Let one equal another."
+)
+own_option = click.option(
+    "--own", multiple=True, metavar="NAME", help="A value of its own for every recording."
+)
+mask_option = click.option(
+    "--mask", multiple=True, metavar='"3 s..4 s"', help="Leave out these times."
+)
+loss_option = click.option(
+    "--loss",
+    type=click.Choice(["least_squares", "huber", "soft_l1", "student_t"]),
+    default="least_squares",
+    show_default=True,
+    help="All but the first let outliers weigh less.",
+)
+_ASKED = ("fix", "bound", "prior", "tie", "own", "mask", "loss")
+
+
 # What reaches a command as one argument -----------------------------------------------------------
 
 
@@ -95,6 +123,24 @@ def takes_given(command: Callable) -> Callable:
         return command(given=Given(columns, history, settle, seed), **others)
 
     return called
+
+
+def takes_asked(*listed: Callable) -> Callable:
+    """What is asked of parameters and samples, which reaches the command as `asked`: the keywords
+    of `fit` that say the same."""
+
+    def decorate(command: Callable) -> Callable:
+        @options(*listed)
+        @wraps(command)
+        def called(**others: Any) -> int:
+            from .._fit import options_of
+
+            written = {name: others.pop(name) for name in _ASKED if name in others}
+            return command(asked=options_of(**written), **others)
+
+        return called
+
+    return decorate
 
 
 def takes_results(command: Callable) -> Callable:

@@ -7,11 +7,21 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from .._blocks import FOH, AbstractBlock, AbstractLinearBlock, FOHRateTerm, SingleOperator
+from .._blocks import (
+    FOH,
+    AbstractBlock,
+    AbstractLinearBlock,
+    FOHLinear,
+    FOHRateTerm,
+    SingleOperator,
+)
 from .._blocks._block import Parallel, Series
 from .._operators import Grid, Laplace
 from .._operators._convolution_quadrature import quadrature_symbol
-from .._parameters import replace_parameters
+from .._parameters import Parameter, replace_parameters
+
+# Made once: a search takes a block apart thousands of times.
+_LINEAR, _OPERATOR = FOHLinear(), SingleOperator()
 
 
 class Chain(NamedTuple):
@@ -31,10 +41,10 @@ def chains_of(block: AbstractBlock) -> tuple[Chain, ...] | None:
         case AbstractLinearBlock():
             return (Chain(block),)
         case FOHRateTerm():
-            operator = replace_parameters(SingleOperator(), {"k": block.k_p, "mu": block.beta})
-            return (Chain(operator, rated=True),)
+            return (_rated(block.k_p, block.beta),)
         case FOH():
-            return (Chain(block.linear_part), *(chains_of(block.rate_term) or ()))
+            linear = {"k_l": block.k_l, "k_h": block.k_h, "alpha": block.alpha}
+            return Chain(replace_parameters(_LINEAR, linear)), _rated(block.k_p, block.beta)
         case Parallel():
             first, second = chains_of(block.first), chains_of(block.second)
             return None if first is None or second is None else first + second
@@ -44,6 +54,11 @@ def chains_of(block: AbstractBlock) -> tuple[Chain, ...] | None:
                 return None
             return tuple(_followed(chain, block.second) for chain in first)
     return None
+
+
+def _rated(gain: Parameter, order: Parameter) -> Chain:
+    """The chain k |u̇| D^μ u."""
+    return Chain(replace_parameters(_OPERATOR, {"k": gain, "mu": order}), rated=True)
 
 
 def _is_law(block: AbstractBlock) -> bool:

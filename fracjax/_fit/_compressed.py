@@ -18,6 +18,8 @@ Sources: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413; `_interpolation`.
 
 from __future__ import annotations
 
+from dataclasses import dataclass, field
+from functools import lru_cache
 from typing import Any, NamedTuple
 
 import equinox as eqx
@@ -29,7 +31,7 @@ from .._blocks import AbstractBlock
 from .._operators import Grid
 from .._parameters import set_values
 from ._chains import Chain, chains_of
-from ._interpolation import Interpolation, placed_together, unit_gains
+from ._interpolation import Interpolation, shapes_at, unit_gains
 from ._layout import layout_of
 from ._least_squares import least
 from ._problem import AbstractProblem, Problem
@@ -144,10 +146,10 @@ def _compressed(
 ) -> tuple[CompressedProblem, _Fresh]:
     pieces = [np.asarray(problem.own), span.signals, span.fresh]
     ends = np.cumsum([piece.shape[1] for piece in pieces])
-    signals = np.concatenate([*pieces, np.asarray(problem.response)[:, None]], axis=1)
     if taps == 1:
-        orthonormal, rows = None, np.linalg.qr(problem.whiten(signals), mode="r")
+        orthonormal, rows = None, _rows_of(span, problem)
     else:
+        signals = np.concatenate([*pieces, np.asarray(problem.response)[:, None]], axis=1)
         last = int(np.flatnonzero(problem.weights)[-1])
         orthonormal, rows = np.linalg.qr(signals[: last + 1])
     owned, spanning, tried, response = np.split(rows, ends, axis=1)
@@ -175,6 +177,40 @@ def _compressed(
     )
     tried = np.moveaxis(tried[held:].reshape(len(rows) - held, FRESH, -1), 1, 0)
     return compressed, _Fresh(tried, response[held:], basis)
+
+
+def _rows_of(span: Span, problem: Problem) -> np.ndarray:
+    """The triangle of whitened own terms, signals and response, by one QR; of recordings that share
+    a drive and a whitening, by one QR for all of them and a projection each."""
+    facts = (problem.weights, problem.whitening, problem.own)
+    frame = _frame(span.key, b"".join(np.asarray(fact).tobytes() for fact in facts))
+    response = problem.whiten(np.asarray(problem.response))
+    if frame.triangle is None:
+        signals = np.concatenate([np.asarray(problem.own), span.signals, span.fresh], axis=1)
+        whitened = problem.whiten(signals)
+        if not frame.asked:
+            # Its basis would cost as much again, and most drives never come back.
+            frame.asked = True
+            return np.asarray(np.linalg.qr(np.column_stack([whitened, response]), mode="r"))
+        frame.basis, frame.triangle = np.linalg.qr(whitened)
+    along = frame.basis.T @ response
+    beside = np.linalg.norm(response - frame.basis @ along)
+    return np.block([[frame.triangle, along[:, None]], [np.zeros_like(along), beside]])
+
+
+@dataclass
+class _Frame:
+    """An orthonormal basis (L, M) of whitened signals and their triangle (M, M), once they were
+    asked for a second time."""
+
+    asked: bool = False
+    basis: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+    triangle: np.ndarray | None = None
+
+
+@lru_cache(maxsize=4)
+def _frame(span: tuple, whitening: bytes) -> _Frame:
+    return _Frame()
 
 
 def _parts(span: Span, rows: np.ndarray) -> tuple[Part, ...]:
@@ -240,10 +276,11 @@ def columns_at(
 ) -> np.ndarray:
     """Compressed responses (K, 1 + g, m) at positions (K, n): with gains of zero, and the
     derivative by each gain; nothing is compiled."""
-    units = unit_gains(layout_of(block))
-    together = placed_together(block, np.repeat(positions, len(units), axis=0))
+    layout = layout_of(block)
+    units = unit_gains(layout)
+    shapes = shapes_at(block, layout, np.repeat(positions, len(units), axis=0))
     gains = {n: np.tile([unit[n] for unit in units], len(positions))[:, None] for n in units[0]}
-    found = problem.simulate(set_values(together, gains))
+    found = problem.simulate(set_values(block, shapes | gains))
     shape = len(positions), len(units), problem.response.size
     columns = np.broadcast_to(found, (shape[0] * shape[1], shape[2])).reshape(shape).copy()
     columns[:, 1:] -= columns[:, :1]

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import equinox as eqx
 import jax
@@ -15,8 +15,9 @@ import numpy as np
 
 from .._blocks import AbstractBlock
 from .._models import Model
-from .._parameters import named_parameters, replace_parameters
+from .._parameters import named_parameters
 from .._recording import InputError, Recording
+from ._asked import Sought
 from ._bounded import bounded, require_jaxopt
 from ._box import Found, dimension, objective, with_bounded_gains, with_bounded_shapes
 from ._evolution import DifferentialEvolution
@@ -24,10 +25,9 @@ from ._fit import (
     Fit,
     Progress,
     Solved,
-    constrained,
     fit_block,
     fit_of,
-    prepare,
+    ready,
     scores_of,
     settle,
     silent,
@@ -35,6 +35,7 @@ from ._fit import (
     starts_of,
 )
 from ._layout import Layout, layout_of
+from ._least_squares import Objective
 from ._noise import Noise
 from ._preparation import Past, Preparation
 from ._problem import Problem
@@ -119,13 +120,12 @@ def crosscheck(
     noise: Noise | None = None,
     history: Past | None = None,
     settling: int | None = None,
-    fixed: dict[str, float] | None = None,
-    bounds: dict[str, tuple[float, float]] | None = None,
     starts: int = 8,
     population: int = 40,
     iterations: int = 200,
     seed: int = 0,
     progress: Progress = silent,
+    **asked: Unpack[Sought],
 ) -> Crosscheck:
     """Fit a model by gradients, by bounded L-BFGS, by a particle swarm and by evolution.
 
@@ -133,18 +133,19 @@ def crosscheck(
     its own starts: `starts` points for the two that follow gradients, `population` × `iterations`
     evaluations for the others.  These search twice: with gains eliminated, as the gradient fit
     does, and over all parameters, as the papers do.  A recording's own offset is always eliminated.
-    Errors are in the response's unit.  Arguments as in `fit`.  Raises InputError where jaxopt is
-    not installed, and as `fit` does.
+    Arguments as in `fit`, of what is `asked` those that every search knows: fixed, bounds, weights
+    and mask.  Errors are in the response's unit.  Raises InputError for others, where jaxopt is not
+    installed, and as `fit` does.
     """
     listed = [recordings] if isinstance(recordings, Recording) else list(recordings)
     require_jaxopt()  # before minutes are spent
     with jax.enable_x64(True):
-        block = replace_parameters(
-            model.block, constrained(model.parameters, fixed or {}, bounds or {})
+        block, preparation = ready(
+            model, listed, noise=noise, history=history, settling=settling, **asked
         )
+        _require_plain(preparation)
         _require_searchable(model.name, block, population, iterations)
         progress(f"fitting {model.name}")
-        preparation = prepare(listed, noise=noise, history=history, settling=settling)
         first, preparation = settle(block, preparation, history=history, starts=starts, seed=seed)
         block = with_bounded_shapes(block, first.block)
         # Once more on what was settled, as the others will: its programs are compiled by now.
@@ -169,6 +170,16 @@ def crosscheck(
                 progress(f"searching by {method}")
                 ways.append(_by_search(method, search, searched, preparation, generator))
         return _compared(model, ways, layout_of(block), freed, preparation)
+
+
+def _require_plain(preparation: Preparation) -> None:
+    if asked := preparation.conditions:
+        told = {"priors": asked.priors, "tied": asked.ties, "own": asked.own}
+        raise InputError(
+            "crosscheck: expected parameters fixed or bounded at most, found "
+            f"{', '.join(name for name, names in told.items() if names)}; the searches know none "
+            "of these, leave them out"
+        )
 
 
 def _require_searchable(name: str, block: AbstractBlock, population: int, iterations: int) -> None:
@@ -234,7 +245,7 @@ def _timed(run: Callable[[], Found]) -> tuple[Found, float]:
 def _solved(block: AbstractBlock, found: Found, preparation: Preparation) -> Solved:
     """A search's end as a fit's: it ends by its budget, and has no other criterion."""
     return solved_at(
-        block,
+        Objective(block, preparation.problems(), preparation.conditions),
         np.asarray(found.position),
         preparation,
         converged=bool(np.isfinite(found.cost)),

@@ -6,7 +6,7 @@ import json
 from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass, replace
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Unpack
 
 import jax
 import numpy as np
@@ -14,14 +14,14 @@ from scipy.stats import kurtosis
 
 from .._blocks import AbstractBlock, Setting
 from .._models import Model, parse_model
-from .._parameters import Parameter, named_parameters, replace_parameters, set_values
+from .._parameters import named_parameters, set_values
 from .._recording import InputError, Recording, require_units_of
+from ._asked import Asked, OfParameters, conditioned
 from ._combinations import Combination
-from ._conditions import PLAIN, Conditions, Tied, conditions_of
+from ._conditions import PLAIN, Conditions
 from ._layout import layout_of
 from ._least_squares import Objective, begin, descend, simulate
 from ._noise import Noise, measured_noise, residual_noise
-from ._normal import Normal
 from ._preparation import Past, Preparation, Take, coarse_oversampling, other_histories, take_of
 from ._problem import Problem
 from ._programs import make_room
@@ -216,19 +216,17 @@ def solve_from(
     convergence; the best of them finished.
 
     A fit counts as converged too when twelve looks gain less than a tenth in χ², or less than 1e-4
-    of what is left beyond the noise.  Above `hopeless` in χ² the first looks are all that is spent.
+    of what is left beyond the noise; of a noise that is not known yet, what is left is the measure.
+    Above `hopeless` in χ² the first looks are all that is spent.
     """
     make_room()
     problems, asked = preparation.problems(), preparation.conditions
     samples = _counted(problems)
-    descents = [
-        descend(begin(start, len(problems), asked), problems, _FIRST_LOOKS, asked)
-        for start in starts
-    ]
+    descents = [descend(begin(start, problems, asked), _FIRST_LOOKS) for start in starts]
     descents.sort(key=lambda d: d.cost)
     for k, descent in enumerate(descents[: -(-len(starts) // 2)]):
         if not descent.converged and descent.cost <= hopeless:
-            descents[k] = descend(descent, problems, _LOOKS, asked)
+            descents[k] = descend(descent, _LOOKS)
     for _ in range(_ROUNDS):
         order = np.argsort([d.cost for d in descents])
         best = descents[order[0]]
@@ -236,13 +234,13 @@ def solve_from(
             break
         for k in order[:2]:
             if not descents[k].converged:
-                descents[k] = descend(descents[k], problems, _LOOKS, asked)
+                descents[k] = descend(descents[k], _LOOKS)
         least = int(np.argmin([d.cost for d in descents]))
-        if best.cost - descents[least].cost < max(0.1, 1e-4 * (best.cost - samples)):
+        if best.cost - descents[least].cost < _negligible(best.cost, samples, preparation):
             descents[least] = descents[least]._replace(converged=True)
     best = min(descents, key=lambda d: d.cost)
     return solved_at(
-        best.block,
+        best.objective,
         best.position,
         preparation,
         converged=best.converged and np.isfinite(best.cost),
@@ -251,8 +249,15 @@ def solve_from(
     )
 
 
+def _negligible(cost: float, samples: int, preparation: Preparation) -> float:
+    """A gain in χ² that is none."""
+    if any(take.noise is None for take in preparation.takes):
+        return 0.1 * cost / samples
+    return max(0.1, 1e-4 * (cost - samples))
+
+
 def solved_at(
-    block: AbstractBlock,
+    objective: Objective,
     position: np.ndarray,
     preparation: Preparation,
     *,
@@ -262,7 +267,6 @@ def solved_at(
 ) -> Solved:
     """The block at the best position that was found, finished; `costs` (S,) of all starts."""
     problems = preparation.problems()
-    objective = Objective(block, problems, preparation.conditions)
     point = objective.at(position)
     counts = [p.own.shape[1] for p in problems]
     own = np.split(point.own, np.cumsum(counts)[:-1])
@@ -381,7 +385,7 @@ def settle(
                 solved, preparation = other, alternative
     believed = _believed_noises(solved, preparation)
     if not all(believed):
-        preparation = preparation.with_noises(
+        known = preparation.with_noises(
             [
                 noise or residual_noise(take.recording.response - s, take.used, take.recording)
                 for noise, take, s in zip(
@@ -389,8 +393,31 @@ def settle(
                 )
             ]
         )
-        solved = fit_block(solved.block, preparation, starts, seed)
+        solved, preparation = _refitted(solved, preparation, known, starts, seed), known
     return solved, preparation
+
+
+def _refitted(
+    solved: Solved, before: Preparation, preparation: Preparation, starts: int, seed: int
+) -> Solved:
+    """A fit under other noises: where they only scale χ², its optimum is theirs."""
+    scale = _scale(before, preparation)
+    if scale is None:
+        return fit_block(solved.block, preparation, starts, seed)
+    return replace(
+        solved,
+        cost=scale**2 * solved.cost,
+        whitened=tuple(scale * residual for residual in solved.whitened),
+        start_costs=tuple(scale**2 * cost for cost in solved.start_costs),
+    )
+
+
+def _scale(before: Preparation, after: Preparation) -> float | None:
+    """What multiplies every whitened residual, where it is one number; None of other changes."""
+    pairs = list(zip(before.problems(), after.problems(), strict=True))
+    scale = float(pairs[0][1].whitening[0] / pairs[0][0].whitening[0])
+    alike = all(np.allclose(b.whitening, scale * a.whitening, 1e-12, 0) for a, b in pairs)
+    return scale if alike and not after.conditions.priors else None
 
 
 def _believed_noises(solved: Solved, preparation: Preparation) -> list[Noise | None]:
@@ -486,97 +513,63 @@ def fit_of(
     )
 
 
+def ready(
+    model: Model,
+    recordings: Sequence[Recording],
+    *,
+    noise: Noise | None = None,
+    history: Past | None = None,
+    settling: int | None = None,
+    weights: Weights = None,
+    mask: Mask = (),
+    **asked: Unpack[OfParameters],
+) -> tuple[AbstractBlock, Preparation]:
+    """The block and the recordings as a call asks for them.  Raises InputError."""
+    block, conditions = conditioned(model, **asked)
+    return block, prepare(
+        recordings,
+        noise=noise,
+        history=history,
+        settling=settling,
+        weights=weights,
+        mask=mask,
+        conditions=conditions,
+    )
+
+
 def fit(
     model: Model,
     recordings: Recording | Sequence[Recording],
     *,
     noise: Noise | None = None,
-    history: Past | None = None,
     settling: int | None = None,
-    fixed: dict[str, float] | None = None,
-    bounds: dict[str, tuple[float, float]] | None = None,
-    priors: dict[str, Normal] | None = None,
-    tied: Tied | None = None,
-    own: Sequence[str] = (),
-    weights: Weights = None,
-    mask: Mask = (),
+    history: Past | None = None,
     loss: Loss = "least_squares",
     starts: int = 8,
     seed: int = 0,
     progress: Progress = silent,
+    **asked: Unpack[Asked],
 ) -> Fit:
     """Fit a model to one recording, or to several with shared parameters and own offsets.
 
     Least squares, whitened by the noise's own colour, gains eliminated, from `starts` points.
     `history` and `settling` [samples] are decided from the data where not given; the history
-    "estimated" fits what the drive before the first sample still adds.
+    "estimated" fits what the drive before the first sample still adds.  `loss`: "huber", "soft_l1"
+    or "student_t" let outliers weigh less.
 
     By name, `fixed` holds parameters at values, `bounds` narrows their range, `priors` says what
     was known of them before, `tied` lets one equal another, `{"second.mu": "first.alpha"}`, or a
     multiple of it, `("first.alpha", 2.0)`; of `own` every recording has its own value, told as
     `name@1`, `name@2`, ….  `weights` (N,), one array per recording, multiply the squared residuals,
-    `mask` leaves out times [s], ends included.  `loss`: "huber", "soft_l1" or "student_t" let
-    outliers weigh less.
+    `mask` leaves out times [s], ends included.
     Raises InputError where names are unknown.  A fit that did not converge says so in `converged`.
     """
     listed = [recordings] if isinstance(recordings, Recording) else list(recordings)
     shape_of(loss)
     with jax.enable_x64(True):
         progress(f"fitting {model.name}")
-        block, conditions = conditions_of(
-            replace_parameters(
-                model.block, constrained(model.parameters, fixed or {}, bounds or {})
-            ),
-            tied=tied,
-            own=own,
-            priors=priors,
-        )
-        preparation = prepare(
-            listed,
-            noise=noise,
-            history=history,
-            settling=settling,
-            weights=weights,
-            mask=mask,
-            conditions=conditions,
+        block, preparation = ready(
+            model, listed, noise=noise, history=history, settling=settling, **asked
         )
         solved, preparation = settle(block, preparation, history=history, starts=starts, seed=seed)
         return fit_of(model, solved, preparation, loss)
-
-
-def constrained(
-    parameters: dict[str, Parameter],
-    fixed: dict[str, float],
-    bounds: dict[str, tuple[float, float]],
-) -> dict[str, Parameter]:
-    """The parameters that a call fixes or bounds, as it wants them.  Raises InputError."""
-    for name in (*fixed, *bounds):
-        if name not in parameters:
-            raise InputError(
-                f'parameter "{name}": expected one of {", ".join(parameters)}, found none of that '
-                "name; correct it"
-            )
-    changed = {}
-    for name in {*fixed, *bounds}:
-        p = parameters[name]
-        low, high = bounds.get(name, (p.lower, p.upper))
-        if name in bounds and not np.isfinite(np.subtract(high, low)):
-            raise InputError(
-                f'parameter "{name}": expected two finite bounds, found {low} and {high}; '
-                "give the widest range that makes sense"
-            )
-        value = fixed[name] if name in fixed else np.clip(p.value, low, high)
-        try:
-            changed[name] = Parameter(
-                value,
-                p.unit,
-                lower=low,
-                upper=high,
-                plausible=(np.clip(p.plausible[0], low, high), np.clip(p.plausible[1], low, high)),
-                logarithmic=p.logarithmic,
-                gain=p.gain and name not in bounds,
-                fixed=name in fixed,
-            )
-        except ValueError as error:
-            raise InputError(f'parameter "{name}": {error}.') from None
-    return changed

@@ -12,10 +12,10 @@ Source: Pintelon & Schoukens, System Identification: A Frequency Domain Approach
 from __future__ import annotations
 
 import json
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, Unpack
 
 import equinox as eqx
 import jax
@@ -26,14 +26,14 @@ from jax.flatten_util import ravel_pytree
 
 from .._blocks import AbstractBlock, AbstractLinearBlock
 from .._models import Model
-from .._parameters import named_parameters, replace_parameters, set_values
+from .._parameters import named_parameters, set_values
 from .._recording import InputError
+from ._asked import OfModel, conditioned
 from ._combinations import Combination
-from ._conditions import Conditions, Tied, conditions_of
-from ._fit import SCHEMA, Progress, constrained, silent, starts_of
+from ._conditions import Conditions
+from ._fit import SCHEMA, Progress, silent, starts_of
 from ._frequency_table import FrequencyTable
 from ._least_squares import Objective, begin, descend
-from ._normal import Normal
 from ._uncertainty import Estimate, uncertainty_of
 
 _LOOKS = 60
@@ -155,18 +155,15 @@ def fit_frequency_response(
     model: Model,
     table: FrequencyTable,
     *,
-    fixed: dict[str, float] | None = None,
-    bounds: dict[str, tuple[float, float]] | None = None,
-    priors: Mapping[str, Normal] | None = None,
-    tied: Tied | None = None,
     starts: int = 16,
     seed: int = 0,
     progress: Progress = silent,
+    **asked: Unpack[OfModel],
 ) -> FrequencyFit:
     """Fit a linear model to a measured frequency response.
 
-    The table's amplitudes are in response unit per drive unit, over frequencies [Hz].  Arguments
-    by name are those of `fit`.  Raises InputError for a model that has no transfer
+    The table's amplitudes are in response unit per drive unit, over frequencies [Hz].  What is
+    `asked` of the model is as in `fit`.  Raises InputError for a model that has no transfer
     function, for unknown names, and for fewer numbers in the table than the model has parameters.
     """
     with jax.enable_x64(True):
@@ -178,13 +175,7 @@ def fit_frequency_response(
                 "one that is not",
                 "fit it to a recording, or choose lfdh, creep or pea_dynamics",
             )
-        block, conditions = conditions_of(
-            replace_parameters(
-                model.block, constrained(model.parameters, fixed or {}, bounds or {})
-            ),
-            tied=tied,
-            priors=priors,
-        )
+        block, conditions = conditioned(model, **asked)
         problem, known = _problem_of(table)
         objective = Objective(block, (problem,), conditions)
         free = len(objective.numbers.labels)
@@ -197,11 +188,11 @@ def fit_frequency_response(
                 "measure more frequencies, or fix parameters",
             )
         descents = [
-            descend(begin(start, 1, conditions), (problem,), _LOOKS, conditions)
+            descend(begin(start, (problem,), conditions), _LOOKS)
             for start in starts_of(block, starts, seed)
         ]
         best = min(descents, key=lambda d: d.cost)
-        point = Objective(best.block, (problem,), conditions).at(best.position)
+        point = best.objective.at(best.position)
         residual = point.residual[: 2 * len(table)]
         cost = float(residual @ residual)
         spread = float(np.sqrt(cost / freedom))

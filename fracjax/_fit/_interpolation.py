@@ -27,7 +27,7 @@ from scipy.stats import qmc
 from .._blocks import AbstractBlock
 from .._operators import Grid
 from .._operators._convolution_quadrature import circle
-from .._parameters import named_parameters, set_values
+from .._parameters import Parameter, named_parameters, set_values
 from ._chains import transfer
 from ._layout import Layout, layout_of
 
@@ -114,14 +114,13 @@ def is_bounded(law: AbstractBlock) -> bool:
     return all(parameters[name].bounded and size == 1 for name, size in layout_of(law).shapes)
 
 
-def placed_together(block: AbstractBlock, positions: np.ndarray) -> AbstractBlock:
-    """Blocks at positions (K, n) of their shapes in one, each shape an array (K, 1) of values."""
-    parameters, names = named_parameters(block), [name for name, _ in layout_of(block).shapes]
-    values = {
-        name: np.asarray(parameters[name].from_share(share))[:, None]
-        for name, share in zip(names, positions.T, strict=True)
+def shapes_at(block: AbstractBlock, layout: Layout, positions: np.ndarray) -> dict[str, np.ndarray]:
+    """Values (K, 1) of the shapes at positions (K, n)."""
+    parameters = named_parameters(block)
+    return {
+        name: np.asarray(Parameter.from_share(parameters[name], share))[:, None]
+        for (name, _), share in zip(layout.shapes, positions.T, strict=True)
     }
-    return set_values(block, values)
 
 
 def unit_gains(layout: Layout) -> list[dict[str, float]]:
@@ -138,7 +137,7 @@ def choose(law: AbstractBlock, driven_by: np.ndarray, grid: Grid) -> Chosen | No
     candidates = _CANDIDATES.get(count, _MOST_CANDIDATES)
     # Denser towards the bounds, as Chebyshev's nodes are.
     even = qmc.Sobol(max(count, 1), scramble=False).random(candidates)[:, :count]
-    together = placed_together(law, (1 - np.cos(np.pi * even)) / 2)
+    together = set_values(law, shapes_at(law, layout, (1 - np.cos(np.pi * even)) / 2))
     units = unit_gains(layout)
     values = np.zeros((len(units), candidates, zeta.size), complex)
     for at, gains in enumerate(units):

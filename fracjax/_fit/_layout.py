@@ -6,10 +6,9 @@ from typing import Any, NamedTuple
 
 import jax.numpy as jnp
 import numpy as np
-from jax import Array
 
 from .._blocks import AbstractBlock, linear_gains
-from .._parameters import named_parameters, set_values
+from .._parameters import Parameter, named_parameters, set_values
 
 
 class Layout(NamedTuple):
@@ -50,12 +49,15 @@ def with_gains(block: AbstractBlock, gains: Any) -> AbstractBlock:
     return set_values(block, split(block, layout_of(block).gains, gains))
 
 
-def own_columns(problems: tuple[Any, ...]) -> list[Array]:
+def own_columns(problems: tuple[Any, ...]) -> list[Any]:
     """Per recording the columns (L, Σq) of all recordings' own terms, the others' being zero."""
     counts = [p.own.shape[1] for p in problems]
     ends = np.cumsum(counts)
+    # What NumPy holds stays there: a padding by JAX costs as much as a simulation.
     return [
-        jnp.zeros((p.own.shape[0], sum(counts))).at[:, end - count : end].set(p.own)
+        (np if isinstance(p.own, np.ndarray) else jnp).pad(
+            p.own, ((0, 0), (end - count, ends[-1] - end))
+        )
         for p, count, end in zip(problems, counts, ends, strict=True)
     ]
 
@@ -64,7 +66,8 @@ def position_of(block: AbstractBlock) -> np.ndarray:
     """Where a block's shapes (n,) stand between their bounds, each from 0 to 1 on its own scale;
     one without bounds by its value."""
     parameters = named_parameters(block)
-    places = [parameters[n].to_share(parameters[n].value) for n, _ in layout_of(block).shapes]
+    free = [parameters[name] for name, _ in layout_of(block).shapes]
+    places = [Parameter.to_share(parameter, parameter.value) for parameter in free]
     return np.concatenate([np.ravel(place) for place in places]) if places else np.zeros(0)
 
 
@@ -72,4 +75,4 @@ def placed(block: AbstractBlock, position: Any) -> AbstractBlock:
     """The block with its shapes at a position (n,)."""
     parameters = named_parameters(block)
     shares = split(block, layout_of(block).shapes, position)
-    return set_values(block, {n: parameters[n].from_share(s) for n, s in shares.items()})
+    return set_values(block, {n: Parameter.from_share(parameters[n], s) for n, s in shares.items()})

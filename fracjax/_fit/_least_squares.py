@@ -82,7 +82,7 @@ def sensitivity(
         count = sum(size for _, size in layout.shapes)
         mapped = found[:, :count] @ numbers.shape_maps[r], found[:, count:] @ numbers.gain_maps[r]
         columns.append(problem.whiten(np.concatenate(mapped, axis=1)))
-    own = [p.whiten(np.asarray(c)) for p, c in zip(problems, own_columns(problems), strict=True)]
+    own = [p.whiten(columns) for p, columns in zip(problems, own_columns(problems), strict=True)]
     return np.concatenate([np.concatenate(columns), np.concatenate(own)], axis=1)
 
 
@@ -120,15 +120,16 @@ class Objective:
         self.numbers = numbers_of(block, len(problems), asked)
         self.priors = prior_rows(block, self.numbers, asked)
         self.gains = self.numbers.gains_of(block)
-        own = [np.asarray(columns) for columns in own_columns(problems)]
+        own = own_columns(problems)
         self.white_own = [p.whiten(columns) for p, columns in zip(problems, own, strict=True)]
         self.evaluations = 0
-        self._position, self._point = np.full(0, np.nan), None
+        self._position, self._point, self._derivative = np.full(0, np.nan), None, None
 
     def at(self, position: np.ndarray) -> Point:
         """The point at a position (n,)."""
         if self._point is None or not np.array_equal(position, self._position):
             self._position, self._point = position.copy(), self._solve(position)
+            self._derivative = None
         return self._point
 
     def _solve(self, position: np.ndarray) -> Point:
@@ -159,6 +160,11 @@ class Objective:
     def derivative(self, position: np.ndarray) -> np.ndarray:
         """Kaufman's derivative (ΣL + priors, n) of the residual."""
         point = self.at(position)
+        if self._derivative is None:
+            self._derivative = self._differentiate(point, position)
+        return self._derivative
+
+    def _differentiate(self, point: Point, position: np.ndarray) -> np.ndarray:
         names = [name for name, _ in self.layout.shapes]
         columns = [
             problem.whiten(problem.linearised(block, names)[1] @ shape_map)
@@ -190,29 +196,34 @@ def least(columns: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarr
 
 
 class Descent(NamedTuple):
-    """Where one start has come: position (n,), χ², evaluations so far, and whether it is there."""
+    """Where one start has come: position (n,), χ², and whether it is there."""
 
-    block: AbstractBlock
+    objective: Objective
     position: np.ndarray
     cost: float
-    evaluations: int
     converged: bool
 
+    @property
+    def evaluations(self) -> int:
+        return self.objective.evaluations
 
-def begin(start: AbstractBlock, recordings: int, conditions: Conditions) -> Descent:
+
+def begin(start: AbstractBlock, problems: Problems, conditions: Conditions) -> Descent:
     """A start, not yet looked at."""
-    position = numbers_of(start, recordings, conditions).position_of(start)
-    return Descent(start, position, np.inf, 0, False)
+    objective = Objective(start, problems, conditions)
+    return Descent(objective, objective.numbers.position_of(start), np.inf, False)
 
 
-def descend(at: Descent, problems: Problems, looks: int, conditions: Conditions) -> Descent:
+def descend(at: Descent, looks: int) -> Descent:
     """Up to `looks` evaluations further."""
-    objective = Objective(at.block, problems, conditions)
+    objective = at.objective
     first = objective.at(at.position)
     if at.position.size == 0 or not np.isfinite(first.cost):
-        return at._replace(
-            cost=first.cost, evaluations=at.evaluations + 1, converged=np.isfinite(first.cost)
-        )
+        return at._replace(cost=first.cost, converged=bool(np.isfinite(first.cost)))
+    # A fit that begins where another ended, or on another scale, is told so by one look.
+    _, left, _ = least(objective.derivative(at.position), first.residual)
+    if first.cost - left @ left <= _RELATIVE * first.cost:
+        return at._replace(cost=first.cost, converged=True)
     found = least_squares(
         objective.residual,
         at.position,
@@ -227,6 +238,5 @@ def descend(at: Descent, problems: Problems, looks: int, conditions: Conditions)
     return at._replace(
         position=found.x,
         cost=2 * float(found.cost),
-        evaluations=at.evaluations + objective.evaluations,
         converged=found.status > 0,
     )

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -68,12 +69,22 @@ class Preparation:
 
     def problems(self, oversampling: int | None = None) -> tuple[Problem, ...]:
         """One problem per recording, on its own grid or on another."""
+        if oversampling is None or oversampling == self.oversampling:
+            return self._own
+        return self._on(oversampling)
+
+    @cached_property
+    def _own(self) -> tuple[Problem, ...]:
+        """Made once: a fit asks for them at every stage."""
+        return self._on(self.oversampling)
+
+    def _on(self, oversampling: int) -> tuple[Problem, ...]:
         return tuple(
             make_problem(
                 take.recording,
                 history="constant" if take.history == "estimated" else take.history,
                 past=take.history == "estimated",
-                oversampling=oversampling or self.oversampling,
+                oversampling=oversampling,
                 used=take.used,
                 whitening=np.ones(1) if take.noise is None else take.noise.whitening,
                 weights=take.roots,

@@ -15,6 +15,7 @@ from scipy.signal import lfilter
 from .._blocks import AbstractBlock, Setting
 from .._operators import Grid, refine
 from .._operators._grid import History
+from .._operators._rate import ahead
 from .._recording import Recording
 
 _FILTER_TAPS = 13
@@ -129,9 +130,7 @@ def make_problem(
     length = samples if history == "periodic" else bucket(samples)
     fine = refine(drive, oversampling, history)
     if history != "periodic":
-        # The padding goes on straight, so that the rate at the last sample is the drive's own.
-        padding = (0, (length - samples) * oversampling)
-        fine = np.pad(fine, padding, mode="reflect", reflect_type="odd")
+        fine = _padded(fine, (length - samples) * oversampling)
     padding = (0, length - samples)
     return Problem(
         drive=fine,
@@ -142,6 +141,16 @@ def make_problem(
         grid=Grid(np.asarray(recording.dt / oversampling), history),
         oversampling=oversampling,
     )
+
+
+def _padded(drive: np.ndarray, count: int) -> np.ndarray:
+    """A drive and `count` samples more, the first two such that the rate at the drive's last sample
+    is what it would be without them."""
+    if not count:
+        return drive
+    longer = np.concatenate([drive, ahead(drive)])[: drive.size + count]
+    left = (0, drive.size + count - longer.size)
+    return np.pad(longer, left, mode="reflect", reflect_type="odd")
 
 
 def own_terms(length: int, remembered: int) -> np.ndarray:

@@ -25,9 +25,10 @@ class Span(NamedTuple):
     """Signals (L, n) that span a block's responses to one drive, and the laws they come from.
 
     `fresh` (L, FRESH (1 + g)) are the full model's responses at `fresh_positions`: with gains of
-    zero, and the derivative by each gain.
+    zero, and the derivative by each gain.  Spans of one `key` are one.
     """
 
+    key: tuple
     signals: np.ndarray
     chosen: tuple[tuple[Chosen, Chosen | None], ...]
     fresh: np.ndarray
@@ -96,7 +97,7 @@ def _kept(asked: _Asked) -> Span | None:
         chosen.append((first, second))
     # A copy, which does not keep the finer grid's signals in memory.
     signals = np.concatenate(found, axis=1)[:: problem.oversampling].copy()
-    return Span(signals, tuple(chosen), _fresh(asked.block, problem))
+    return Span(asked.key, signals, tuple(chosen), _fresh(asked.block, problem))
 
 
 def _fresh(block: AbstractBlock, problem: Problem) -> np.ndarray:

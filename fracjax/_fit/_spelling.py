@@ -21,6 +21,7 @@ def options_of(
     tie: Iterable[str] = (),
     own: Iterable[str] = (),
     mask: Iterable[str] = (),
+    loss: str = "least_squares",
 ) -> dict[str, Any]:
     """The keywords of `fit` that say the same.  Raises InputError for what is written otherwise."""
     found: dict[str, Any] = {
@@ -30,6 +31,7 @@ def options_of(
         "tied": dict(_tie(text) for text in tie),
         "own": tuple(own),
         "mask": tuple(_span(text) for text in mask),
+        "loss": loss if loss != "least_squares" else None,
     }
     return {name: value for name, value in found.items() if value}
 

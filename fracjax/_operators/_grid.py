@@ -72,6 +72,8 @@ def refine(drive: np.ndarray, oversampling: int, history: History) -> np.ndarray
 
     Whole periods stay whole.
     """
+    if oversampling == 1:
+        return drive
     if history == "periodic":
         return interpolate(np.append(drive, drive[0]), oversampling)[0][:-1]
     return interpolate(drive, oversampling)[0]

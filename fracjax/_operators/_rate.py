@@ -1,5 +1,7 @@
 """The rate of a sampled signal."""
 
+from typing import Any
+
 import jax.numpy as jnp
 from jax import Array
 
@@ -10,15 +12,33 @@ def rate(signal: Array, grid: Grid) -> Array:
     """d/dt of a signal (N,) by fourth-order central differences; units: signal / s.
 
     Before the first sample the signal counts as held (`periodic`: as wrapped), after the last one
-    as going on straight.
+    as going on by `ahead`.
     """
     if grid.history == "periodic":
         padded = jnp.concatenate([signal[-2:], signal, signal[:2]])
     else:
-        slope = signal[-1] - signal[-2]
-        padded = jnp.concatenate(
-            [jnp.full(2, signal[0]), signal, signal[-1] + slope * jnp.arange(1, 3)]
-        )
+        padded = jnp.concatenate([jnp.full(2, signal[0]), signal, jnp.stack(ahead(signal))])
     near = padded[3:-1] - padded[1:-3]
     far = padded[4:] - padded[:-4]
     return (8 * near - far) / (12 * grid.step)
+
+
+def ahead(signal: Any) -> tuple[Any, Any]:
+    """The two samples after the last of a signal (N,), N > 2: by the cubic through the last four,
+    or straight on.
+
+    Of the two the one is taken that would have foretold the last three samples better: the cubic
+    where the signal is smooth, a straight line where it has just turned a corner or is noisy, for
+    there a cubic overshoots by several times the corner or the noise.
+    """
+    straight = 2 * signal[-1] - signal[-2], 3 * signal[-1] - 2 * signal[-2]
+    if signal.shape[0] < 5:
+        return straight
+    last = signal[-7:]
+    of_line = last[2:] - 2 * last[1:-1] + last[:-2]
+    of_cubic = of_line[2:] - 2 * of_line[1:-1] + of_line[:-2]
+    smooth = (of_cubic**2).mean() < (of_line[-3:] ** 2).mean()
+    a, b, c, d = last[-4:]
+    cubic = 4 * d - 6 * c + 4 * b - a, 10 * d - 20 * c + 15 * b - 4 * a
+    one, two = (line + smooth * (curve - line) for line, curve in zip(straight, cubic, strict=True))
+    return one, two

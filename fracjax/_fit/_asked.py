@@ -1,0 +1,106 @@
+"""What may be asked of a fit: one set of keywords for `fit`, `crosscheck` and `fit_batch`."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
+from typing import TypedDict
+
+import numpy as np
+
+from .._blocks import AbstractBlock
+from .._models import Model
+from .._parameters import Parameter, replace_parameters
+from .._recording import InputError
+from ._conditions import Conditions, Tied, conditions_of
+from ._normal import Normal
+from ._weights import Mask, Weights
+
+Bounds = Mapping[str, tuple[float, float]]
+
+
+class Narrowed(TypedDict, total=False):
+    """By name: values that parameters are held at, and narrower ranges."""
+
+    fixed: Mapping[str, float] | None
+    bounds: Bounds | None
+
+
+class OfModel(Narrowed, total=False):
+    """By name too: what was known before, and what equals another, or a multiple of it."""
+
+    priors: Mapping[str, Normal] | None
+    tied: Tied | None
+
+
+class OfParameters(OfModel, total=False):
+    """And the names of which every recording has its own value."""
+
+    own: Sequence[str]
+
+
+class OfSamples(TypedDict, total=False):
+    """Weights (N,) of the squared residuals, per recording, and times [s] that are left out."""
+
+    weights: Weights
+    mask: Mask
+
+
+class Sought(Narrowed, OfSamples, total=False):
+    """What every search can be asked."""
+
+
+class Asked(OfParameters, OfSamples, total=False):
+    """What `fit` can be asked."""
+
+
+def conditioned(
+    model: Model,
+    *,
+    fixed: Mapping[str, float] | None = None,
+    bounds: Bounds | None = None,
+    priors: Mapping[str, Normal] | None = None,
+    tied: Tied | None = None,
+    own: Sequence[str] = (),
+) -> tuple[AbstractBlock, Conditions]:
+    """The model's block as a call asks for it, and what else is asked.  Raises InputError."""
+    changed = constrained(model.parameters, fixed or {}, bounds or {})
+    block = replace_parameters(model.block, changed)
+    return conditions_of(block, tied=tied, own=own, priors=priors)
+
+
+def constrained(
+    parameters: dict[str, Parameter],
+    fixed: Mapping[str, float],
+    bounds: Bounds,
+) -> dict[str, Parameter]:
+    """The parameters that a call fixes or bounds, as it wants them.  Raises InputError."""
+    for name in (*fixed, *bounds):
+        if name not in parameters:
+            raise InputError(
+                f'parameter "{name}": expected one of {", ".join(parameters)}, found none of that '
+                "name; correct it"
+            )
+    changed = {}
+    for name in {*fixed, *bounds}:
+        p = parameters[name]
+        low, high = bounds.get(name, (p.lower, p.upper))
+        if name in bounds and not np.isfinite(np.subtract(high, low)):
+            raise InputError(
+                f'parameter "{name}": expected two finite bounds, found {low} and {high}; '
+                "give the widest range that makes sense"
+            )
+        value = fixed[name] if name in fixed else np.clip(p.value, low, high)
+        try:
+            changed[name] = Parameter(
+                value,
+                p.unit,
+                lower=low,
+                upper=high,
+                plausible=(np.clip(p.plausible[0], low, high), np.clip(p.plausible[1], low, high)),
+                logarithmic=p.logarithmic,
+                gain=p.gain and name not in bounds,
+                fixed=name in fixed,
+            )
+        except ValueError as error:
+            raise InputError(f'parameter "{name}": {error}.') from None
+    return changed

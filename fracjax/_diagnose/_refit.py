@@ -12,6 +12,9 @@ from .._parameters import named_parameters, set_values
 from ._score import EffectScore
 from ._stage import Layer, Stage
 
+_STARTS_APART = 3
+_RESEMBLES = 0.3
+
 
 @dataclass(frozen=True)
 class Refit:
@@ -37,9 +40,8 @@ def refit(score: EffectScore, stage: Stage, seed: int, hopeless: float) -> Refit
     """
     effect, fitted, nominal = score.effect, stage.solved.block, stage.start()
     generator = np.random.default_rng(seed)
-    order = np.argsort(-np.abs(score.z))
-    best = score.trials[order[0]]
-    second = score.trials[order[1]] if len(order) > 1 else best
+    promising = [score.trials[k] for k in _unlike(score)]
+    best = promising[0]
 
     def drawn(block: AbstractBlock) -> AbstractBlock:
         parameters = named_parameters(block)
@@ -47,9 +49,23 @@ def refit(score: EffectScore, stage: Stage, seed: int, hopeless: float) -> Refit
         return set_values(block, {n: parameters[n].draw(generator) for n in shapes})
 
     starts = [
-        effect.insert(fitted, best),
-        effect.insert(fitted, second),
+        *(effect.insert(fitted, trial) for trial in promising),
         effect.insert(nominal, best),
         effect.insert(drawn(nominal), score.trials[int(generator.integers(len(score.trials)))]),
     ]
     return Refit(score, solve_from(starts, stage.preparation, hopeless))
+
+
+def _unlike(score: EffectScore) -> list[int]:
+    """The trial that the residual resembles most, and of those that it resembles too the ones least
+    like it: neighbours would lead into the same basin."""
+    strength = np.abs(score.z)
+    chosen = [score.best]
+    alike = np.abs(score.directions @ score.directions[score.best])
+    for _ in range(_STARTS_APART - 1):
+        open_ = (strength > _RESEMBLES * strength.max()) & (alike < 1 - 1e-6)
+        if not open_.any():
+            break
+        chosen.append(int(np.argmin(np.where(open_, alike, np.inf))))
+        alike = np.maximum(alike, np.abs(score.directions @ score.directions[chosen[-1]]))
+    return chosen

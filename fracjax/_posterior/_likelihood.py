@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, Protocol
 
 import equinox as eqx
 import jax
@@ -45,6 +45,18 @@ class Prediction(eqx.Module):
         return tuple(problem.simulate(moved) for problem in self.problems)
 
 
+class Density(Protocol):
+    """A posterior's density over standard coordinates (D,), v standard normal a priori."""
+
+    def values(self, standard: Array) -> Array:
+        """Physical values (D,)."""
+        ...
+
+    def log_posterior(self, standard: Array) -> Array:
+        """ln p(data | v) + ln p(v); -∞ where it is no number."""
+        ...
+
+
 class Target(eqx.Module):
     """What is sampled.  `size`: how many of the numbers are the model's; the noise's follow."""
 
@@ -77,11 +89,11 @@ class Target(eqx.Module):
 
 @partial(jax.jit, static_argnums=0)
 def _log_posteriors(structure: Any, leaves: list[Array], standards: Array) -> Array:
-    target: Target = jax.tree_util.tree_unflatten(structure, leaves)
+    target: Density = jax.tree_util.tree_unflatten(structure, leaves)
     return jax.vmap(target.log_posterior)(standards)
 
 
-def log_posteriors_of(target: Target) -> Callable[[np.ndarray], np.ndarray]:
+def log_posteriors_of(target: Density) -> Callable[[np.ndarray], np.ndarray]:
     """`log_posterior` (K,) of coordinates (K, D), in one call.
 
     The target is taken apart and brought to the device once: done at every call, that would cost
@@ -92,11 +104,11 @@ def log_posteriors_of(target: Target) -> Callable[[np.ndarray], np.ndarray]:
 
 
 @eqx.filter_jit
-def _physical(target: Target, standards: np.ndarray) -> Array:
+def _physical(target: Density, standards: np.ndarray) -> Array:
     return jax.vmap(target.values)(jnp.asarray(standards))
 
 
-def physical(target: Target, standards: np.ndarray) -> np.ndarray:
+def physical(target: Density, standards: np.ndarray) -> np.ndarray:
     """Physical values (K, D) at coordinates (K, D)."""
     # In parts of one size, for which one program is compiled whatever K is.
     padded = np.pad(standards, ((0, -len(standards) % _PART), (0, 0)))

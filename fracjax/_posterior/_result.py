@@ -72,8 +72,9 @@ class Posterior:
     """Draws from the posterior, what they amount to, and whether they can be relied on.
 
     `samples` (walkers, draws) by name, in the units of `summary`; `prior` (draws,) likewise;
-    `log_posterior` (walkers, draws).  `steps`, `burn_in`, `thinned` (one step of so many is kept)
-    and `autocorrelation` (of the slowest number) are in steps of the ensemble.
+    `log_posterior` (walkers, draws) of what walkers move over, all else integrated out.  `steps`,
+    `burn_in`, `thinned` (one step of so many is kept) and `autocorrelation` (of the slowest number)
+    are in steps of the ensemble.
     """
 
     model: str

@@ -69,8 +69,8 @@ def split_r_hat(steps: np.ndarray) -> np.ndarray:
     import arviz  # takes two seconds, which a fit or a help text need not wait for
 
     length = len(steps) // _CHUNKS
-    chunks = steps[len(steps) - _CHUNKS * length :].reshape(_CHUNKS, -1, steps.shape[2])
-    return np.array([float(arviz.rhat(chunks[:, :, k])) for k in range(steps.shape[2])])
+    columns = np.moveaxis(steps[len(steps) - _CHUNKS * length :], 2, 0)
+    return np.array([float(arviz.rhat(column.reshape(_CHUNKS, -1))) for column in columns])
 
 
 def judged(backend: Backend) -> Chain:

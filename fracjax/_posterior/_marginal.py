@@ -70,47 +70,59 @@ class Marginal(eqx.Module):
     def log_posterior(self, standard: Array) -> Array:
         """ln of the integral of p(data | v) p(v) over the gains, v standard normal a priori, but
         for a constant where a gain has bounds; -∞ where it is no number."""
-        if not self.integrated:
+        if not isinstance(self.target.noise, AbstractGaussianNoise):
             return self.target.log_posterior(standard)
         prior = -(jnp.dot(standard, standard) + standard.size * np.log(2 * np.pi)) / 2
         density = self._eliminated(self._centred(standard)).log_density + prior
         return jnp.asarray(jnp.where(jnp.isfinite(density), density, -jnp.inf))
 
+    @property
+    def drawn(self) -> int:
+        """How many normal numbers `complete` takes: one a gain, and one a discrepancy's column."""
+        return self.target.columns + len(self.integrated)
+
     def complete(self, standard: Array, normals: Array) -> Array:
-        """All values (D,): the gains drawn from their density given the others, by standard normal
-        numbers (g,).  The one in a million beyond a bound is put on it."""
-        values = self._centred(standard)
-        if not self.integrated:
+        """All values (D,) and the discrepancy's coefficients (K,).
+
+        Gains and coefficients are drawn from their density given the others, by standard normal
+        numbers (K + g,).  A gain beyond a bound, one in a million, is put on it.
+        """
+        values, linear = self._centred(standard), self.linear
+        if not self.drawn:
             return values
-        found, linear = self._eliminated(values), self.linear
+        found, count = self._eliminated(values), self.target.columns
         drawn = found.centre + solve_triangular(found.factor, normals)
-        gains = jnp.clip(linear.mean + linear.sd * drawn, linear.lower, linear.upper)
-        return values.at[np.array(self.integrated)].set(gains)
+        gains = jnp.clip(linear.mean + linear.sd * drawn[count:], linear.lower, linear.upper)
+        size = values[self.target.size - 1]
+        return jnp.concatenate([values.at[self._at].set(gains), size * drawn[:count]])
+
+    @property
+    def _at(self) -> np.ndarray:
+        return np.array(self.integrated, int)
 
     def _centred(self, standard: Array) -> Array:
         """All values (D,), the gains at the middle of their priors."""
-        values = (
-            jnp.zeros(len(self.target.priors)).at[np.array(self.sampled)].set(self.values(standard))
-        )
-        if not self.integrated:
-            return values
-        return values.at[np.array(self.integrated)].set(self.linear.mean)
+        values = jnp.zeros(len(self.target.priors)).at[self._at].set(self.linear.mean)
+        return values.at[np.array(self.sampled)].set(self.values(standard))
 
     def _eliminated(self, values: Array) -> Eliminated:
-        target = self.target
-        at = np.array(self.integrated)
+        target, gains = self.target, len(self.integrated)
 
         def residuals(moved: Array) -> Signals:
-            return target.residuals(values.at[at].add(self.linear.sd * moved))
+            return target.residuals(values.at[self._at].add(self.linear.sd * moved))
 
         # An affine map by its values: what depends on the shapes alone is computed once under vmap,
-        # and second derivatives cost a third less to compile than with tangents.
-        corners = jax.vmap(residuals)(jnp.eye(at.size + 1, at.size, -1))
+        # and second derivatives cost half as much to compile as with tangents.
+        corners = jax.vmap(residuals)(jnp.eye(gains + 1, gains, -1))
         centred = tuple(corner[0] for corner in corners)
-        columns = tuple((corner[0] - corner[1:]).T for corner in corners)
-        assert isinstance(target.noise, AbstractGaussianNoise)  # as `_candidates` says
+        columns = tuple(
+            jnp.concatenate([values[target.size - 1] * beside, (corner[0] - corner[1:]).T], axis=1)
+            for corner, beside in zip(corners, target.discrepancy, strict=True)
+        )
+        weights = jnp.concatenate([jnp.ones(target.columns), self.linear.weight])
+        assert isinstance(target.noise, AbstractGaussianNoise)  # else nothing is integrated out
         return target.noise.eliminated(
-            values[target.size :], centred, columns, self.linear.weight, target.problems
+            target.of_noise(values), centred, columns, weights, target.problems, target.columns
         )
 
 
@@ -170,8 +182,8 @@ def _completed(marginal: Marginal, standards: np.ndarray, normals: np.ndarray) -
 def completed(
     marginal: Marginal, standards: np.ndarray, generator: np.random.Generator
 ) -> np.ndarray:
-    """All physical values (K, D) at coordinates (K, D'), the gains drawn."""
-    normals = generator.standard_normal((len(standards), len(marginal.integrated)))
+    """All physical values (n, D + K) at coordinates (n, D'), gains and coefficients drawn."""
+    normals = generator.standard_normal((len(standards), marginal.drawn))
     return _complete(marginal, standards, normals)
 
 
@@ -186,11 +198,11 @@ def _complete(marginal: Marginal, standards: np.ndarray, normals: np.ndarray) ->
 
 
 def figures(marginal: Marginal, found: Laplace) -> tuple[np.ndarray, np.ndarray]:
-    """All values (D,) at the mode, and their standard deviations (D,) to first order.
+    """All values (D + K,) at the mode, and their standard deviations to first order.
 
     By differences along the approximation's axes: the program that completes draws does it.
     """
-    size, gains = found.mode.size, len(marginal.integrated)
+    size, gains = found.mode.size, marginal.drawn
     steps = _DIFFERENCE * np.eye(size)
     coordinates = np.concatenate([np.zeros((1 + gains, size)), steps, -steps])
     normals = np.zeros((len(coordinates), gains))

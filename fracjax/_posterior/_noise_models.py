@@ -108,7 +108,7 @@ class AbstractGaussianNoise(AbstractNoiseModel):
 
     def log_density(self, values: Array, residuals: Signals, problems: Problems) -> Array:
         columns = tuple(jnp.zeros((residual.shape[0], 0)) for residual in residuals)
-        return self.eliminated(values, residuals, columns, jnp.zeros(0), problems).log_density
+        return self.eliminated(values, residuals, columns, jnp.zeros(0), problems, 0).log_density
 
     def eliminated(
         self,
@@ -117,9 +117,11 @@ class AbstractGaussianNoise(AbstractNoiseModel):
         columns: Signals,
         weights: Array | np.ndarray,
         problems: Problems,
+        apart: int,
     ) -> Eliminated:
         """Residuals e - B z with z (g,) integrated out, given B (L, g) and what z has for a prior:
-        standard normal where `weights` (g,) is 1, flat where it is 0."""
+        standard normal where `weights` (g,) is 1, flat where it is 0.  The first `apart` columns
+        are all but orthogonal to each other, of which there may be many."""
         total, rows = jnp.zeros(()), []
         for residual, column, problem in zip(residuals, columns, problems, strict=True):
             scaled = self.scaled(values, problem)
@@ -131,7 +133,7 @@ class AbstractGaussianNoise(AbstractNoiseModel):
             total -= degrees * np.log(2 * np.pi) / 2
             rows.append(left)
         prior = jnp.pad(jnp.diag(jnp.asarray(weights)), ((0, 0), (0, 1)))
-        triangle, half, rest = _triangular(jnp.concatenate([*rows, prior]))
+        triangle, half, rest = _triangular(jnp.concatenate([*rows, prior]), apart)
         total -= rest / 2 + jnp.log(jnp.diag(triangle)).sum()
         return Eliminated(total, solve_triangular(triangle, half), triangle)
 
@@ -162,15 +164,22 @@ def _projected(signals: Array | np.ndarray, problem: AbstractProblem) -> tuple[A
     return factor, centre, target - columns @ centre
 
 
-def _triangular(columns: Array) -> tuple[Array, Array, Array]:
+def _triangular(columns: Array, apart: int) -> tuple[Array, Array, Array]:
     """Of columns (L, g + 1): R (g, g) of the first g, their orthonormal basis times the last (g,),
     and the squared length of what is left of the last.
 
     Modified Gram–Schmidt: as accurate as Householder's way for all three where the last column is
-    carried along (Björck, BIT 7 (1967) 1), without its calls of LAPACK, and differentiable.
+    carried along (Björck, BIT 7 (1967) 1), without its calls of LAPACK, and differentiable.  By
+    Cholesky for the first `apart`, which are too many for that and need it less.
     """
     size, rows, left = columns.shape[1] - 1, [jnp.zeros((0, columns.shape[1]))], columns
-    for k in range(size):
+    if apart:
+        first, left = columns[:, :apart], columns[:, apart:]
+        factor = jnp.linalg.cholesky(first.T @ first)
+        half = solve_triangular(factor, first.T @ left, lower=True)
+        left = left - first @ solve_triangular(factor, half, lower=True, trans=1)
+        rows = [jnp.concatenate([factor.T, half], axis=1)]
+    for k in range(apart, size):
         length = jnp.sqrt(left[:, 0] @ left[:, 0])
         unit = left[:, 0] / length
         others = unit @ left[:, 1:]

@@ -15,10 +15,12 @@ from scipy.signal import lfilter
 
 from .._fit import Fit
 from .._recording import InputError
+from ._discrepancy import discrepancy_of
+from ._doubt import doubt_of
 from ._laplace import Laplace
 from ._likelihood import Target, compressed, log_posteriors_of, physical, target_of
 from ._marginal import Marginal, completed, figures, marginal_of
-from ._noise_models import AbstractNoiseModel, MeasuredNoise, Signals, Term
+from ._noise_models import AbstractGaussianNoise, AbstractNoiseModel, MeasuredNoise, Signals, Term
 from ._prior import AbstractPrior
 from ._result import Band, Posterior, Row, figures_of, inseparable
 from ._sample import Chain, ChainFile, run_ensemble, split_r_hat
@@ -43,6 +45,8 @@ def sample_posterior(
     fit: Fit,
     *,
     noise_model: AbstractNoiseModel | None = None,
+    discrepancy: bool = False,
+    diagnosis: str | Path | None = None,
     priors: Mapping[str, AbstractPrior] | None = None,
     walkers: int | None = None,
     steps: int = 10_000,
@@ -59,13 +63,16 @@ def sample_posterior(
     autocorrelation times after burn-in and split R-hat below 1.01, at most `steps`.
 
     - `noise_model`: `MeasuredNoise` where none is given.
+    - `discrepancy`: model what the model leaves out, so that intervals bear it (`_discrepancy`).
+    - `diagnosis`: a diagnosis.json of the model, whose verdict the result then carries.
     - `priors`: by name, in place of the parameters' own.
     - `walkers`: an even number, at least twice that of what walkers move over, and six; by default
       four times, and at least 32.
     - `chain`: an HDF5 file that grows with the run; with `resume` the steps in it are gone on from.
 
-    Raises InputError for unknown names, too few walkers or steps, a chain of another call, and a
-    fit with tied or own parameters.  A chain that has not converged says so in `converged`.
+    Raises InputError for unknown names, too few walkers or steps, a chain of another call, a
+    diagnosis of another model, a discrepancy beside Student-t noise, and a fit with tied or own
+    parameters.  A chain that has not converged says so in `converged`.
     Source: Foreman-Mackey et al., Publ. Astron. Soc. Pac. 125 (2013) 306; Goodman & Weare, Commun.
     Appl. Math. Comput. Sci. 5 (2010) 65.
     """
@@ -77,9 +84,15 @@ def sample_posterior(
             f"{', '.join((*asked.ties, *asked.own))} so fitted",
             "fit without, or fix them",
         )
+    noise = MeasuredNoise() if noise_model is None else noise_model
+    if discrepancy and not isinstance(noise, AbstractGaussianNoise):
+        raise InputError.at(
+            "discrepancy", "normal noise beside it", f"{noise.name} noise", "choose another noise"
+        )
+    doubt = "" if diagnosis is None else doubt_of(diagnosis, fit.model.name)
     with jax.enable_x64(True):
-        noise = MeasuredNoise() if noise_model is None else noise_model
-        target, terms = target_of(fit, noise, priors or {})
+        beyond = discrepancy_of(fit) if discrepancy else None
+        target, terms = target_of(fit, noise, priors or {}, beyond)
         starts = _starts(terms)
         density, approximation = marginal_of(compressed(target, starts), starts)
         names = [terms[k].name for k in density.sampled]
@@ -108,7 +121,7 @@ def sample_posterior(
             settings=_settings(fit, noise, terms, names, count, seed),
             watch=watch,
         )
-        return _posterior_of(fit, target, terms, density, approximation, found, seed)
+        return _posterior_of(fit, target, terms, density, approximation, found, seed, doubt)
 
 
 def _check(walkers: int, size: int, steps: int) -> None:
@@ -172,6 +185,7 @@ def _posterior_of(
     approximation: Laplace,
     chain: Chain,
     seed: int,
+    doubt: str,
 ) -> Posterior:
     generator = np.random.default_rng(seed)
     names, size = [term.name for term in terms], len(terms)
@@ -181,7 +195,7 @@ def _posterior_of(
     kept = chain.kept[::thinned]
     standards = approximation.at(kept.reshape(-1, kept.shape[2]))
     values = completed(density, standards, generator)
-    drawn = values.reshape(*kept.shape[:2], size)
+    drawn = values[:, :size].reshape(*kept.shape[:2], size)
     walking = np.moveaxis(drawn, 1, 0)
     r_hat = np.empty(size)
     r_hat[list(density.sampled)] = chain.r_hat
@@ -210,12 +224,14 @@ def _posterior_of(
     return Posterior(
         model=fit.model.name,
         noise_model=target.noise.name,
+        discrepancy=target.columns > 0,
+        doubt=doubt,
         units=(first.drive_unit, first.response_unit),
         samples={name: walking[:, :, k] for k, name in enumerate(names)},
         log_posterior=chain.log_density[chain.burn_in :][::thinned].T,
         prior={name: prior[:, k] for k, name in enumerate(names)},
         summary=tuple(rows),
-        known_only_together=inseparable(names, values.T),
+        known_only_together=inseparable(names, values[:, :size].T),
         bands=_bands(fit, target, values, generator),
         steps=len(chain.coordinates),
         burn_in=chain.burn_in,
@@ -230,7 +246,7 @@ def _posterior_of(
 @eqx.filter_jit
 def _responses(target: Target, values: Array, normals: Signals) -> tuple[Signals, Signals]:
     """Responses (L,) with the recordings' own terms, and the filter (taps,) of each noise."""
-    noise, own_values = target.noise, values[target.size :]
+    noise, own_values = target.noise, target.of_noise(values)
     residuals = target.residuals(values)
     own = noise.own(own_values, residuals, target.problems, normals)
     trios = zip(target.problems, residuals, own, strict=True)
@@ -252,7 +268,7 @@ def _bands(
         for at, take in enumerate(takes):
             count = len(take.recording)
             clean = np.asarray(simulated[at])[:count]
-            white = target.noise.innovations(row[target.size :], generator, 2 * count)
+            white = target.noise.innovations(target.of_noise(row), generator, 2 * count)
             # The first half runs the filter in.
             noise = np.asarray(lfilter([1.0], np.asarray(filters[at]), white))[count:]
             model[at].append(clean)

@@ -17,7 +17,7 @@ from emcee.backends import Backend, HDFBackend
 
 from .._recording import InputError
 
-_MOVES = (
+MOVES = (
     (emcee.moves.StretchMove(), 0.3),
     (emcee.moves.DEMove(), 0.6),
     (emcee.moves.DESnookerMove(), 0.1),
@@ -215,7 +215,7 @@ def run_ensemble(
             backend = file.resume(settings) if resume else file.begin()
     try:
         sampler = emcee.EnsembleSampler(
-            walkers, size, guarded, moves=_MOVES, backend=backend, vectorize=True
+            walkers, size, guarded, moves=MOVES, backend=backend, vectorize=True
         )
         if not backend.iteration:
             points, heights = first_walkers(whole, walkers, size, np.random.default_rng(seed))

@@ -14,8 +14,8 @@ Cholesky factor of the kernel, and integrated out with the gains.
 Data cannot tell the part of δ that moving parameters could produce from parameters moved (Plumlee,
 J. Am. Stat. Assoc. 112 (2017) 1274).  With J the Jacobian at the fit, δ is split into J c and what
 is orthogonal to J and to the recordings' own terms, by the noise's inner product, and both are
-taken as independent: the part beside J, which data do show, tells τ and moves no parameter; that
-along J only widens intervals, by what a mismatch of that size could have done to the parameters.
+taken as independent: the part beside J, which data do show, tells τ and to first order moves no
+parameter; that along J only widens intervals, by what a mismatch of that size could have done.
 It is as good as its prior: a mismatch far smoother, or larger along J, than what the residual shows
 beside it is not covered (Brynjarsdóttir & O'Hagan, Inverse Problems 30 (2014) 114007).
 """

@@ -54,7 +54,15 @@ FIELDS: tuple[str, ...] = (
     "converged",
     "seconds",
 )
-SUMMARY = ("model", "noise", "parameter", "draws", "unconverged", "chi_squared_p", "coverage_95")
+SUMMARY: tuple[str, ...] = (
+    "model",
+    "noise",
+    "parameter",
+    "draws",
+    "unconverged",
+    "chi_squared_p",
+    "coverage_95",
+)
 PACKAGES = ("fracjax", "jax", "emcee", "numpy", "scipy")
 RANKED = 99
 BINS = 20

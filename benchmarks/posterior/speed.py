@@ -32,6 +32,7 @@ from typing import Any
 
 import emcee
 import jax
+import jax.numpy as jnp
 import numpy as np
 
 import fracjax as fj
@@ -45,9 +46,20 @@ from fracjax._posterior._sample import MOVES, in_batches
 
 WALKERS = 32
 PACKAGES = ("fracjax", "jax", "jaxlib", "emcee", "numpyro", "numpy", "scipy")
-COLUMNS = ("samples", "density", "per_second", "times_numpy", "emcee_steps_per_second",
-           "times_numpy_emcee", "steps", "ess_per_second", "times_numpy_ess", "prepared_s",
-           "compiled_s", "error")  # fmt: skip
+COLUMNS: tuple[str, ...] = (
+    "samples",
+    "density",
+    "per_second",
+    "times_numpy",
+    "emcee_steps_per_second",
+    "times_numpy_emcee",
+    "steps",
+    "ess_per_second",
+    "times_numpy_ess",
+    "prepared_s",
+    "compiled_s",
+    "error",
+)
 STEPS = 20
 NUTS_WARMUP, NUTS_DRAWS = 500, 2000
 
@@ -81,16 +93,18 @@ def walked(density: Densities, points: np.ndarray, seconds: float) -> tuple[floa
 
 def nuts(target: Target, found: Laplace) -> float:
     """Effective draws per second of the slowest number by numpyro's NUTS, adaptation left out."""
-    from numpyro.diagnostics import effective_sample_size
-    from numpyro.infer import MCMC, NUTS
+    from numpyro.diagnostics import effective_sample_size  # type: ignore[import-not-found]
+    from numpyro.infer import MCMC, NUTS  # type: ignore[import-not-found]
 
     def potential(coordinates: jax.Array) -> jax.Array:
-        return -target.log_posterior(found.mode + found.factor @ coordinates)
+        return -target.log_posterior(
+            jnp.asarray(found.mode) + jnp.asarray(found.factor) @ coordinates
+        )
 
     # The chain's own coordinates are whitened already: no mass matrix is adapted.
     kernel = NUTS(potential_fn=potential, adapt_mass_matrix=False)
     chain = MCMC(kernel, num_warmup=NUTS_WARMUP, num_samples=NUTS_DRAWS, progress_bar=False)
-    start = jax.numpy.zeros(found.mode.size)
+    start = jnp.zeros(found.mode.size)
     chain.warmup(jax.random.key(0), init_params=start)
     chain.run(chain.post_warmup_state.rng_key)  # compiles
     began = time.perf_counter()

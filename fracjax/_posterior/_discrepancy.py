@@ -99,7 +99,7 @@ def discrepancy_of(fit: Fit) -> Discrepancy:
 def _state(drive: np.ndarray, length: int, at: int) -> np.ndarray:
     """Drive, its rate and time (length, 3), each of the size of one; rows beyond the drive are
     nothing that counts."""
-    rate = savgol_filter(drive, _RATE_WINDOW, 2, deriv=1)
+    rate = np.asarray(savgol_filter(drive, _RATE_WINDOW, 2, deriv=1))
     time = np.arange(drive.size) / drive.size + _APART * at
     state = np.stack([drive / drive.std(), rate / rate.std(), time], axis=1)
     return np.pad(state, ((0, length - drive.size), (0, 0)))

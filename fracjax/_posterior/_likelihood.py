@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any, Protocol
+from typing import Any, Protocol, TypeVar
 
 import equinox as eqx
 import jax
@@ -29,6 +29,7 @@ from ._discrepancy import Discrepancy
 from ._noise_models import AbstractNoiseModel, Signals, Term
 from ._prior import AbstractPrior, prior_of, values_of
 
+Values = TypeVar("Values", Array, np.ndarray)
 _PART = 512
 _FARTHEST, _ROUNDING = 8.0, 1e-9
 
@@ -94,7 +95,7 @@ class Target(eqx.Module):
             p.response - prediction - columns @ coefficients for p, prediction, columns in trios
         )
 
-    def of_noise(self, values: Array) -> Array:
+    def of_noise(self, values: Values) -> Values:
         """The noise's numbers, out of all."""
         return values[self.size : len(self.priors)]
 

@@ -19,7 +19,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from scipy import integrate, stats
-from scipy.linalg import toeplitz
+from scipy.linalg import solve_triangular, toeplitz
 
 import fracjax as fj
 import fracjax._fit
@@ -39,6 +39,9 @@ from fracjax._posterior import (
     split_r_hat,
     target_of,
 )
+from fracjax._posterior._discrepancy import discrepancy_of
+from fracjax._posterior._doubt import doubt_of
+from fracjax._posterior._marginal import _candidates, figures, marginal_of
 from fracjax._posterior._noise_models import autoregressive, partial_autocorrelations
 from fracjax._posterior._posterior import _starts
 from fracjax._posterior._prior import values_of
@@ -197,15 +200,11 @@ def test_normal_noise_is_the_multivariate_normal_with_its_offset_integrated(cubi
     coefficients = np.asarray(autoregressive(jnp.asarray(values[2:-1])))
     residual = cubic.preparation.takes[0].recording.response - 0.1 * DRIVE - 1e-6 * DRIVE**3
     covariance = ar_covariance(coefficients, values[-1], SAMPLES)
-
-    def log_density(left: np.ndarray) -> float:
-        if left.size == 0:
-            return 0.0
-        part = covariance[: left.size, : left.size]
-        return stats.multivariate_normal.logpdf(left, cov=part)  # type: ignore[arg-type]
+    factor = np.linalg.cholesky(covariance)
 
     def given_first(offset: float) -> float:
-        return log_density(residual - offset) - log_density((residual - offset)[:order])
+        white = solve_triangular(factor, residual - offset, lower=True)[order:]
+        return stats.norm.logpdf(white).sum() - np.log(np.diag(factor)[order:]).sum()
 
     wanted = log_integral(given_first, residual.mean(), 0.01)
     assert float(target.log_likelihood(jnp.asarray(values))) == pytest.approx(wanted, abs=1e-6)
@@ -364,7 +363,14 @@ def test_the_page_shows_it_all(sampled, tmp_path):
     fj.write_report(sampled, tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
     assert page.count("<svg") == 5
-    for text in ("noise.sigma", "What the data tell", "Traces", "split R-hat", sampled.sentence):
+    for text in (
+        "noise.sigma",
+        "not modelled",
+        "What the data tell",
+        "Traces",
+        "split R-hat",
+        sampled.sentence,
+    ):
         assert text in page
     assert not re.search(r'(src|href)="(?!data:|#)', page.replace("xlink:href", "href"))
 
@@ -374,6 +380,183 @@ def test_precision_is_left_alone(cubic, sampled, float32_default):
     assert jnp.ones(1).dtype == np.float32
     assert again.samples["a"].dtype == np.float64
     assert by_name(again)["a"].laplace_sd == pytest.approx(by_name(sampled)["a"].laplace_sd)
+
+
+# Gains integrated out -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("noise", "numbers"), [(fj.WhiteNoise(), [0.3]), (fj.ARNoise(2), [0.2, -0.1, 0.3])]
+)
+def test_the_marginal_density_times_the_gains_is_the_joint_one(cubic, noise, numbers):
+    """ln p(v) + ln p(z | v) = ln p(v, z), at gains drawn by any normal numbers."""
+    target, terms = target_of(cubic, noise, {})
+    marginal, _ = marginal_of(target, _starts(terms))
+    assert marginal.integrated == (0, 1)
+    for normals in ([0.0, 0.0], [0.4, -2.8]):
+        standard = jnp.array(numbers)
+        values = np.asarray(marginal.complete(standard, jnp.array(normals)))
+        pairs = zip(target.priors, values, strict=True)
+        joint = target.log_posterior(jnp.array([float(p.standard(v)) for p, v in pairs]))
+        factor = marginal._eliminated(marginal._centred(standard)).factor
+        given = stats.norm.logpdf(normals).sum() + np.log(np.diag(factor)).sum()
+        found = float(marginal.log_posterior(standard)) + given
+        assert found == pytest.approx(float(joint), abs=1e-8)
+
+
+def test_gains_near_a_bound_stay_in_the_chain(cubic):
+    near = {"a": TruncatedNormal(0.0, 1.0, 0.0995, 9.0), "b": TruncatedNormal(0.0, 1.0, -1.0, 1.0)}
+    target, terms = target_of(cubic, fj.WhiteNoise(), near)
+    assert marginal_of(target, _starts(terms))[0].integrated == (1,)
+
+
+def test_only_gains_that_are_normal_or_flat_are_integrated_out(cubic):
+    def candidates(noise, **priors) -> tuple[int, ...]:
+        return _candidates(target_of(cubic, noise, priors)[0])
+
+    logarithmic = Logarithmic(Normal(-2.0, 1.0))
+    assert candidates(fj.MeasuredNoise(), a=Uniform(0.0, 1.0)) == (0, 1)
+    assert candidates(fj.MeasuredNoise(), a=logarithmic) == (1,)
+    assert candidates(fj.StudentNoise()) == ()
+
+
+def test_a_flat_prior_leaves_the_least_squares_estimate(cubic):
+    priors = SHARP | {"a": Uniform(-9.0, 9.0), "b": Uniform(-1.0, 1.0)}
+    target, terms = target_of(cubic, fj.WhiteNoise(), priors)
+    means, sds = figures(*marginal_of(target, _starts(terms)))
+    columns = np.stack([DRIVE, DRIVE**3, np.ones(SAMPLES)], axis=1)
+    response = cubic.preparation.takes[0].recording.response
+    wanted = np.linalg.lstsq(columns, response, rcond=None)[0]
+    covariance = 0.05**2 * np.linalg.inv(columns.T @ columns)
+    np.testing.assert_allclose(means[:2], wanted[:2], rtol=1e-8)
+    np.testing.assert_allclose(sds[:2], np.sqrt(np.diag(covariance))[:2], rtol=1e-5)
+
+
+# What the model leaves out ------------------------------------------------------------------------
+
+
+@pytest.fixture(scope="module")
+def saturating() -> fj.Fit:
+    """Truth: a = 0.1, b = 0, and a response that gives way above 50 V, which no cubic does."""
+    recording = recording_of(Cubic(), 0.02)
+    response = recording.response - 0.15 * np.clip(DRIVE - 50, 0, None)
+    return fit_of(Cubic(), replace(recording, response=response), 0.02)
+
+
+def test_a_discrepancy_is_the_multivariate_normal_of_its_covariance(saturating):
+    """Beside σ² of the noise, τ² Z Zᵀ and those of the gains; the offset's variance all but ∞."""
+    found = discrepancy_of(saturating)
+    target, terms = target_of(saturating, fj.WhiteNoise(), {}, found)
+    marginal, _ = marginal_of(target, _starts(terms))
+    assert [t.name for t in terms] == ["a", "b", "discrepancy.size", "noise.sigma"]
+    standard = jnp.array([0.1, -0.2])
+    tau, sigma = (float(v) for v in marginal.values(standard))
+    gains = np.stack([DRIVE * target.priors[0].sd, DRIVE**3 * target.priors[1].sd], axis=1)  # type: ignore[attr-defined]
+    mismatch, wide = found.columns[0][:SAMPLES], 1e4
+    covariance = (
+        sigma**2 * np.eye(SAMPLES) + gains @ gains.T + tau**2 * mismatch @ mismatch.T + wide
+    )
+    response = saturating.preparation.takes[0].recording.response
+    _, size = np.linalg.slogdet(covariance)
+    square = response @ np.linalg.solve(covariance, response)
+    likelihood = -(size + square + (SAMPLES - 1) * np.log(2 * np.pi) - np.log(wide)) / 2
+    wanted = likelihood + stats.norm.logpdf(standard).sum()
+    assert float(marginal.log_posterior(standard)) == pytest.approx(wanted, rel=1e-5)
+
+
+def test_a_discrepancy_is_split_beside_and_along_the_jacobian(saturating):
+    (columns,) = discrepancy_of(saturating).columns
+    jacobian = np.stack([DRIVE, DRIVE**3, np.ones(SAMPLES)], axis=1)
+    basis, _ = np.linalg.qr(jacobian / np.linalg.norm(jacobian, axis=0))
+    beside, along = columns[:SAMPLES, :-2], columns[:SAMPLES, -2:]
+    lengths = np.linalg.norm(beside, axis=0)
+    assert np.abs(basis.T @ beside / lengths).max() < 1e-6
+    np.testing.assert_allclose(basis @ (basis.T @ along), along, atol=1e-9)
+
+
+MISMATCHES = {
+    "gives way above 45 V": -0.15 * np.clip(DRIVE - 45, 0, None),
+    "gives way above 50 V": -0.15 * np.clip(DRIVE - 50, 0, None),
+    "gives way above 55 V": -0.15 * np.clip(DRIVE - 55, 0, None),
+    "five waves": 0.3 * np.sin(DRIVE / 5),
+    "four waves": 0.3 * np.sin(DRIVE / 6),
+    "three waves": 0.3 * np.sin(DRIVE / 7 + 1),
+    "a step": np.tanh((DRIVE - 45) / 5),
+    "a dead band": 0.1 * np.clip(np.abs(DRIVE - 40) - 5, 0, None),
+}
+
+
+def test_intervals_of_a_model_that_is_wrong_hold_only_with_a_discrepancy():
+    """a = 0.1 V⁻¹ beside eight mismatches: in no interval without, in six or more of 95 % with."""
+    apart = []
+    for mismatch in MISMATCHES.values():
+        recording = recording_of(Cubic(), 0.02)
+        wrong = fit_of(Cubic(), replace(recording, response=recording.response + mismatch), 0.02)
+        for beyond in (None, discrepancy_of(wrong)):
+            target, terms = target_of(wrong, fj.WhiteNoise(), {}, beyond)
+            means, sds = figures(*marginal_of(target, _starts(terms)))
+            apart.append(abs(means[0] - 0.1) / sds[0])
+    plain, honest = np.array(apart).reshape(-1, 2).T
+    assert np.all(plain > 4)
+    assert np.sum(honest < 1.96) >= 6
+    assert np.all(honest < 3)
+
+
+def test_a_discrepancy_is_sampled_and_predicted(saturating):
+    white = fj.WhiteNoise()
+    found = fj.sample_posterior(saturating, noise_model=white, discrepancy=True, steps=1000)
+    low, high = by_name(found)["a"].interval
+    assert low < 0.1 < high
+    assert found.converged
+    assert "white noise and a discrepancy" in found.sentence
+    (band,) = found.bands
+    inside = (band.response > band.predictive[0]) & (band.response < band.predictive[1])
+    assert inside.mean() > 0.85
+
+
+def test_a_discrepancy_that_is_not_there_widens_nothing(cubic):
+    wide = []
+    for found in (None, discrepancy_of(cubic)):
+        target, terms = target_of(cubic, fj.WhiteNoise(), {}, found)
+        wide.append(figures(*marginal_of(target, _starts(terms)))[1][:2])
+    np.testing.assert_allclose(wide[1], wide[0], rtol=0.1)
+
+
+def test_a_discrepancy_goes_with_normal_noise(cubic):
+    with pytest.raises(fj.InputError, match=r"expected normal noise beside it, found Student-t"):
+        fj.sample_posterior(cubic, noise_model=fj.StudentNoise(), discrepancy=True)
+
+
+def diagnosis_file(folder: Path, **fields) -> Path:
+    told = {"schema": "fracjax.diagnosis/1", "model": "law", "verdict": "none", "effects": []}
+    path = folder / "diagnosis.json"
+    path.write_text(json.dumps(told | fields), encoding="utf-8")
+    return path
+
+
+@pytest.mark.parametrize(
+    ("verdict", "names", "others", "told"),
+    [
+        ("none", [], [], ""),
+        ("missing", ["creep", "backlash"], [], "leaves creep and backlash unexplained"),
+        ("confusable", ["delay"], ["drive_lag"], "leaves delay or drive_lag unexplained"),
+        ("unexplained", [], [], "leaves part of the response unexplained"),
+    ],
+)
+def test_a_posterior_carries_the_verdict_of_a_diagnosis(tmp_path, verdict, names, others, told):
+    effects = [{"name": name, "confusable_with": others} for name in names]
+    doubt = doubt_of(diagnosis_file(tmp_path, verdict=verdict, effects=effects), "law")
+    assert told in doubt
+    assert doubt.endswith("intervals hold only if the model is right.") == bool(told)
+
+
+def test_a_diagnosis_of_something_else_is_refused(tmp_path, cubic):
+    with pytest.raises(fj.InputError, match=r"expected a diagnosis of law, found one of foh"):
+        fj.sample_posterior(cubic, diagnosis=diagnosis_file(tmp_path, model="foh"))
+    for content in ("", "[]", '{"schema": "fracjax.fit/1"}'):
+        (tmp_path / "diagnosis.json").write_text(content, encoding="utf-8")
+        with pytest.raises(fj.InputError, match=r"expected a diagnosis .* found something else"):
+            fj.sample_posterior(cubic, diagnosis=tmp_path / "diagnosis.json")
 
 
 # Laplace ------------------------------------------------------------------------------------------
@@ -537,10 +720,13 @@ def test_the_command_says_when_a_chain_has_not_converged(tmp_path, cubic, capsys
     assert "did not converge in 100 steps" in err
     assert err.count("\n") == 1
     assert not fj.load_posterior(out).converged
-    again = [*call, "--noise-model", "white", "--resume", "--json"]
+    doubted = diagnosis_file(tmp_path, verdict="unexplained")
+    again = [*call, "--noise-model", "white", "--resume", "--json", "--diagnosis", str(doubted)]
     assert run([*again, "--steps", "4000"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["converged"]
+    assert "intervals hold only if the model is right" in told["sentence"]
+    assert told["doubt"] in (out / "report.html").read_text(encoding="utf-8")
     assert 100 < told["steps"] < 4000
     names = {"posterior.nc", "posterior.json", "report.html", "fit.json", "chain.h5"}
     assert {p.name for p in out.iterdir()} == names

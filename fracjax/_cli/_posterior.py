@@ -34,6 +34,8 @@ if TYPE_CHECKING:
     help="Its parameters are sampled too; `student` lets outliers weigh little.",
 )
 @click.option("--repeat", metavar="FILE", help="The same drive again, for the measured noise.")
+@click.option("--discrepancy", is_flag=True, help="Let intervals bear what the model leaves out.")
+@click.option("--diagnosis", metavar="FILE", help="diagnosis.json, whose verdict is carried along.")
 @click.option("--walkers", type=int, help="An even number; by default as many as suit the model.")
 @click.option("--steps", type=int, default=10_000, show_default=True, help="At most.")
 @takes_given
@@ -45,6 +47,8 @@ def posterior_command(
     resume: bool,
     noise_model: str,
     repeat: str | None,
+    discrepancy: bool,
+    diagnosis: str | None,
     walkers: int | None,
     steps: int,
     given: Given,
@@ -73,6 +77,8 @@ def posterior_command(
                 posterior = sample_posterior(
                     found,
                     noise_model=_noise_model(noise_model, found),
+                    discrepancy=discrepancy,
+                    diagnosis=diagnosis,
                     walkers=walkers,
                     steps=steps,
                     seed=given.seed,

@@ -15,7 +15,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from ._likelihood import Target, log_posteriors_of
+from ._likelihood import Density, log_posteriors_of
 
 _ROUNDS = 60
 # With the point itself sixteen, the rows that the chain's compiled program takes.
@@ -31,14 +31,18 @@ class Laplace:
     factor: np.ndarray
     converged: bool
 
+    def at(self, coordinates: np.ndarray) -> np.ndarray:
+        """Standard coordinates (K, D) where the approximation is standard normal in (K, D)."""
+        return self.mode + coordinates @ self.factor.T
+
 
 @eqx.filter_jit
-def _derivatives(target: Target, standard: Array) -> tuple[Array, Array]:
+def _derivatives(target: Density, standard: Array) -> tuple[Array, Array]:
     gradient = jax.grad(target.log_posterior)
     return gradient(standard), jax.jacfwd(gradient)(standard)
 
 
-def _newton(target: Target, mode: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
+def _newton(target: Density, mode: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     """Factor (D, D) of H⁻¹, gradient (D,) and Newton's step (D,) at a point."""
     gradient, hessian = (np.asarray(d) for d in _derivatives(target, jnp.asarray(mode)))
     curvatures, axes = np.linalg.eigh(-(hessian + hessian.T) / 2)
@@ -47,7 +51,7 @@ def _newton(target: Target, mode: np.ndarray) -> tuple[np.ndarray, np.ndarray, n
     return axes / np.sqrt(np.maximum(curvatures, 1.0)), gradient, step
 
 
-def laplace(target: Target, start: np.ndarray) -> Laplace:
+def laplace(target: Density, start: np.ndarray) -> Laplace:
     """Newton's method from `start` (D,), each step the best of fifteen lengths.
 
     No direction is taken to be wider than its prior: a likelihood that does not curve, or curves

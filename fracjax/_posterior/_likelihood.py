@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping
 from functools import partial
-from typing import Any
+from typing import Any, Protocol, TypeVar
 
 import equinox as eqx
 import jax
@@ -25,9 +25,11 @@ from .._fit import (
 )
 from .._parameters import named_parameters, set_values
 from .._recording import InputError
+from ._discrepancy import Discrepancy
 from ._noise_models import AbstractNoiseModel, Signals, Term
 from ._prior import AbstractPrior, prior_of, values_of
 
+Values = TypeVar("Values", Array, np.ndarray)
 _PART = 512
 _FARTHEST, _ROUNDING = 8.0, 1e-9
 
@@ -45,28 +47,61 @@ class Prediction(eqx.Module):
         return tuple(problem.simulate(moved) for problem in self.problems)
 
 
+class Density(Protocol):
+    """A posterior's density over standard coordinates (D,), v standard normal a priori."""
+
+    def values(self, standard: Array) -> Array:
+        """Physical values (D,)."""
+        ...
+
+    def log_posterior(self, standard: Array) -> Array:
+        """ln p(data | v) + ln p(v); -∞ where it is no number."""
+        ...
+
+
 class Target(eqx.Module):
-    """What is sampled.  `size`: how many of the numbers are the model's; the noise's follow."""
+    """What is sampled.
+
+    `size`: how many of the numbers are the model's; the noise's follow.  `discrepancy` holds each
+    recording's columns (L, K), whose coefficients (K,) stand after all numbers with a prior; the
+    last of the model's numbers is then their size.
+    """
 
     predict: Prediction
     noise: AbstractNoiseModel
     problems: tuple[AbstractProblem, ...]
     priors: tuple[AbstractPrior, ...]
+    discrepancy: tuple[np.ndarray | Array, ...]
     size: int = eqx.field(static=True)
+
+    @property
+    def columns(self) -> int:
+        """K, how many columns the discrepancy has."""
+        return self.discrepancy[0].shape[1]
 
     def values(self, standard: Array) -> Array:
         """Physical values (D,) at standard coordinates (D,)."""
         return values_of(self.priors, standard)
 
     def residuals(self, values: Array) -> Signals:
-        """Measured minus predicted (L,), the recordings' own terms still in them."""
+        """Measured minus predicted (L,), the recordings' own terms still in them; of values
+        without coefficients the discrepancy too."""
         predictions = self.predict(values[: self.size])
-        pairs = zip(self.problems, predictions, strict=True)
-        return tuple(problem.response - prediction for problem, prediction in pairs)
+        coefficients = values[len(self.priors) :]
+        trios = zip(self.problems, predictions, self.discrepancy, strict=True)
+        if not coefficients.size:
+            return tuple(problem.response - prediction for problem, prediction, _ in trios)
+        return tuple(
+            p.response - prediction - columns @ coefficients for p, prediction, columns in trios
+        )
+
+    def of_noise(self, values: Values) -> Values:
+        """The noise's numbers, out of all."""
+        return values[self.size : len(self.priors)]
 
     def log_likelihood(self, values: Array) -> Array:
-        """ln p(data | values) at physical values (D,)."""
-        return self.noise.log_density(values[self.size :], self.residuals(values), self.problems)
+        """ln p(data | values) at physical values (D,), of a target without discrepancy."""
+        return self.noise.log_density(self.of_noise(values), self.residuals(values), self.problems)
 
     def log_posterior(self, standard: Array) -> Array:
         """ln p(data | v) + ln p(v), v standard normal a priori; -∞ where it is no number."""
@@ -77,11 +112,11 @@ class Target(eqx.Module):
 
 @partial(jax.jit, static_argnums=0)
 def _log_posteriors(structure: Any, leaves: list[Array], standards: Array) -> Array:
-    target: Target = jax.tree_util.tree_unflatten(structure, leaves)
+    target: Density = jax.tree_util.tree_unflatten(structure, leaves)
     return jax.vmap(target.log_posterior)(standards)
 
 
-def log_posteriors_of(target: Target) -> Callable[[np.ndarray], np.ndarray]:
+def log_posteriors_of(target: Density) -> Callable[[np.ndarray], np.ndarray]:
     """`log_posterior` (K,) of coordinates (K, D), in one call.
 
     The target is taken apart and brought to the device once: done at every call, that would cost
@@ -92,11 +127,11 @@ def log_posteriors_of(target: Target) -> Callable[[np.ndarray], np.ndarray]:
 
 
 @eqx.filter_jit
-def _physical(target: Target, standards: np.ndarray) -> Array:
+def _physical(target: Density, standards: np.ndarray) -> Array:
     return jax.vmap(target.values)(jnp.asarray(standards))
 
 
-def physical(target: Target, standards: np.ndarray) -> np.ndarray:
+def physical(target: Density, standards: np.ndarray) -> np.ndarray:
     """Physical values (K, D) at coordinates (K, D)."""
     # In parts of one size, for which one program is compiled whatever K is.
     padded = np.pad(standards, ((0, -len(standards) % _PART), (0, 0)))
@@ -105,15 +140,23 @@ def physical(target: Target, standards: np.ndarray) -> np.ndarray:
 
 
 def target_of(
-    fit: Fit, noise: AbstractNoiseModel, priors: Mapping[str, AbstractPrior]
+    fit: Fit,
+    noise: AbstractNoiseModel,
+    priors: Mapping[str, AbstractPrior],
+    discrepancy: Discrepancy | None = None,
 ) -> tuple[Target, tuple[Term, ...]]:
-    """The posterior of a fit's free parameters and the noise's, and what is sampled, in order.
+    """The posterior of a fit's free parameters, the discrepancy's size where there is one, and the
+    noise's, and what is sampled, in order.
 
     `priors` take the place of the standing ones, by name.
     Raises InputError for names that are not sampled.
     """
     problems = tuple(_orthonormal(p) for p in noise.prepared(fit.preparation).problems())
     model = _model_terms(fit)
+    if discrepancy is None:
+        columns = tuple(np.zeros((p.own.shape[0], 0)) for p in problems)
+    else:
+        model, columns = (*model, discrepancy.term), discrepancy.columns
     predict = Prediction(fit.model.block, problems)
     values = jnp.array([term.start for term in model])
     left = tuple(
@@ -131,7 +174,8 @@ def target_of(
                 "correct it",
             )
     terms = tuple(t._replace(prior=priors.get(t.name, t.prior)) for t in terms)
-    return Target(predict, noise, problems, tuple(t.prior for t in terms), len(model)), terms
+    sampled = tuple(term.prior for term in terms)
+    return Target(predict, noise, problems, sampled, columns, len(model)), terms
 
 
 def compressed(target: Target, start: np.ndarray) -> Target:
@@ -139,19 +183,30 @@ def compressed(target: Target, start: np.ndarray) -> Target:
     error far below the noise at the start (D,) in standard coordinates; itself where none serves.
     """
     block, taps = target.predict.block, target.noise.taps
-    problems = tuple(p for p in target.problems if isinstance(p, Problem))
+    # What is a recording's own comes first in a compressed problem, whatever it is.
+    problems = tuple(
+        eqx.tree_at(lambda p: p.own, problem, np.concatenate([problem.own, columns], axis=1))
+        for problem, columns in zip(target.problems, target.discrepancy, strict=True)
+        if isinstance(problem, Problem)
+    )
     found = None if taps is None else compress(block, problems, taps)
     if found is None or not _within_bounds(target):
         return target
-    noise_values = target.values(jnp.asarray(start))[target.size :]
+    noise_values = target.of_noise(target.values(jnp.asarray(start)))
     scales = [
         problem.whitening[0] / target.noise.scaled(noise_values, problem).whitening[0]
         for problem in target.problems
     ]
     if not found.serves(float(min(scales))):
         return target
-    predict = Prediction(block, found.problems)
-    return Target(predict, target.noise, found.problems, target.priors, target.size)
+    kept = [problem.own.shape[1] - target.columns for problem in found.problems]
+    columns = tuple(p.own[:, count:] for p, count in zip(found.problems, kept, strict=True))
+    short = tuple(
+        eqx.tree_at(lambda p: p.own, problem, problem.own[:, :count])
+        for problem, count in zip(found.problems, kept, strict=True)
+    )
+    predict = Prediction(block, short)
+    return Target(predict, target.noise, short, target.priors, columns, target.size)
 
 
 def _within_bounds(target: Target) -> bool:

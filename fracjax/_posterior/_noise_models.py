@@ -10,7 +10,7 @@ w is normal, c is integrated out exactly under a flat prior,
 
     ∫ p(e | c) dc = (2π)^{-(n-q)/2} filter_0^n |XᵀX|^{-1/2} exp(-|w_⊥|²/2),
 
-X filtered and w_⊥ what is left of w beside it.
+X filtered and w_⊥ what is left of w beside it.  Gains are integrated out likewise (`_marginal`).
 Source: Box, Jenkins & Reinsel, Time Series Analysis, ch. 7; Bretthorst, Bayesian Spectrum Analysis
 (1988), ch. 3, for the integral.
 """
@@ -94,19 +94,48 @@ class AbstractNoiseModel(eqx.Module):
         """Draws (size,) of the white w."""
 
 
+class Eliminated(NamedTuple):
+    """What is left when numbers z (g,) are integrated out: ln of the integral, and their normal
+    density given all else, N(centre, (factorᵀ factor)⁻¹) with factor (g, g) upper triangular."""
+
+    log_density: Array
+    centre: Array
+    factor: Array
+
+
 class AbstractGaussianNoise(AbstractNoiseModel):
     """Normal noise, the recordings' own coefficients integrated out."""
 
     def log_density(self, values: Array, residuals: Signals, problems: Problems) -> Array:
-        total = jnp.zeros(())
-        for residual, problem in zip(residuals, problems, strict=True):
+        columns = tuple(jnp.zeros((residual.shape[0], 0)) for residual in residuals)
+        return self.eliminated(values, residuals, columns, jnp.zeros(0), problems, 0).log_density
+
+    def eliminated(
+        self,
+        values: Array,
+        residuals: Signals,
+        columns: Signals,
+        weights: Array | np.ndarray,
+        problems: Problems,
+        apart: int,
+    ) -> Eliminated:
+        """Residuals e - B z with z (g,) integrated out, given B (L, g) and what z has for a prior:
+        standard normal where `weights` (g,) is 1, flat where it is 0.  The first `apart` columns
+        are all but orthogonal to each other, of which there may be many."""
+        total, rows = jnp.zeros(()), []
+        for residual, column, problem in zip(residuals, columns, problems, strict=True):
             scaled = self.scaled(values, problem)
             count = jnp.asarray(scaled.count)
-            factor, centre, left = _projected(residual, scaled)
-            degrees = count - centre.size
+            signals = jnp.concatenate([column, jnp.asarray(residual)[:, None]], axis=1)
+            factor, centre, left = _projected(signals, scaled)
+            degrees = count - centre.shape[0]
             total += count * jnp.log(scaled.whitening[0]) - jnp.log(jnp.diag(factor)).sum()
-            total -= (left @ left + degrees * np.log(2 * np.pi)) / 2
-        return total
+            total -= degrees * np.log(2 * np.pi) / 2
+            rows.append(left)
+        prior = jnp.pad(jnp.diag(jnp.asarray(weights)), ((0, 0), (0, 1)))
+        triangle, half, rest = _triangular(jnp.concatenate([*rows, prior]), apart)
+        total -= rest / 2 + jnp.log(jnp.diag(triangle)).sum()
+        return Eliminated(total, solve_triangular(triangle, half), triangle)
 
     def own(
         self, values: Array, residuals: Signals, problems: Problems, normals: Signals
@@ -124,16 +153,40 @@ class AbstractGaussianNoise(AbstractNoiseModel):
         return generator.standard_normal(size)
 
 
-def _projected(
-    residual: Array | np.ndarray, problem: AbstractProblem
-) -> tuple[Array, Array, Array]:
-    """Cholesky factor (q, q) of XᵀX, best coefficients (q,), and what they leave (L,)."""
+def _projected(signals: Array | np.ndarray, problem: AbstractProblem) -> tuple[Array, Array, Array]:
+    """Cholesky factor (q, q) of XᵀX, best coefficients (q, …) of signals (L, …), and what they
+    leave (L, …)."""
     columns = problem.whiten(jnp.asarray(problem.own))
-    target = problem.whiten(residual)
+    target = problem.whiten(signals)
     factor = jnp.linalg.cholesky(columns.T @ columns)
     half = solve_triangular(factor, columns.T @ target, lower=True)
     centre = solve_triangular(factor, half, lower=True, trans=1)
     return factor, centre, target - columns @ centre
+
+
+def _triangular(columns: Array, apart: int) -> tuple[Array, Array, Array]:
+    """Of columns (L, g + 1): R (g, g) of the first g, their orthonormal basis times the last (g,),
+    and the squared length of what is left of the last.
+
+    Modified Gram–Schmidt: as accurate as Householder's way for all three where the last column is
+    carried along (Björck, BIT 7 (1967) 1), without its calls of LAPACK, and differentiable.  By
+    Cholesky for the first `apart`, which are too many for that and need it less.
+    """
+    size, rows, left = columns.shape[1] - 1, [jnp.zeros((0, columns.shape[1]))], columns
+    if apart:
+        first, left = columns[:, :apart], columns[:, apart:]
+        factor = jnp.linalg.cholesky(first.T @ first)
+        half = solve_triangular(factor, first.T @ left, lower=True)
+        left = left - first @ solve_triangular(factor, half, lower=True, trans=1)
+        rows = [jnp.concatenate([factor.T, half], axis=1)]
+    for k in range(apart, size):
+        length = jnp.sqrt(left[:, 0] @ left[:, 0])
+        unit = left[:, 0] / length
+        others = unit @ left[:, 1:]
+        left = left[:, 1:] - unit[:, None] * others
+        rows.append(jnp.concatenate([jnp.zeros(k), length[None], others])[None])
+    triangle = jnp.concatenate(rows)
+    return triangle[:, :size], triangle[:, size], left[:, 0] @ left[:, 0]
 
 
 def _refiltered(problem: AbstractProblem, whitening: Array) -> AbstractProblem:

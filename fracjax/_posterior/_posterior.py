@@ -15,15 +15,20 @@ from scipy.signal import lfilter
 
 from .._fit import Fit
 from .._recording import InputError
-from ._laplace import Laplace, laplace
+from ._discrepancy import discrepancy_of
+from ._doubt import doubt_of
+from ._laplace import Laplace
 from ._likelihood import Target, compressed, log_posteriors_of, physical, target_of
-from ._noise_models import AbstractNoiseModel, MeasuredNoise, Signals, Term
+from ._marginal import Marginal, completed, figures, marginal_of
+from ._noise_models import AbstractGaussianNoise, AbstractNoiseModel, MeasuredNoise, Signals, Term
 from ._prior import AbstractPrior
 from ._result import Band, Posterior, Row, figures_of, inseparable
-from ._sample import Chain, ChainFile, run_ensemble
+from ._sample import Chain, ChainFile, run_ensemble, split_r_hat
 
 _FARTHEST_START = 4.0
 _LEAST_WALKERS = 32
+# A snooker move takes three of the other half.
+_FEWEST_WALKERS = 6
 _PRIOR_DRAWS = 2000
 _BAND_DRAWS = 200
 _CENTRAL = (2.5, 97.5)
@@ -40,6 +45,8 @@ def sample_posterior(
     fit: Fit,
     *,
     noise_model: AbstractNoiseModel | None = None,
+    discrepancy: bool = False,
+    diagnosis: str | Path | None = None,
     priors: Mapping[str, AbstractPrior] | None = None,
     walkers: int | None = None,
     steps: int = 10_000,
@@ -50,17 +57,22 @@ def sample_posterior(
 ) -> Posterior:
     """The posterior of a fit's free parameters, and of the noise's, by an ensemble of walkers.
 
-    The chain starts from the Laplace approximation and runs in its coordinates until it has 50
+    Gains are integrated out where that is exact, under normal noise and priors, and drawn given the
+    rest (`_marginal`); walkers move over the shapes and the noise's numbers alone.  The chain
+    starts from the Laplace approximation and runs in its coordinates until it has 50
     autocorrelation times after burn-in and split R-hat below 1.01, at most `steps`.
 
     - `noise_model`: `MeasuredNoise` where none is given.
+    - `discrepancy`: model what the model leaves out, so that intervals bear it (`_discrepancy`).
+    - `diagnosis`: a diagnosis.json of the model, whose verdict the result then carries.
     - `priors`: by name, in place of the parameters' own.
-    - `walkers`: an even number, at least twice that of what is sampled; by default four times,
-      and at least 32.
+    - `walkers`: an even number, at least twice that of what walkers move over, and six; by default
+      four times, and at least 32.
     - `chain`: an HDF5 file that grows with the run; with `resume` the steps in it are gone on from.
 
-    Raises InputError for unknown names, too few walkers or steps, a chain of another call, and a
-    fit with tied or own parameters.  A chain that has not converged says so in `converged`.
+    Raises InputError for unknown names, too few walkers or steps, a chain of another call, a
+    diagnosis of another model, a discrepancy beside Student-t noise, and a fit with tied or own
+    parameters.  A chain that has not converged says so in `converged`.
     Source: Foreman-Mackey et al., Publ. Astron. Soc. Pac. 125 (2013) 306; Goodman & Weare, Commun.
     Appl. Math. Comput. Sci. 5 (2010) 65.
     """
@@ -72,27 +84,30 @@ def sample_posterior(
             f"{', '.join((*asked.ties, *asked.own))} so fitted",
             "fit without, or fix them",
         )
+    noise = MeasuredNoise() if noise_model is None else noise_model
+    if discrepancy and not isinstance(noise, AbstractGaussianNoise):
+        raise InputError.at(
+            "discrepancy", "normal noise beside it", f"{noise.name} noise", "choose another noise"
+        )
+    doubt = "" if diagnosis is None else doubt_of(diagnosis, fit.model.name)
     with jax.enable_x64(True):
-        noise = MeasuredNoise() if noise_model is None else noise_model
-        target, terms = target_of(fit, noise, priors or {})
-        size = len(terms)
+        beyond = discrepancy_of(fit) if discrepancy else None
+        target, terms = target_of(fit, noise, priors or {}, beyond)
+        starts = _starts(terms)
+        density, approximation = marginal_of(compressed(target, starts), starts)
+        names = [terms[k].name for k in density.sampled]
+        size = len(names)
         count = max(_LEAST_WALKERS, 4 * size) if walkers is None else walkers
         _check(count, size, steps)
-        density = compressed(target, _starts(terms))
-        approximation = laplace(density, _starts(terms))
-        names = [term.name for term in terms]
-
-        def standards(coordinates: np.ndarray) -> np.ndarray:
-            return approximation.mode + coordinates @ approximation.factor.T
 
         log_posteriors = log_posteriors_of(density)
 
         def log_density(coordinates: np.ndarray) -> np.ndarray:
-            return log_posteriors(standards(coordinates))
+            return log_posteriors(approximation.at(coordinates))
 
         def watch(running: Chain) -> None:
             last = running.kept[-min(len(running.kept), 500) :].reshape(-1, size)
-            values = physical(target, standards(last))
+            values = physical(density, approximation.at(last))
             progress(len(running.coordinates), steps, _estimate(names, values, running))
 
         found = run_ensemble(
@@ -103,16 +118,17 @@ def sample_posterior(
             seed=seed,
             file=None if chain is None else ChainFile(Path(chain)),
             resume=resume,
-            settings=_settings(fit, noise, terms, count, seed),
+            settings=_settings(fit, noise, terms, names, count, seed),
             watch=watch,
         )
-        return _posterior_of(fit, target, terms, approximation, found, standards, seed)
+        return _posterior_of(fit, target, terms, density, approximation, found, seed, doubt)
 
 
 def _check(walkers: int, size: int, steps: int) -> None:
-    if walkers % 2 or walkers < 2 * size:
+    least = max(_FEWEST_WALKERS, 2 * size)
+    if walkers % 2 or walkers < least:
         raise InputError.at(
-            "walkers", f"an even number of at least {2 * size}", f"{walkers}", "give more"
+            "walkers", f"an even number of at least {least}", f"{walkers}", "give more"
         )
     if steps < 40:
         raise InputError.at("steps", "at least 40", f"{steps}", "give more")
@@ -135,7 +151,12 @@ def _estimate(names: Sequence[str], values: np.ndarray, running: Chain) -> str:
 
 
 def _settings(
-    fit: Fit, noise: AbstractNoiseModel, terms: Sequence[Term], walkers: int, seed: int
+    fit: Fit,
+    noise: AbstractNoiseModel,
+    terms: Sequence[Term],
+    sampled: Sequence[str],
+    walkers: int,
+    seed: int,
 ) -> dict[str, str]:
     """All that a chain depends on beside its length, as text, by name."""
     data = hashlib.sha256()
@@ -148,6 +169,7 @@ def _settings(
         "model": fit.model.name,
         "noise model": noise.name,
         "parameters": ", ".join(term.name for term in terms),
+        "walkers over": ", ".join(sampled),
         "priors": hashlib.sha256("".join(priors).encode()).hexdigest()[:12],
         "data": data.hexdigest()[:12],
         "walkers": str(walkers),
@@ -159,19 +181,26 @@ def _posterior_of(
     fit: Fit,
     target: Target,
     terms: Sequence[Term],
+    density: Marginal,
     approximation: Laplace,
     chain: Chain,
-    standards: Callable[[np.ndarray], np.ndarray],
     seed: int,
+    doubt: str,
 ) -> Posterior:
     generator = np.random.default_rng(seed)
     names, size = [term.name for term in terms], len(terms)
     slowest = float(chain.autocorrelation.max())
-    thinned = max(1, int(slowest / 2))
+    # At least a step of each quarter, by which the gains' R-hat goes.
+    thinned = min(max(1, int(slowest / 2)), len(chain.kept) // 4)
     kept = chain.kept[::thinned]
-    values = physical(target, standards(kept.reshape(-1, size)))
-    walking = np.moveaxis(values.reshape(*kept.shape[:2], size), 1, 0)
-    means, sds = _laplace_figures(target, approximation)
+    standards = approximation.at(kept.reshape(-1, kept.shape[2]))
+    values = completed(density, standards, generator)
+    drawn = values[:, :size].reshape(*kept.shape[:2], size)
+    walking = np.moveaxis(drawn, 1, 0)
+    r_hat = np.empty(size)
+    r_hat[list(density.sampled)] = chain.r_hat
+    r_hat[list(density.integrated)] = split_r_hat(drawn[:, :, list(density.integrated)])
+    means, sds = figures(density, approximation)
     prior = physical(target, generator.standard_normal((_PRIOR_DRAWS, size)))
     ends = physical(target, 1.96 * np.array([[-1.0], [1.0]]) * np.ones(size))
     rows = []
@@ -185,7 +214,7 @@ def _posterior_of(
                 sd=sd,
                 interval=interval,
                 ess=ess,
-                r_hat=float(chain.r_hat[k]),
+                r_hat=float(r_hat[k]),
                 laplace_mean=float(means[k]),
                 laplace_sd=float(sds[k]),
                 prior=(float(ends[0, k]), float(ends[1, k])),
@@ -195,12 +224,14 @@ def _posterior_of(
     return Posterior(
         model=fit.model.name,
         noise_model=target.noise.name,
+        discrepancy=target.columns > 0,
+        doubt=doubt,
         units=(first.drive_unit, first.response_unit),
         samples={name: walking[:, :, k] for k, name in enumerate(names)},
         log_posterior=chain.log_density[chain.burn_in :][::thinned].T,
         prior={name: prior[:, k] for k, name in enumerate(names)},
         summary=tuple(rows),
-        known_only_together=inseparable(names, values.T),
+        known_only_together=inseparable(names, values[:, :size].T),
         bands=_bands(fit, target, values, generator),
         steps=len(chain.coordinates),
         burn_in=chain.burn_in,
@@ -212,22 +243,10 @@ def _posterior_of(
     )
 
 
-def _laplace_figures(target: Target, found: Laplace) -> tuple[np.ndarray, np.ndarray]:
-    """Values (D,) at the mode, and standard deviations (D,) to first order."""
-    values, slopes = _values_and_slopes(target, jnp.asarray(found.mode))
-    spread = np.asarray(slopes) @ found.factor
-    return np.asarray(values), np.sqrt(np.sum(spread**2, axis=1))
-
-
-@eqx.filter_jit
-def _values_and_slopes(target: Target, standard: Array) -> tuple[Array, Array]:
-    return target.values(standard), jax.jacfwd(target.values)(standard)
-
-
 @eqx.filter_jit
 def _responses(target: Target, values: Array, normals: Signals) -> tuple[Signals, Signals]:
     """Responses (L,) with the recordings' own terms, and the filter (taps,) of each noise."""
-    noise, own_values = target.noise, values[target.size :]
+    noise, own_values = target.noise, target.of_noise(values)
     residuals = target.residuals(values)
     own = noise.own(own_values, residuals, target.problems, normals)
     trios = zip(target.problems, residuals, own, strict=True)
@@ -249,7 +268,7 @@ def _bands(
         for at, take in enumerate(takes):
             count = len(take.recording)
             clean = np.asarray(simulated[at])[:count]
-            white = target.noise.innovations(row[target.size :], generator, 2 * count)
+            white = target.noise.innovations(target.of_noise(row), generator, 2 * count)
             # The first half runs the filter in.
             noise = np.asarray(lfilter([1.0], np.asarray(filters[at]), white))[count:]
             model[at].append(clean)

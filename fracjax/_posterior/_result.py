@@ -71,13 +71,19 @@ class Band:
 class Posterior:
     """Draws from the posterior, what they amount to, and whether they can be relied on.
 
+    `discrepancy`: whether intervals bear what the model leaves out; `doubt`: what a diagnosis says
+    that is, nothing where it found nothing or none was given.
+
     `samples` (walkers, draws) by name, in the units of `summary`; `prior` (draws,) likewise;
-    `log_posterior` (walkers, draws).  `steps`, `burn_in`, `thinned` (one step of so many is kept)
-    and `autocorrelation` (of the slowest number) are in steps of the ensemble.
+    `log_posterior` (walkers, draws) of what walkers move over, all else integrated out.  `steps`,
+    `burn_in`, `thinned` (one step of so many is kept) and `autocorrelation` (of the slowest number)
+    are in steps of the ensemble.
     """
 
     model: str
     noise_model: str
+    discrepancy: bool
+    doubt: str
     units: tuple[str, str]
     samples: dict[str, np.ndarray]
     log_posterior: np.ndarray
@@ -109,10 +115,12 @@ class Posterior:
             f"{after / self.autocorrelation:.0f} autocorrelation times, split R-hat {worst:.3f}, "
             f"{least:.0f} effective draws or more"
         )
+        caution = f" {self.doubt}" if self.doubt else ""
+        beyond = " and a discrepancy" if self.discrepancy else ""
         if not self.converged:
             return (
                 f"The chain of {self.model} has not converged in {self.steps} steps ({ran}): "
-                "its figures are provisional."
+                f"its figures are provisional.{caution}"
             )
         agreement = (
             f"the Laplace approximation differs in {', '.join(self.disagreeing)}"
@@ -120,8 +128,8 @@ class Posterior:
             else "the Laplace approximation agrees"
         )
         return (
-            f"{self.model} with {self.noise_model} noise: {walkers * draws} draws kept of "
-            f"{self.steps} steps ({ran}); {agreement}."
+            f"{self.model} with {self.noise_model} noise{beyond}: {walkers * draws} draws kept of "
+            f"{self.steps} steps ({ran}); {agreement}.{caution}"
         )
 
     def to_dict(self) -> dict:
@@ -130,6 +138,8 @@ class Posterior:
             "schema": SCHEMA,
             "model": self.model,
             "noise_model": self.noise_model,
+            "discrepancy": self.discrepancy,
+            "doubt": self.doubt,
             "units": {"drive": self.units[0], "response": self.units[1]},
             "recordings": [band.source for band in self.bands],
             "parameters": {
@@ -243,6 +253,8 @@ def _loaded(told: dict, path: Path) -> Posterior:
     return Posterior(
         model=told["model"],
         noise_model=told["noise_model"],
+        discrepancy=told["discrepancy"],
+        doubt=told["doubt"],
         units=(told["units"]["drive"], told["units"]["response"]),
         samples=samples,
         log_posterior=heights,

@@ -17,7 +17,7 @@ from emcee.backends import Backend, HDFBackend
 
 from .._recording import InputError
 
-_MOVES = (
+MOVES = (
     (emcee.moves.StretchMove(), 0.3),
     (emcee.moves.DEMove(), 0.6),
     (emcee.moves.DESnookerMove(), 0.1),
@@ -69,8 +69,8 @@ def split_r_hat(steps: np.ndarray) -> np.ndarray:
     import arviz  # takes two seconds, which a fit or a help text need not wait for
 
     length = len(steps) // _CHUNKS
-    chunks = steps[len(steps) - _CHUNKS * length :].reshape(_CHUNKS, -1, steps.shape[2])
-    return np.array([float(arviz.rhat(chunks[:, :, k])) for k in range(steps.shape[2])])
+    columns = np.moveaxis(steps[len(steps) - _CHUNKS * length :], 2, 0)
+    return np.array([float(arviz.rhat(column.reshape(_CHUNKS, -1))) for column in columns])
 
 
 def judged(backend: Backend) -> Chain:
@@ -215,7 +215,7 @@ def run_ensemble(
             backend = file.resume(settings) if resume else file.begin()
     try:
         sampler = emcee.EnsembleSampler(
-            walkers, size, guarded, moves=_MOVES, backend=backend, vectorize=True
+            walkers, size, guarded, moves=MOVES, backend=backend, vectorize=True
         )
         if not backend.iteration:
             points, heights = first_walkers(whole, walkers, size, np.random.default_rng(seed))

@@ -46,6 +46,7 @@ def _facts(posterior: Posterior) -> list[tuple[str, str]]:
     return [
         ("Model", posterior.model),
         ("Noise model", posterior.noise_model),
+        ("Discrepancy", "modelled" if posterior.discrepancy else "not modelled"),
         ("Walkers", str(walkers)),
         ("Steps", f"{posterior.steps}, of which {posterior.burn_in} burn-in"),
         ("Draws kept", f"{walkers * draws}, one step in {posterior.thinned}"),
@@ -70,7 +71,7 @@ def cells(row: Row) -> dict[str, str]:
 
 
 def _warnings(posterior: Posterior) -> list[str]:
-    found = []
+    found = [posterior.doubt] if posterior.doubt else []
     if not posterior.converged:
         found.append("The chain has not converged: go on with --resume and more --steps.")
     if posterior.disagreeing:

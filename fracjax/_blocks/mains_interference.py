@@ -59,8 +59,10 @@ def _trials(setting: Setting) -> list:
         # A recording T long tells frequencies 1/T apart, and a search does not cross from one to
         # the next.
         either_side = min(round(_WANDER * mains * setting.duration), _MOST_TRIED)
+        # At the nominal frequency itself sampling often folds one harmonic on another.
+        aside = min(0.25 / setting.duration, 0.25 * _WANDER * mains)
         shapes = [
-            {"frequency": mains + k / setting.duration, name: line}
+            {"frequency": mains + k / setting.duration + aside, name: line}
             for k in range(-either_side, either_side + 1)
             for name in ("cosines", "sines")
             for line in lines

@@ -105,7 +105,7 @@ def delta_bic(before: Solved, after: Solved) -> float:
 
 def explained_fraction(base: Stage, solved: Solved) -> float:
     """The share of the base's excess residual that is gone, as far as that is known."""
-    doubt = solved.samples * _excess_doubt(base.preparation, solved)
+    doubt = solved.samples * excess_doubt(base.preparation, solved)
     fall = base.solved.cost - solved.cost
     return float(fall / max(fall, base.excess - doubt)) if fall > 0 else 0.0
 
@@ -116,7 +116,7 @@ def is_exhausted(base: Stage, stage: Stage) -> bool:
 
     Where it is not, the best of the catalogue has taken up most of something that is not in it.
     """
-    doubt, samples = _excess_doubt(stage.preparation, stage.solved), stage.solved.samples
+    doubt, samples = excess_doubt(stage.preparation, stage.solved), stage.solved.samples
     inexact = _INEXACT * max(0.0, base.excess / base.solved.samples)
     return stage.solved.cost / samples - 1 <= _REMAINDER + inexact + doubt
 
@@ -131,7 +131,7 @@ def leaves_a_pattern(base: Stage, stage: Stage, axes: Sequence[Axis]) -> bool:
     return left > _PATTERN * (left + fall)
 
 
-def _excess_doubt(preparation: Preparation, solved: Solved) -> float:
+def excess_doubt(preparation: Preparation, solved: Solved) -> float:
     """Three standard errors of an excess χ² per sample, by the χ² distribution and by the noise
     level's own error."""
     known = noise_doubt(preparation, solved.kurtosis)

@@ -12,11 +12,13 @@ from .._fit import Preparation, Progress, Solved, residual_noise, solve_from
 from ._held_out import Prediction, gain
 from ._judgement import (
     DELTA_BIC,
+    EXPLAINED,
     SIGNIFICANCE,
     WORTH_NAMING,
     Judged,
     best_of,
     delta_bic,
+    excess_doubt,
     explained_fraction,
     freedom_of,
     is_exhausted,
@@ -77,7 +79,7 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
         found = _judge(base, stage, detection.scores, predict, seed, progress)
         judged = {**{j.name: j for j in found}, **judged}
         winner = best_of(found)
-        if winner is None or share_of_excess(base, stage, winner) < _least_share(base, stage):
+        if winner is None or not _is_worth_naming(base, stage, winner):
             break
         rounds.append(Round(winner, found))
         stage = stage.extended(winner.layer, winner.solved, winner.preparation)
@@ -95,6 +97,14 @@ def _least_share(base: Stage, stage: Stage) -> float:
     adopted effect's own law being another than ours.
     """
     return WORTH_NAMING if stage.layers and is_exhausted(base, stage) else 0.0
+
+
+def _is_worth_naming(base: Stage, stage: Stage, winner: Judged) -> bool:
+    """Whether a further effect takes a share that counts, or else all that was left."""
+    before, after = stage.excess, winner.solved.cost - winner.solved.samples
+    doubt = excess_doubt(winner.preparation, winner.solved) * winner.solved.samples
+    completes = after <= (1 - EXPLAINED) * before + doubt and before > 2 * doubt
+    return completes or share_of_excess(base, stage, winner) >= _least_share(base, stage)
 
 
 def with_noise_beyond_mismatch(base: Stage, course: Course) -> Preparation | None:

@@ -417,7 +417,7 @@ def test_options_as_they_are_written():
 )  # fmt: skip
 def test_options_written_otherwise_are_refused(option, text):
     with pytest.raises(fj.InputError, match=f"--{option}: expected a"):
-        options_of(**{option: [text]})
+        options_of(**{option: [text]})  # type: ignore[arg-type]
 
 
 # Standard errors ----------------------------------------------------------------------------------

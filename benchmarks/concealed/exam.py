@@ -21,7 +21,7 @@ from pathlib import Path as File
 from typing import Any
 
 from .build import Spec, build
-from .design import design, subset
+from .design import CI, design, subset
 
 SEED = 20241105
 
@@ -89,11 +89,13 @@ def main() -> None:
     p.add_argument("--seed", type=int, default=SEED)
     p.add_argument("--cases", help="first:last of the list, such as 0:100")
     p.add_argument("--subset", choices=["ci"])
+    p.add_argument("--kind", choices=list(CI), help="only cases of this kind")
     p.add_argument("--jobs", type=int, default=1)
     a = p.parse_args()
     os.environ["OPENBLAS_NUM_THREADS"] = "1"  # for the workers: their products are small
     specs = design(a.seed)
     which = subset(specs) if a.subset else range(len(specs))
+    which = [k for k in which if a.kind in (None, specs[k].kind)]
     if a.cases:
         first, last = (int(x) if x else None for x in a.cases.split(":"))
         which = which[first:last]

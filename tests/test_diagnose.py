@@ -156,7 +156,7 @@ def test_held_out_stretches_agree_with_refits_of_a_linear_model():
     solved, preparation = settle(fit.model.block, preparation, history="constant", starts=1, seed=0)
     prediction = predict_stretches(solved, preparation)
     design = np.stack([drive, np.ones(2000)], axis=1)
-    fold = (np.arange(2000) / 100).astype(int) % 5
+    fold = (np.arange(2000) / (2000 / 22)).astype(int) % 5
     counted = np.asarray(preparation.problems()[0].weights)[:2000] > 0
     errors = np.zeros(2000)
     for k in range(5):
@@ -261,7 +261,8 @@ def test_rivals_are_those_within_ten_or_a_twentieth():
     bad = judged_of("d", 1100, plausible=False)
     found = [far, close, best, bad]
     assert best_of(found) is best
-    assert rivals_of(best, found) == [close]
+    # One outside its usual range is not adopted, but not excluded either.
+    assert rivals_of(best, found) == [bad, close]
     small = [judged_of("a", 50), judged_of("b", 41), judged_of("c", 39)]
     assert [j.name for j in rivals_of(small[0], small)] == ["b"]
 

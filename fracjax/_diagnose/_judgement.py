@@ -79,21 +79,24 @@ def margin_of(winner: Judged) -> float:
 def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
     """The contenders that fit as well as the winner or better, best first.
 
-    One outside its expected range is not adopted; yet what fits no less well is not excluded by a
-    range that was guessed.
+    One outside its expected range is not adopted; yet what fits better is not excluded by a range
+    that was guessed.  What fits less well, and only far from its range, mimics the winner.
     """
     margin = margin_of(winner)
-    close = [
-        j
-        for j in found
-        if j.contends and j is not winner and winner.delta_bic - j.delta_bic < margin
-    ]
+
+    def comes_close(j: Judged) -> bool:
+        ahead = j.delta_bic - winner.delta_bic
+        return ahead > 0 or (j.plausible and ahead > -margin)
+
+    close = [j for j in found if j.contends and j is not winner and comes_close(j)]
     return sorted(close, key=lambda j: -j.delta_bic)
 
 
 def probability_of(winner: Judged, found: Sequence[Judged]) -> float:
     """The winner's share of the evidence, which counts in units of the margin."""
-    rivals = [winner, *(j for j in found if j.contends and j is not winner)]
+    others = [j for j in found if j.admissible and j is not winner]
+    ahead = [j for j in rivals_of(winner, found) if j not in others]
+    rivals = [winner, *others, *ahead]
     unit = margin_of(winner) / DELTA_BIC
     return float(softmax([0.5 * j.delta_bic / unit for j in rivals])[0])
 

@@ -7,13 +7,15 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._blocks import AbstractBlock
-from .._fit import Solved, layout_of, solve_from
+from .._fit import Preparation, Solved, layout_of, solve_from
 from .._parameters import named_parameters, set_values
 from ._score import EffectScore
 from ._stage import Layer, Stage
 
 _STARTS_APART = 3
 _RESEMBLES = 0.3
+_COARSER = 4
+_LONG = 16_000
 
 
 @dataclass(frozen=True)
@@ -53,7 +55,17 @@ def refit(score: EffectScore, stage: Stage, seed: int, hopeless: float) -> Refit
         effect.insert(nominal, best),
         effect.insert(drawn(nominal), score.trials[int(generator.integers(len(score.trials)))]),
     ]
-    return Refit(score, solve_from(starts, stage.preparation, hopeless))
+    return Refit(score, _searched(starts, stage.preparation, hopeless))
+
+
+def _searched(starts: list[AbstractBlock], preparation: Preparation, hopeless: float) -> Solved:
+    """The best of the starts, found on a coarse grid where the recordings' own is fine and long,
+    and finished on that."""
+    steps = sum(len(take.recording) for take in preparation.takes) * preparation.oversampling
+    if preparation.oversampling < _COARSER or steps < _LONG:
+        return solve_from(starts, preparation, hopeless)
+    coarse = preparation.with_oversampling(preparation.oversampling // _COARSER)
+    return solve_from([solve_from(starts, coarse, hopeless).block], preparation, hopeless)
 
 
 def _unlike(score: EffectScore) -> list[int]:

@@ -13,8 +13,16 @@ from scipy.stats import kstest
 import fracjax as fj
 from benchmarks.concealed.cases import make_case
 from fracjax._diagnose._held_out import Gain, Prediction, gain, predict_stretches
-from fracjax._diagnose._judgement import Judged, best_of, probability_of, rivals_of
+from fracjax._diagnose._judgement import (
+    Judged,
+    best_of,
+    leaves_a_pattern,
+    probability_of,
+    rivals_of,
+)
 from fracjax._diagnose._numerics import numerical_error, residual_of
+from fracjax._diagnose._refit import unlike
+from fracjax._diagnose._result import Axis
 from fracjax._diagnose._score import EffectScore, Residual, family_wise_p
 from fracjax._fit import autoregression, measured_noise, prepare, settle
 from fracjax._recording import Recording
@@ -263,6 +271,9 @@ def test_rivals_are_those_within_ten_or_a_twentieth():
     assert best_of(found) is best
     # One outside its usual range is not adopted, but not excluded either.
     assert rivals_of(best, found) == [bad, close]
+    # What needs to leave its range and still fits less well only mimics the winner.
+    mimic = judged_of("e", 990, plausible=False)
+    assert rivals_of(best, [*found, mimic]) == [bad, close]
     small = [judged_of("a", 50), judged_of("b", 41), judged_of("c", 39)]
     assert [j.name for j in rivals_of(small[0], small)] == ["b"]
 
@@ -272,3 +283,41 @@ def test_a_probability_counts_evidence_in_units_of_the_margin():
     assert probability_of(even[0], even) == pytest.approx(0.5)
     apart = [judged_of("a", 1000), judged_of("b", 950)]
     assert probability_of(apart[0], apart) == pytest.approx(1 / (1 + np.exp(-5)))
+
+
+def stage_of(cost: float) -> Any:
+    return SimpleNamespace(solved=SimpleNamespace(cost=cost, samples=1000))
+
+
+@pytest.mark.parametrize(("excess", "left"), [(40.0, False), (300.0, True)])
+def test_a_pattern_is_what_places_still_take_of_what_an_effect_took(excess, left):
+    axes = [
+        Axis("time", "s", np.arange(3.0), np.ones(2), 3.0, (), 0.5, excess=e) for e in (0.0, excess)
+    ]
+    assert leaves_a_pattern(stage_of(2000), stage_of(1000), axes) == left
+
+
+def test_a_fold_that_the_training_leaves_open_speaks_for_nobody():
+    fold = np.arange(1000) % 5
+    noise = np.random.default_rng(7).standard_normal(1000)
+    open_ = np.where(fold == 0, 3.0, 0.0)[:, None]
+    worse = noise + np.where(fold == 0, 2.0, 0.0)
+    base = Prediction(1.0, (1.0,) * 5, 3 * noise, fold, np.zeros((1000, 0)))
+    base.whitened[fold == 0] = noise[fold == 0]
+    sure = Prediction(1.0, (1.0,) * 5, worse, fold, np.zeros((1000, 0)))
+    unsure = Prediction(1.0, (1.0,) * 5, worse, fold, open_)
+    assert gain(base, sure).improved == pytest.approx(0.8)
+    assert gain(base, unsure).improved == 1.0
+
+
+def test_starts_of_a_refit_are_unlike():
+    generator = np.random.default_rng(8)
+    first, other = np.linalg.qr(generator.standard_normal((50, 2)))[0].T
+    neighbour = first + 1e-4 * other
+    directions = np.stack([first, neighbour / np.linalg.norm(neighbour), other, -first])
+    unseen: Any = None
+    score = EffectScore(
+        effect=unseen, trials=[], z=np.array([9.0, 8.9, 5.0, 1.0]), norms=np.ones(4),
+        concealments=np.zeros(4), sizes=np.ones(4), directions=directions,
+    )  # fmt: skip
+    assert unlike(score)[:2] == [0, 2]

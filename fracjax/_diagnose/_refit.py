@@ -42,7 +42,7 @@ def refit(score: EffectScore, stage: Stage, seed: int, hopeless: float) -> Refit
     """
     effect, fitted, nominal = score.effect, stage.solved.block, stage.start()
     generator = np.random.default_rng(seed)
-    promising = [score.trials[k] for k in _unlike(score)]
+    promising = [score.trials[k] for k in unlike(score)]
     best = promising[0]
 
     def drawn(block: AbstractBlock) -> AbstractBlock:
@@ -68,7 +68,7 @@ def _searched(starts: list[AbstractBlock], preparation: Preparation, hopeless: f
     return solve_from([solve_from(starts, coarse, hopeless).block], preparation, hopeless)
 
 
-def _unlike(score: EffectScore) -> list[int]:
+def unlike(score: EffectScore) -> list[int]:
     """The trial that the residual resembles most, and of those that it resembles too the ones least
     like it: neighbours would lead into the same basin."""
     strength = np.abs(score.z)

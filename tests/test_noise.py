@@ -1,0 +1,112 @@
+"""The noise floor: where it varies, where a drive comes twice, and what the codes tell of it."""
+
+from itertools import pairwise
+
+import numpy as np
+import pytest
+
+import fracjax as fj
+from fracjax._fit import measured_noise, residual_noise
+from fracjax._recording import Recording
+
+STEP = 2e-3
+REST, MOVE, STAIRS = 200, 60, 15
+SIGMA = 0.02
+
+
+def staircase() -> np.ndarray:
+    """Rests at levels up and down, with soft edges: they lie all over the record."""
+    levels = np.random.default_rng(1).uniform(10, 90, STAIRS + 1)
+    edge = 0.5 - 0.5 * np.cos(np.pi * np.arange(MOVE) / MOVE)
+    pieces = [
+        piece
+        for low, high in pairwise(levels)
+        for piece in (np.full(REST, low), low + (high - low) * edge)
+    ]
+    return np.concatenate([*pieces, np.full(REST, levels[-1])])
+
+
+def recorded(drive: np.ndarray, noise: np.ndarray) -> Recording:
+    return Recording(drive, 0.1 * drive + noise, STEP, "V", "um")
+
+
+def test_noise_that_is_the_same_everywhere_has_no_course():
+    drive, seen = staircase(), 0
+    for seed in range(20):
+        noise = SIGMA * np.random.default_rng(seed).standard_normal(drive.size)
+        found = measured_noise(recorded(drive, noise))
+        assert found is not None
+        assert found.sigma == pytest.approx(SIGMA, rel=0.08)
+        seen += found.size_at(drive.size) is not None
+    assert seen == 0
+
+
+def test_heavy_tails_are_no_course():
+    drive = staircase()
+    noise = SIGMA / np.sqrt(2) * np.random.default_rng(3).standard_t(4, drive.size)
+    found = measured_noise(recorded(drive, noise))
+    assert found is not None
+    assert found.size_at(drive.size) is None
+
+
+def test_the_course_of_a_varying_noise_is_followed():
+    drive = staircase()
+    size = 1 + 0.6 * np.sin(4 * np.pi * np.arange(drive.size) / drive.size)
+    noise = SIGMA * size * np.random.default_rng(2).standard_normal(drive.size)
+    found = measured_noise(recorded(drive, noise))
+    assert found is not None
+    course = found.size_at(drive.size)
+    assert course is not None
+    inside = slice(REST, -REST)
+    wanted = size / np.sqrt(np.mean(size**2))
+    assert np.sqrt(np.mean((course[inside] / wanted[inside] - 1) ** 2)) < 0.25
+    # The whitened noise is of the same size everywhere, to what a dozen pieces can tell.
+    parts = np.array_split((noise / (found.sigma * course))[inside], 6)
+    np.testing.assert_allclose([part.std() for part in parts], 1.0, atol=0.25)
+
+
+def test_what_rings_after_a_step_is_no_course():
+    drive = staircase()
+    since = np.arange(drive.size) % (REST + MOVE)
+    ringing = 5 * SIGMA * np.exp(-since / 25) * np.sin(2 * np.pi * since / 9)
+    noise = ringing + SIGMA * np.random.default_rng(4).standard_normal(drive.size)
+    found = measured_noise(recorded(drive, noise))
+    assert found is not None
+    assert found.size_at(drive.size) is None
+
+
+@pytest.mark.parametrize("steady", [True, False])
+def test_noise_of_a_drive_given_twice_is_what_does_not_repeat(steady):
+    generator = np.random.default_rng(5)
+    turns = 2 * np.pi * np.arange(1000) / 1000
+    once = 50 + 30 * np.sin(3 * turns) * np.sin(turns) + 10 * np.sin(7 * turns)
+    other = once if steady else 50 + 30 * np.sin(5 * turns + 1)
+    drive = np.concatenate([once, other])
+    mismatch = 3 * SIGMA * np.sin(drive / 7)
+    residual = mismatch + SIGMA * generator.standard_normal(2000)
+    recording = Recording(drive, 0.1 * drive, STEP, "V", "um")
+    found = residual_noise(residual, np.ones(2000, bool), recording)
+    assert found.is_leftover
+    assert found.method == ("repeats" if steady else "residual")
+    assert found.sigma == pytest.approx(SIGMA if steady else residual.std(), rel=0.06)
+
+
+@pytest.mark.parametrize("codes", [0.0, 1.5])
+def test_steps_as_coarse_as_the_noise_are_named_from_the_codes(codes):
+    drive = staircase()
+    generator = np.random.default_rng(6)
+    response = 0.1 * drive + SIGMA * generator.standard_normal(drive.size)
+    if codes:
+        response = codes * SIGMA * np.round(response / (codes * SIGMA))
+    recording = Recording(drive, response, STEP, "V", "um")
+    found = fj.diagnose(fj.parse_model("lfdh"), recording)
+    if not codes:
+        assert found.verdict == "none"
+        return
+    assert found.verdict == "missing"
+    (effect,) = found.effects
+    assert effect.name == "quantisation"
+    (step,) = effect.parameters
+    assert step.value == pytest.approx(codes * SIGMA, rel=1e-6)
+    named = next(c for c in found.candidates if c.name == "quantisation")
+    assert named.reason.startswith("named")

@@ -114,6 +114,14 @@ class Parameter(eqx.Module):
         (_, *others), structure = jax.tree_util.tree_flatten(self)
         return structure.unflatten([value if traced else _array(value), *others])
 
+    def kept_plausible(self) -> Parameter:
+        """The same parameter with its plausible range, where it has one, for bounds."""
+        low, high = self.plausible
+        if not np.all(np.isfinite(np.subtract(high, low))):
+            return self
+        (_, _, _, *others), structure = jax.tree_util.tree_flatten(self)
+        return structure.unflatten([np.clip(self.value, low, high), low, high, *others])
+
     def draw(self, generator: np.random.Generator) -> Any:
         """A start, uniform in the plausible range on its scale; without one as it is."""
         low, high = self.plausible

@@ -32,7 +32,7 @@ class ThermalDrift(AbstractBlock):
             "s",
             lower=1e-3 * longest,
             upper=3 * longest,
-            plausible=(0.02 * longest, longest),
+            plausible=(0.02 * longest, 3 * longest),
             logarithmic=True,
         )
 

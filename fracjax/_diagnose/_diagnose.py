@@ -214,7 +214,11 @@ class _Conclusion:
             probability=probability_of(winner, round_.found),
             explained_fraction=float(np.clip(winner.explained, 0.0, 1.0)),
             parameters=own,
-            confusable_with=tuple(j.name for j in rivals_of(winner, round_.found)),
+            confusable_with=tuple(
+                j.name
+                for j in rivals_of(winner, round_.found)
+                if j.name not in self.course.stage.adopted
+            ),
         )
 
     def _own_parameters(self, k: int, extended: Fit) -> tuple[Estimate, ...]:

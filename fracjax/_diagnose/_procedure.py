@@ -7,8 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .._blocks import EFFECTS
+from .._blocks import EFFECTS, AbstractBlock
 from .._fit import Preparation, Progress, Solved, residual_noise, solve_from
+from .._parameters import named_parameters, set_values
 from ._held_out import Prediction, gain
 from ._judgement import (
     DELTA_BIC,
@@ -30,7 +31,7 @@ from ._locate import locate
 from ._numerics import LIMIT, fine_enough, residual_of
 from ._refit import Refit, refit
 from ._result import Axis
-from ._score import EffectScore, Scorer, confusability, family_wise_p
+from ._score import EffectScore, Residual, Scorer, confusability, family_wise_p
 from ._stage import Stage
 
 _SHORTLIST, _LONGEST_SHORTLIST = 4, 8
@@ -137,14 +138,42 @@ def _detect(stage: Stage, seed: int, progress: Progress) -> Detection:
     progress(f"testing what {stage.name} leaves")
     problems = stage.preparation.problems()
     residual = residual_of(stage.solved, stage.preparation)
-    scorer, setting = Scorer(stage.solved.block, problems, residual), stage.preparation.setting
-    others = [effect for name, effect in EFFECTS.items() if name not in stage.adopted]
-    scores = [scorer.score(effect, setting) for effect in others]
+    scores = _scored(stage, stage.solved.block, residual)
     progress("locating the mismatch")
     freedom = freedom_of(stage.preparation)
     axes = locate(stage.preparation, problems, residual, freedom)
     tests = [family_wise_p(scores, freedom, seed), *(axis.p_value for axis in axes)]
     return Detection(scores, axes, min(1.0, min(tests) * len(tests)))
+
+
+def _scored(stage: Stage, block: AbstractBlock, residual: Residual) -> list[EffectScore]:
+    """Every effect not yet adopted, scored about a block and what it leaves."""
+    scorer = Scorer(block, stage.preparation.problems(), residual)
+    setting = stage.preparation.setting
+    others = [effect for name, effect in EFFECTS.items() if name not in stage.adopted]
+    return [scorer.score(effect, setting) for effect in others]
+
+
+def _candidates(
+    stage: Stage, scores: list[EffectScore], least: float, progress: Progress
+) -> tuple[list[EffectScore], list[AbstractBlock]]:
+    """The effects to refit, and the fits to start from.
+
+    Where the fit has left its usual ranges, what is missing may be hidden by that: then the effects
+    are scored about the best fit within them too.
+    """
+    listed, blocks = _shortlist(scores, least), [stage.solved.block]
+    if not stage.is_displaced:
+        return listed, blocks
+    progress(f"testing what {stage.name} leaves within its usual ranges")
+    kept = stage.undisplaced()
+    about = residual_of(kept, stage.preparation)
+    more = _shortlist(_scored(stage, kept.block, about), least)
+    values = {name: p.value for name, p in named_parameters(kept.block).items()}
+    blocks.append(set_values(stage.solved.block, values))
+    names = {score.effect.name for score in listed[:_SHORTLIST]}
+    first = [score for score in more[:_SHORTLIST] if score.effect.name not in names]
+    return [*listed[:_SHORTLIST], *first, *listed[_SHORTLIST:]], blocks
 
 
 def _shortlist(scores: list[EffectScore], least: float) -> list[EffectScore]:
@@ -176,9 +205,10 @@ def _judge(
     hopeless = np.inf
     least = DELTA_BIC + np.log(stage.solved.samples)
     least = max(least, _least_share(base, stage) * base.excess)
-    for score in _shortlist(scores, least):
+    candidates, blocks = _candidates(stage, scores, least, progress)
+    for score in candidates:
         progress(f"refitting with {score.effect.name}")
-        attempt = refit(score, stage, seed, hopeless)
+        attempt = refit(score, stage, blocks, seed, hopeless)
         # A rival that is not halfway to the best after its first steps will not overtake it.
         hopeless = min(hopeless, 0.5 * (stage.solved.cost + attempt.solved.cost))
         question = _Question(base, stage, attempt, before, predict)

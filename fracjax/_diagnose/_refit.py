@@ -34,13 +34,15 @@ class Refit:
         return Layer(self.score.effect, self.score.trials[self.score.best])
 
 
-def refit(score: EffectScore, stage: Stage, seed: int, hopeless: float) -> Refit:
-    """Fit base and effect together from the fitted base, the nominal point and prior draws.
+def refit(
+    score: EffectScore, stage: Stage, fits: list[AbstractBlock], seed: int, hopeless: float
+) -> Refit:
+    """Fit base and effect together from the fitted bases, the nominal point and prior draws.
 
     Starting also from nominal values keeps a fit from staying in the basin where the base model
     has absorbed the effect.  No more than a few steps are spent above `hopeless` in χ².
     """
-    effect, fitted, nominal = score.effect, stage.solved.block, stage.start()
+    effect, nominal = score.effect, stage.start()
     generator = np.random.default_rng(seed)
     promising = [score.trials[k] for k in unlike(score)]
     best = promising[0]
@@ -51,7 +53,8 @@ def refit(score: EffectScore, stage: Stage, seed: int, hopeless: float) -> Refit
         return set_values(block, {n: parameters[n].draw(generator) for n in shapes})
 
     starts = [
-        *(effect.insert(fitted, trial) for trial in promising),
+        *(effect.insert(fits[0], trial) for trial in promising),
+        *(effect.insert(fitted, best) for fitted in fits[1:]),
         effect.insert(nominal, best),
         effect.insert(drawn(nominal), score.trials[int(generator.integers(len(score.trials)))]),
     ]

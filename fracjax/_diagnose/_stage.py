@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .._blocks import AbstractBlock, Effect
-from .._fit import Preparation, Solved
+from .._fit import Preparation, Solved, layout_of, solve_from
+from .._parameters import Parameter, named_parameters, replace_parameters
 
 
 @dataclass(frozen=True)
@@ -66,6 +67,26 @@ class Stage:
     def start(self) -> AbstractBlock:
         """Base and effects at their nominal points."""
         return wrapped(self.nominal, [(layer, layer.trial) for layer in self.layers])
+
+    @property
+    def is_displaced(self) -> bool:
+        """Whether a shape has ended outside its usual range: then it may stand in for physics that
+        is missing, and hide it from a test about that fit."""
+        return not all(self._parameters[name].is_plausible for name in self._shapes)
+
+    def undisplaced(self) -> Solved:
+        """The best fit within the usual ranges of all shapes."""
+        kept = {name: self._parameters[name].kept_plausible() for name in self._shapes}
+        starts = [replace_parameters(b, kept) for b in (self.solved.block, self.start())]
+        return solve_from(starts, self.preparation)
+
+    @property
+    def _parameters(self) -> dict[str, Parameter]:
+        return named_parameters(self.solved.block)
+
+    @property
+    def _shapes(self) -> list[str]:
+        return [name for name, _ in layout_of(self.solved.block).shapes]
 
     def fitted_without(self, dropped: int) -> AbstractBlock:
         """The fitted block without one of its layers."""

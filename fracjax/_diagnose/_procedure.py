@@ -37,7 +37,6 @@ from ._stage import Stage
 _SHORTLIST, _LONGEST_SHORTLIST = 4, 8
 _LIKE = 0.9
 _ROUNDS = 3
-_CLEARLY_LESS = 0.98
 
 Predict = Callable[[Solved, Preparation], Prediction]
 
@@ -114,23 +113,32 @@ def with_noise_beyond_mismatch(base: Stage, course: Course) -> Preparation | Non
     Where nothing but a fit tells the noise, what the base left over holds the mismatch too; seen
     against that, a mismatch looks small.  None where no refit leaves clearly less.
     """
-    best = course.stage.solved
-    if not course.rounds:
-        better = [j for j in course.judged.values() if j.delta_bic >= DELTA_BIC and j.plausible]
-        if not better:
-            return None
-        best = max(better, key=lambda j: j.delta_bic).solved
-    noises, clearer = [], False
-    for take, simulation in zip(base.preparation.takes, best.simulations, strict=True):
+    if not any(
+        take.noise is not None and take.noise.is_leftover for take in base.preparation.takes
+    ):
+        return None
+    refits = [j.solved for j in course.judged.values() if j.plausible]
+    found = [_seen_past(base, solved) for solved in (*refits, course.stage.solved)]
+    gain, clearer = max(found, key=lambda pair: pair[0])
+    return clearer if gain >= DELTA_BIC else None
+
+
+def _seen_past(base: Stage, solved: Solved) -> tuple[float, Preparation]:
+    """What a refit gains in BIC where each noise is the one that it leaves itself, and the
+    recordings with those noises."""
+    gain, noises = (base.solved.free - solved.free) * float(np.log(solved.samples)), []
+    for take, simulation in zip(base.preparation.takes, solved.simulations, strict=True):
         noise = take.noise
         assert noise is not None  # a diagnosis has one
         if noise.is_leftover:
-            left = take.recording.response - simulation
-            again = residual_noise(left, take.used, take.recording)
-            if again.innovation < _CLEARLY_LESS * noise.innovation:
-                noise, clearer = again, True
+            again = residual_noise(take.recording.response - simulation, take.used, take.recording)
+            count = np.count_nonzero(take.used)
+            gain += float(2 * count * np.log(noise.innovation / again.innovation))
+            if again.sigma > noise.sigma:  # another colour, but no less of it
+                return -np.inf, base.preparation
+            noise = again
         noises.append(noise)
-    return base.preparation.with_noises(noises) if clearer else None
+    return gain, base.preparation.with_noises(noises)
 
 
 def _detect(stage: Stage, seed: int, progress: Progress) -> Detection:

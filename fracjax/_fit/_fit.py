@@ -21,7 +21,7 @@ from ._combinations import Combination
 from ._conditions import PLAIN, Conditions
 from ._layout import layout_of
 from ._least_squares import Objective, begin, descend, simulate
-from ._noise import Noise, measured_noise, residual_noise
+from ._noise import Noise, followed, measured_noise, residual_noise
 from ._preparation import Past, Preparation, Take, coarse_oversampling, other_histories, take_of
 from ._problem import Problem
 from ._programs import make_room
@@ -383,16 +383,17 @@ def settle(
                 solved, preparation, others
             ):
                 solved, preparation = other, alternative
-    believed = _believed_noises(solved, preparation)
-    if not all(believed):
-        known = preparation.with_noises(
-            [
-                noise or residual_noise(take.recording.response - s, take.used, take.recording)
-                for noise, take, s in zip(
-                    believed, preparation.takes, solved.simulations, strict=True
-                )
-            ]
-        )
+    believed, noises = _believed_noises(solved, preparation), []
+    for noise, take, simulation in zip(
+        believed, preparation.takes, solved.simulations, strict=True
+    ):
+        left = take.recording.response - simulation
+        if noise is None:
+            noises.append(residual_noise(left, take.used, take.recording))
+        else:
+            noises.append(followed(noise, left, take.used))
+    if any(found is not take.noise for found, take in zip(noises, preparation.takes, strict=True)):
+        known = preparation.with_noises(noises)
         solved, preparation = _refitted(solved, preparation, known, starts, seed), known
     return solved, preparation
 
@@ -416,7 +417,11 @@ def _scale(before: Preparation, after: Preparation) -> float | None:
     """What multiplies every whitened residual, where it is one number; None of other changes."""
     pairs = list(zip(before.problems(), after.problems(), strict=True))
     scale = float(pairs[0][1].whitening[0] / pairs[0][0].whitening[0])
-    alike = all(np.allclose(b.whitening, scale * a.whitening, 1e-12, 0) for a, b in pairs)
+    alike = all(
+        np.allclose(b.whitening, scale * a.whitening, 1e-12, 0)
+        and np.array_equal(a.weights, b.weights)
+        for a, b in pairs
+    )
     return scale if alike and not after.conditions.priors else None
 
 

@@ -23,6 +23,7 @@ _RELAXATION = 5
 _PIECES = 12
 _SHORTEST_PIECE = 40
 _SURELY_VARYING = 1e-4
+_MEDIAN_NORMAL = 0.6745
 # Of n normal values the square of the median size has the relative variance 5.44/n, and of their
 # differences, which share values, a third more.
 _MEDIAN_SQUARED = 7.3
@@ -42,7 +43,8 @@ class Noise:
     each as good as 2/`shared` degrees of freedom.
     `is_leftover`: it was read from what a fit left over, so that a better fit tells it better.
     `course`: sample numbers and the noise's size there (n,), of which it is 1 on average; none
-    where the noise is as large everywhere as far as can be seen.
+    where the noise is as large everywhere as far as can be seen.  `crest`: its rms over what the
+    median of its differences says, 1 for normal noise.
     """
 
     sigma: float
@@ -56,6 +58,7 @@ class Noise:
     shared: float = 1.0
     is_leftover: bool = False
     course: tuple[np.ndarray, np.ndarray] = _STEADY
+    crest: float = 1.0
 
     def size_at(self, samples: int) -> np.ndarray | None:
         """How large the noise is at each sample (N,), 1 on average; None where it does not vary."""
@@ -163,6 +166,7 @@ def _noise(
         lines=(frequencies, power),
         shared=shared,
         course=course,
+        crest=float(np.sqrt(np.mean(white**2)) / _median_size(np.diff(white))),
     )
 
 
@@ -180,14 +184,37 @@ def _course(
     pieces = min(_PIECES, white.size // _SHORTEST_PIECE)
     if pieces < 2:
         return _STEADY
-    # The median passes over what rings at the beginning of a rest, and over outliers.
-    sizes = np.array([np.median(np.abs(part)) for part in np.array_split(white[order], pieces)])
+    sizes = np.array([_median_size(part) for part in np.array_split(white[order], pieces)])
     centres = np.array([np.mean(part) for part in np.array_split(where[order], pieces)])
     relative = (sizes / np.sqrt(np.mean(sizes**2))) if sizes.all() else np.ones(pieces)
     variance = _MEDIAN_SQUARED * shared * pieces / white.size
     if chi2.sf(np.sum((relative**2 - 1) ** 2) / variance, pieces - 1) > _SURELY_VARYING:
         return _STEADY
     return centres, relative
+
+
+def _median_size(differences: np.ndarray) -> float:
+    """The sd of normal noise with such differences, by their median: what rings at the beginning
+    of a rest, and outliers, are passed over."""
+    return float(np.median(np.abs(differences)) / (_MEDIAN_NORMAL * np.sqrt(2)))
+
+
+def followed(noise: Noise, residual: np.ndarray, used: np.ndarray) -> Noise:
+    """A noise whose size varies, followed all along a residual (N,) where samples are `used`.
+
+    Rests show that it varies and how large it is; between them the differences of what a fit leaves
+    over show its course, for a mismatch is smooth from sample to sample.
+    """
+    if not noise.course[0].size:
+        return noise
+    lost = noise.filter.size - 1
+    differences = np.diff(np.asarray(lfilter(noise.whitening, 1.0, residual))[lost:])
+    where = lost + np.arange(differences.size)
+    counted = used[lost + 1 :]
+    parts = np.array_split(np.flatnonzero(counted), _PIECES)
+    centres = np.array([where[part].mean() for part in parts])
+    sizes = noise.crest * np.array([_median_size(differences[part]) for part in parts])
+    return replace(noise, course=(centres, sizes))
 
 
 def _from_repeats(recording: Recording, counts: np.ndarray | None) -> list[_Stretch]:
@@ -283,7 +310,9 @@ def residual_noise(residual: np.ndarray, used: np.ndarray, recording: Recording)
     """
     period = _given_twice(recording.drive)
     if period is not None and used.all():
-        difference = _without_relaxation((residual[period:] - residual[:-period]) / np.sqrt(2))
+        # Of three times only two: what two differences share would be a comb in their spectrum.
+        again = residual[period : 2 * period]
+        difference = _without_relaxation((again - residual[: again.size]) / np.sqrt(2))
         noise = _noise([_Stretch(difference, 0, _RELAXATION)], recording.response_unit, "repeats")
     else:
         left = residual[used] - residual[used].mean()

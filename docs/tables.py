@@ -65,11 +65,20 @@ def compensation() -> str:
     return "\n".join(lines)
 
 
+def exam() -> str:
+    """Marks of the diagnosis on cases from a simulator that it shares nothing with."""
+    lines = [_line("measure", "target", "value", "95 % interval", "cases"), "|---" * 5 + "|"]
+    for row in rows_of("concealed/marks/grade.csv"):
+        interval = f"{row['low']} to {row['high']}"
+        lines.append(_line(row["measure"], row["target"], row["value"], interval, row["n"]))
+    return "\n".join(lines)
+
+
 def _line(*cells: str) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-TABLES = {"operators": operators, "compensation": compensation}
+TABLES = {"exam": exam, "operators": operators, "compensation": compensation}
 
 
 def updated(text: str) -> str:

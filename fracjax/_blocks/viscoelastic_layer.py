@@ -22,7 +22,7 @@ class ViscoelasticLayer(AbstractLinearBlock):
     τ [s] the time of its relaxation, ν the breadth: 1 is Zener's single one, small values a phase
     that is nearly constant over decades, -90° ν times the share that relaxes.
     Ranges: ν 0.1–0.4 for stiff glues far from their glass transition, to 0.6 for damping polymers
-    (Bagley & Torvik); τ wherever temperature has put it.
+    (Bagley & Torvik), near 1 for one relaxation that dominates; τ wherever temperature has put it.
     Source: Bagley & Torvik, J. Rheol. 27 (1983) 201; Näsholm & Holm, Fract. Calc. Appl. Anal. 16
     (2013) 26, for the fractional Zener law.
     """
@@ -36,7 +36,7 @@ class ViscoelasticLayer(AbstractLinearBlock):
         self.time_constant = Parameter(
             time_constant, "s", lower=1e-8, upper=1e6, plausible=(1e-6, 1e4), logarithmic=True
         )
-        self.order = Parameter(order, lower=0.05, upper=0.95, plausible=(0.1, 0.6))
+        self.order = Parameter(order, lower=0.05, upper=0.95, plausible=(0.1, 0.95))
 
     def symbol(self, s: Array) -> Array:
         power = (s * self.time_constant.value) ** self.order.value
@@ -55,7 +55,7 @@ def _trials(setting: Setting) -> list:
             {"strength": sign * 0.05, "time_constant": share * fastest, "order": order}
             for sign in (1, -1)
             for share in (0.1, 3.0, 100.0)
-            for order in (0.15, 0.35)
+            for order in (0.15, 0.35, 0.7)
         ],
     )
 

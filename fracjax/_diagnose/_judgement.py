@@ -52,14 +52,14 @@ class Judged:
         return self.refit.solved
 
     @property
-    def contends(self) -> bool:
-        """Better beyond doubt, also on data held out, and not an artefact."""
-        return self.delta_bic >= DELTA_BIC and self.gain.convincing and self.numerics <= LIMIT
-
-    @property
     def admissible(self) -> bool:
-        """A contender within its expected range."""
-        return self.contends and self.plausible
+        """Better beyond doubt, also on data held out, within its range, and not an artefact."""
+        return (
+            self.delta_bic >= DELTA_BIC
+            and self.gain.convincing
+            and self.plausible
+            and self.numerics <= LIMIT
+        )
 
 
 def best_of(found: Sequence[Judged]) -> Judged | None:
@@ -77,18 +77,21 @@ def margin_of(winner: Judged) -> float:
 
 
 def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
-    """The contenders that fit as well as the winner or better, best first.
+    """The effects that fit as well as the winner or better, best first.
 
-    One outside its expected range is not adopted; yet what fits better is not excluded by a range
-    that was guessed.  What fits less well, and only far from its range, mimics the winner.
+    One outside its expected range is not adopted, nor one that folds of held-out data speak
+    against; yet what fits better is not excluded by either.  What fits less well, and only far from
+    its range, mimics the winner.
     """
     margin = margin_of(winner)
 
     def comes_close(j: Judged) -> bool:
         ahead = j.delta_bic - winner.delta_bic
-        return ahead > 0 or (j.plausible and ahead > -margin)
+        if ahead > 0:
+            return j.numerics <= LIMIT
+        return j.admissible and ahead > -margin
 
-    close = [j for j in found if j.contends and j is not winner and comes_close(j)]
+    close = [j for j in found if j is not winner and comes_close(j)]
     return sorted(close, key=lambda j: -j.delta_bic)
 
 

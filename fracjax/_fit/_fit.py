@@ -21,7 +21,7 @@ from ._combinations import Combination
 from ._conditions import PLAIN, Conditions
 from ._layout import layout_of
 from ._least_squares import Objective, begin, descend, simulate
-from ._noise import Noise, followed, measured_noise, residual_noise
+from ._noise import Noise, cleared, measured_noise, residual_noise
 from ._preparation import Past, Preparation, Take, coarse_oversampling, other_histories, take_of
 from ._problem import Problem
 from ._programs import make_room
@@ -391,7 +391,7 @@ def settle(
         if noise is None:
             noises.append(residual_noise(left, take.used, take.recording))
         else:
-            noises.append(followed(noise, left, take.used))
+            noises.append(cleared(noise, left, take.used, take.recording))
     if any(found is not take.noise for found, take in zip(noises, preparation.takes, strict=True)):
         known = preparation.with_noises(noises)
         solved, preparation = _refitted(solved, preparation, known, starts, seed), known

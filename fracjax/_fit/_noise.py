@@ -28,6 +28,7 @@ _MEDIAN_NORMAL = 0.6745
 # differences, which share values, a third more.
 _MEDIAN_SQUARED = 7.3
 _SAME = 2e-3
+_CLEARER = 0.97
 _STEADY = np.zeros(0), np.zeros(0)
 
 
@@ -199,14 +200,28 @@ def _median_size(differences: np.ndarray) -> float:
     return float(np.median(np.abs(differences)) / (_MEDIAN_NORMAL * np.sqrt(2)))
 
 
-def followed(noise: Noise, residual: np.ndarray, used: np.ndarray) -> Noise:
+def cleared(noise: Noise, residual: np.ndarray, used: np.ndarray, recording: Recording) -> Noise:
+    """A measured noise, told better with what a fit leaves over (N,), where samples are `used`.
+
+    Repeats of a residual hold less of the actuator's memory of its start than those of a response.
+    """
+    if noise.method == "repeats":
+        stretches = _from_repeats(recording, used.astype(float), residual)
+        if not stretches:
+            return noise
+        again = _noise(
+            stretches, noise.unit, "repeats", _SHARED, resolution=resolution(recording.response)
+        )
+        return again if again.innovation < _CLEARER * noise.innovation else noise
+    return _followed(noise, residual, used) if noise.course[0].size else noise
+
+
+def _followed(noise: Noise, residual: np.ndarray, used: np.ndarray) -> Noise:
     """A noise whose size varies, followed all along a residual (N,) where samples are `used`.
 
     Rests show that it varies and how large it is; between them the differences of what a fit leaves
     over show its course, for a mismatch is smooth from sample to sample.
     """
-    if not noise.course[0].size:
-        return noise
     lost = noise.filter.size - 1
     differences = np.diff(np.asarray(lfilter(noise.whitening, 1.0, residual))[lost:])
     where = lost + np.arange(differences.size)
@@ -217,17 +232,20 @@ def followed(noise: Noise, residual: np.ndarray, used: np.ndarray) -> Noise:
     return replace(noise, course=(centres, sizes))
 
 
-def _from_repeats(recording: Recording, counts: np.ndarray | None) -> list[_Stretch]:
+def _from_repeats(
+    recording: Recording, counts: np.ndarray | None, signal: np.ndarray | None = None
+) -> list[_Stretch]:
     """Second differences over successive periods /√6, once the response has settled.
 
     A first difference would still hold the slow decay of the actuator's memory of its start; the
     second keeps only what is new in each period.  Those with samples of weight 0 are left out.
+    `signal` (N,) takes the place of the response.
     """
     repeats = recording.drive_period()
     if repeats is None:
         return []
     period = repeats.period
-    y = recording.response[repeats.start : repeats.stop]
+    y = (recording.response if signal is None else signal)[repeats.start : repeats.stop]
     difference = (y[2 * period :] - 2 * y[period:-period] + y[: -2 * period]) / np.sqrt(6)
     # Period by period: across periods a difference has a comb for its spectrum, noise has none.
     blocks = difference[: difference.size // period * period].reshape(-1, period)

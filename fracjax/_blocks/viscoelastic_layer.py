@@ -22,7 +22,7 @@ class ViscoelasticLayer(AbstractLinearBlock):
     τ [s] the time of its relaxation, ν the breadth: 1 is Zener's single one, small values a phase
     that is nearly constant over decades, -90° ν times the share that relaxes.
     Ranges: ν 0.1–0.4 for stiff glues far from their glass transition, to 0.6 for damping polymers
-    (Bagley & Torvik), near 1 for one relaxation that dominates; τ wherever temperature has put it.
+    (Bagley & Torvik), to 0.8 where one relaxation dominates; τ wherever temperature has put it.
     Source: Bagley & Torvik, J. Rheol. 27 (1983) 201; Näsholm & Holm, Fract. Calc. Appl. Anal. 16
     (2013) 26, for the fractional Zener law.
     """
@@ -36,7 +36,7 @@ class ViscoelasticLayer(AbstractLinearBlock):
         self.time_constant = Parameter(
             time_constant, "s", lower=1e-8, upper=1e6, plausible=(1e-6, 1e4), logarithmic=True
         )
-        self.order = Parameter(order, lower=0.05, upper=0.95, plausible=(0.1, 0.95))
+        self.order = Parameter(order, lower=0.05, upper=0.95, plausible=(0.1, 0.8))
 
     def symbol(self, s: Array) -> Array:
         power = (s * self.time_constant.value) ** self.order.value

@@ -216,8 +216,10 @@ def _judge(
     candidates, blocks = _candidates(stage, scores, least, progress)
     for score in candidates:
         progress(f"refitting with {score.effect.name}")
-        attempt = refit(score, stage, blocks, seed, hopeless)
-        # A rival that is not halfway to the best after its first steps will not overtake it.
+        # A rival that is not halfway to the best after its first steps will not overtake it, unless
+        # its score promises as much: some valleys are long.
+        promised = stage.solved.cost - float(np.max(score.z**2))
+        attempt = refit(score, stage, blocks, seed, np.inf if promised <= hopeless else hopeless)
         hopeless = min(hopeless, 0.5 * (stage.solved.cost + attempt.solved.cost))
         question = _Question(base, stage, attempt, before, predict)
         found.append((question, question.answered(attempt.solved, stage.preparation, 0.0)))

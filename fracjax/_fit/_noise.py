@@ -29,6 +29,7 @@ _MEDIAN_NORMAL = 0.6745
 _MEDIAN_SQUARED = 7.3
 _SAME = 2e-3
 _CLEARER = 0.97
+_MUCH_MORE = 2.0
 _STEADY = np.zeros(0), np.zeros(0)
 
 
@@ -204,6 +205,8 @@ def cleared(noise: Noise, residual: np.ndarray, used: np.ndarray, recording: Rec
     """A measured noise, told better with what a fit leaves over (N,), where samples are `used`.
 
     Repeats of a residual hold less of the actuator's memory of its start than those of a response.
+    And a drive that is given twice tells the noise all along, where rests tell that of a few
+    moments; unless much more than the noise of the rests does not repeat.
     """
     if noise.method == "repeats":
         stretches = _from_repeats(recording, used.astype(float), residual)
@@ -213,6 +216,11 @@ def cleared(noise: Noise, residual: np.ndarray, used: np.ndarray, recording: Rec
             stretches, noise.unit, "repeats", _SHARED, resolution=resolution(recording.response)
         )
         return again if again.innovation < _CLEARER * noise.innovation else noise
+    if noise.method == "static" and _given_twice(recording.drive) is not None and used.all():
+        again = residual_noise(residual, used, recording)
+        of_noise = again.innovation**2 < _MUCH_MORE * noise.innovation**2
+        if of_noise and again.effective > noise.effective:
+            return replace(again, is_leftover=False)
     return _followed(noise, residual, used) if noise.course[0].size else noise
 
 

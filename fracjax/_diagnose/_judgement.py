@@ -150,14 +150,15 @@ def share_of_excess(base: Stage, before: Stage, winner: Judged) -> float:
     return (before.solved.cost - winner.solved.cost) / max(base.excess, 1e-300)
 
 
-def noise_doubt(preparation: Preparation, kurtosis: float = 3.0) -> float:
+def noise_doubt(preparation: Preparation, kurtosis: float) -> float:
     """The relative standard error of the noise's variance, the worst of all recordings."""
     return max(take.noise.doubt(kurtosis) for take in preparation.takes if take.noise is not None)
 
 
-def freedom_of(preparation: Preparation) -> float:
-    """The degrees of freedom behind the noise level."""
-    return 2 / max(noise_doubt(preparation), 1e-6) ** 2
+def freedom_of(preparation: Preparation, kurtosis: float) -> float:
+    """The degrees of freedom behind the noise level, for a residual of this kurtosis: a short rest
+    may hold none of a heavy tail."""
+    return 2 / max(noise_doubt(preparation, kurtosis), 1e-6) ** 2
 
 
 def is_plausible(solved: Solved, layers: Sequence[Layer]) -> bool:

@@ -148,7 +148,7 @@ def _detect(stage: Stage, seed: int, progress: Progress) -> Detection:
     residual = residual_of(stage.solved, stage.preparation)
     scores = _scored(stage, stage.solved.block, residual)
     progress("locating the mismatch")
-    freedom = freedom_of(stage.preparation)
+    freedom = freedom_of(stage.preparation, stage.solved.kurtosis)
     axes = locate(stage.preparation, problems, residual, freedom)
     tests = [family_wise_p(scores, freedom, seed), *(axis.p_value for axis in axes)]
     return Detection(scores, axes, min(1.0, min(tests) * len(tests)))

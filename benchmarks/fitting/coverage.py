@@ -6,13 +6,14 @@ For each model, truths are drawn around where it stands, recordings simulated fr
 grid, and fitted with the noise called white of its true level: white it is, or AR(1) with a
 coefficient of 0.8.  A fit is at the floor when its RMSE is within 1 % of that of the noise that was
 put in.
-One row per recording and parameter goes into the table as it is done, and the table goes on where
-it was interrupted; the coverage of each parameter, with its binomial bounds, is printed at the end.
+One row per recording and parameter goes into a file of rows as it is done, which goes on where it
+was interrupted; coverage.csv has the coverage of each parameter, with what chance allows in 99 %.
 """
 
 from __future__ import annotations
 
 import argparse
+import csv
 import multiprocessing
 from pathlib import Path
 from typing import Any
@@ -22,6 +23,7 @@ from scipy import stats
 
 import fracjax as fj
 from benchmarks.fitting.tables import HERE, Table
+from benchmarks.versions import versions
 from fracjax._fit import layout_of
 from fracjax._parameters import named_parameters
 
@@ -117,24 +119,34 @@ def one(name: str, noise: str, number: int) -> list[dict[str, Any]]:
     ]
 
 
-def told(rows: list[dict[str, str]]) -> None:
-    """One line per model and noise, and one for each of its parameters."""
-    failed = [row for row in rows if not row["rmse_over_noise"]]
-    print(f"{len(failed)} fits failed")
-    rows = [row for row in rows if row["rmse_over_noise"]]
+def summary(rows: list[dict[str, str]]) -> list[dict[str, Any]]:
+    """One row for each parameter of each model and noise."""
+    fitted, found = [row for row in rows if row["rmse_over_noise"]], []
     for model, noise in dict.fromkeys((r["model"], r["noise"]) for r in rows):
-        those = [r for r in rows if (r["model"], r["noise"]) == (model, noise)]
+        of_pair = [r for r in rows if (r["model"], r["noise"]) == (model, noise)]
+        those = [r for r in fitted if (r["model"], r["noise"]) == (model, noise)]
         ratios = {r["recording"]: float(r["rmse_over_noise"]) for r in those}
-        floor = 100 * np.mean([ratio < 1.01 for ratio in ratios.values()])
-        print(f"{model}, {noise}: {floor:.0f} % of {len(ratios)} fits at the noise floor")
+        failed = len({r["recording"] for r in of_pair} - set(ratios))
+        floor = np.mean([ratio < 1.01 for ratio in ratios.values()]) if ratios else np.nan
         for name in dict.fromkeys(r["parameter"] for r in those):
             covered = [r["covered"] == "True" for r in those if r["parameter"] == name]
             identified = [r["identified"] == "True" for r in those if r["parameter"] == name]
             low, high = stats.binom.interval(0.99, len(covered), 0.95)
-            print(
-                f"  {name:14s} 95 % interval holds the truth in {sum(covered)} of {len(covered)} "
-                f"(99 % of chance: {low:.0f} to {high:.0f}), identified in {sum(identified)}"
+            found.append(
+                {
+                    "model": model,
+                    "noise": noise,
+                    "parameter": name,
+                    "fits": len(covered),
+                    "failed": failed,
+                    "at_floor": f"{floor:.3f}",
+                    "covered": sum(covered),
+                    "chance_low": int(low),
+                    "chance_high": int(high),
+                    "identified": sum(identified),
+                }
             )
+    return found
 
 
 def attempted(case: tuple[str, str, int]) -> list[dict[str, Any]]:
@@ -153,9 +165,10 @@ def main() -> None:
     parser.add_argument("--models", nargs="+", choices=MODELS, default=list(MODELS))
     parser.add_argument("--noises", nargs="+", choices=COLOUR, default=list(COLOUR))
     parser.add_argument("--jobs", type=int, default=2, help="Processes.")
+    parser.add_argument("--rows", type=Path, default=Path("coverage_rows.csv"))
     parser.add_argument("--out", type=Path, default=HERE / "coverage.csv")
     options = parser.parse_args()
-    table = Table(options.out, FIELDS, ("model", "noise", "recording"), PACKAGES)
+    table = Table(options.rows, FIELDS, ("model", "noise", "recording"), PACKAGES)
     done = table.done()
     missing = [
         (name, noise, number)
@@ -167,7 +180,14 @@ def main() -> None:
     with multiprocessing.get_context("spawn").Pool(options.jobs) as pool:
         for rows in pool.imap_unordered(attempted, missing):
             table.add(rows)
-    told(table.rows())
+    found = summary(table.rows())
+    with options.out.open("w", encoding="utf-8", newline="") as file:
+        file.write(versions(PACKAGES))
+        writer = csv.DictWriter(file, list(found[0]), lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(found)
+    for row in found:
+        print(*row.values(), sep="  ")
 
 
 if __name__ == "__main__":

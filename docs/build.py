@@ -58,6 +58,8 @@ def main(folder: Path) -> None:
     warnings.simplefilter("error")
     # A type that is imported for type checkers alone is shown as it is written.
     warnings.filterwarnings("ignore", "Error parsing type annotation", UserWarning)
+    # The installed package is meant, wherever this is run.
+    warnings.filterwarnings("ignore", "'fracjax' may refer to either", RuntimeWarning)
     prepare()
     modules = [Module(sys.modules[name]) for name in ("fracjax", *(f"fracjax.{p}" for p in PAGES))]
     missing = [name for module in modules for name in undescribed(module)]

@@ -58,6 +58,8 @@ def main(folder: Path) -> None:
     warnings.simplefilter("error")
     # A type that is imported for type checkers alone is shown as it is written.
     warnings.filterwarnings("ignore", "Error parsing type annotation", UserWarning)
+    # Once a day, on import of 0.23.
+    warnings.filterwarnings("ignore", r"\nArviZ is undergoing a major refactor", FutureWarning)
     # The installed package is meant, wherever this is run.
     warnings.filterwarnings("ignore", "'fracjax' may refer to either", RuntimeWarning)
     prepare()

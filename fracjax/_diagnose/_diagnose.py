@@ -18,7 +18,6 @@ from .._fit import (
     Solved,
     Take,
     fit_of,
-    layout_of,
     measured_noise,
     prepare,
     settle,
@@ -27,7 +26,6 @@ from .._fit import (
     take_of,
 )
 from .._models import Model
-from .._parameters import named_parameters
 from .._recording import Recording, require_units_of
 from ._codes import seen_in_codes
 from ._held_out import Prediction, predict_recording, predict_stretches
@@ -97,20 +95,18 @@ def diagnose(
         solved, preparation = settle(
             model.block, preparation, history=history, starts=_STARTS, seed=seed
         )
-        solved, preparation, numerics = fine_enough(solved, preparation, progress)
-        base = Stage(model.name, model.block, (), solved, preparation)
-        predict = _Predict(preparation, holdout)
-        course = run(base, numerics, predict, seed, progress)
-        for _ in range(_MOST_READINGS):
-            clearer = with_noise_beyond_mismatch(base, course)
+        readings_left = _MOST_READINGS
+        while True:
+            solved, preparation, numerics = fine_enough(solved, preparation, progress)
+            base = Stage(model.name, model.block, (), solved, preparation)
+            predict = _Predict(preparation, holdout)
+            course = run(base, numerics, predict, seed, progress)
+            clearer = with_noise_beyond_mismatch(base, course) if readings_left else None
             if clearer is None:
                 break
             progress("reading the noise again, without the mismatch")
-            solved = solve_from([base.solved.block, model.block], clearer)
-            solved, clearer, numerics = fine_enough(solved, clearer, progress)
-            base = Stage(model.name, model.block, (), solved, clearer)
-            predict = _Predict(clearer, holdout)
-            course = run(base, numerics, predict, seed, progress)
+            solved, preparation = solve_from([solved.block, model.block], clearer), clearer
+            readings_left -= 1
         limits = limits or recorded_limits(listed)
         return _Conclusion(model, base, numerics, predict, course).diagnosis(limits, progress)
 
@@ -318,16 +314,13 @@ class _Conclusion:
 
     def _displaced(self) -> list[str]:
         """Base parameters outside their usual range: what is missing may hide in them."""
-        block = self.base.solved.block
-        parameters, said = named_parameters(block), []
-        for name, _ in layout_of(block).shapes:
-            p = parameters[name]
-            if not p.is_plausible:
-                low, high = p.plausible
-                ends = f"{float(np.min(low)):.3g} to {float(np.max(high)):.3g}"
-                said.append(
-                    f"{name} of {self.model.name} ended at {float(np.ravel(p.value)[0]):.3g}, "
-                    f"outside its usual range of {ends}: it may stand in for physics that the "
-                    "model lacks."
-                )
+        said = []
+        for name, p in self.base.displaced.items():
+            low, high = p.plausible
+            ends = f"{float(np.min(low)):.3g} to {float(np.max(high)):.3g}"
+            said.append(
+                f"{name} of {self.model.name} ended at {float(np.ravel(p.value)[0]):.3g}, "
+                f"outside its usual range of {ends}: it may stand in for physics that the "
+                "model lacks."
+            )
         return said

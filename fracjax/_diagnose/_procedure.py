@@ -171,7 +171,7 @@ def _candidates(
     are scored about the best fit within them too.
     """
     listed, blocks = _shortlist(scores, least), [stage.solved.block]
-    if not stage.is_displaced:
+    if not stage.displaced:
         return listed, blocks
     progress(f"testing what {stage.name} leaves within its usual ranges")
     kept = stage.undisplaced()

@@ -69,10 +69,12 @@ class Stage:
         return wrapped(self.nominal, [(layer, layer.trial) for layer in self.layers])
 
     @property
-    def is_displaced(self) -> bool:
-        """Whether a shape has ended outside its usual range: then it may stand in for physics that
+    def displaced(self) -> dict[str, Parameter]:
+        """The shapes that have ended outside their usual ranges: they may stand in for physics that
         is missing, and hide it from a test about that fit."""
-        return not all(self._parameters[name].is_plausible for name in self._shapes)
+        return {
+            n: self._parameters[n] for n in self._shapes if not self._parameters[n].is_plausible
+        }
 
     def undisplaced(self) -> Solved:
         """The best fit within the usual ranges of all shapes."""

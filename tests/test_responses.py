@@ -20,7 +20,8 @@ from fracjax._blocks import (
     SingleOperator,
 )
 from fracjax._blocks._block import LinearParallel, LinearSeries
-from fracjax._blocks.creep import LogarithmicCreep
+from fracjax._blocks.creep import KelvinVoigtCreep, LogarithmicCreep
+from fracjax._blocks.viscoelastic_layer import MaxwellLayer
 
 FREQUENCIES = np.geomspace(0.1, 1e3, 50)
 OMEGA = 2 * np.pi * 40.0
@@ -104,6 +105,13 @@ def test_powers_have_no_poles(block):
     both = fj.poles(LinearSeries(block, DriveLag(0.02)))
     np.testing.assert_allclose(both, [-50.0])
     np.testing.assert_allclose(fj.poles(LinearParallel(block, DriveLag(0.02))), both)
+
+
+@pytest.mark.parametrize(
+    "block", [KelvinVoigtCreep(0.02, 0.02, 5.0), MaxwellLayer(0.02, 0.02, 5.0)]
+)
+def test_relaxations_have_a_pole_each(block):
+    np.testing.assert_allclose(np.sort(fj.poles(block)), [-50.0, -10.0, -2.0, -0.4])
 
 
 def test_lfdh_has_no_pole_on_the_principal_sheet():

@@ -41,6 +41,7 @@ from .bouc_wen import BoucWen as BoucWen
 from .clock_skew import ClockSkew as ClockSkew
 from .coulomb_friction import CoulombFriction as CoulombFriction
 from .creep import Creep as Creep
+from .creep import KelvinVoigtCreep as KelvinVoigtCreep
 from .creep import LogarithmicCreep as LogarithmicCreep
 from .cubic_nonlinearity import CubicNonlinearity as CubicNonlinearity
 from .delay import Delay as Delay
@@ -67,6 +68,7 @@ from .sensor_nonlinearity import SensorNonlinearity as SensorNonlinearity
 from .single_operator import SingleOperator as SingleOperator
 from .slew_rate_limit import SlewRateLimit as SlewRateLimit
 from .thermal_drift import ThermalDrift as ThermalDrift
+from .viscoelastic_layer import MaxwellLayer as MaxwellLayer
 from .viscoelastic_layer import ViscoelasticLayer as ViscoelasticLayer
 
 EFFECTS: dict[str, Effect] = {

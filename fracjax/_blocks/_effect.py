@@ -51,9 +51,10 @@ class Setting:
 class Effect:
     """One row of the catalogue.
 
-    `trials(setting)` lists blocks of one structure at typical amplitudes and shapes: each is a
-    direction of the score test and a start of the refit.  `separated_by` says, for each look-alike,
-    which experiment tells the two apart.  `axes` are the places where its signature stands out.
+    `trials(setting)` lists blocks at typical amplitudes and shapes: each is a direction of the
+    score test and a start of the refit.  They may be of several structures, which are fitted apart.
+    `separated_by` says, for each look-alike, which experiment tells the two apart.  `axes` are the
+    places where its signature stands out.
     `one_sided`: its trials show the only sign that physics allows, as a delay is never an advance.
     Each block's parameters say their unit and the range that is plausible in it.
     """

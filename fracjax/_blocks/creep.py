@@ -1,4 +1,4 @@
-"""Creep: the fractional power law of the paper, and the logarithmic law of the catalogue."""
+"""Creep: the paper's fractional power law, the logarithmic law, and a ladder of relaxations."""
 
 from __future__ import annotations
 
@@ -75,9 +75,48 @@ class LogarithmicCreep(AbstractLinearBlock):
         return 1.0
 
 
+_ELEMENTS = 4
+
+
+class KelvinVoigtCreep(AbstractLinearBlock):
+    r"""A few relaxations in series with the actuator, each a spring beside a damper:
+
+        G(s) = 1 + Σ_i g_i/(1 + τ_i s),    τ_i = τ ρ^(i-1),    i = 1 … 4
+
+    g_i: share of the response that comes late with τ_i, dimensionless; τ [s] the fastest; ρ the
+    ratio of one to the next.  Equal shares make the logarithmic law, with g/log10 ρ per decade,
+    while it lasts; real ladders are less even.
+    Source: Croft, Shed & Devasia, J. Dyn. Syst. Meas. Control 123 (2001) 35, with three elements.
+    """
+
+    gains: Parameter
+    fastest: Parameter
+    ratio: Parameter
+
+    def __init__(self, gain: float = 0.01, fastest: float = 0.05, ratio: float = 6.0):
+        gains = np.full(_ELEMENTS, gain)
+        self.gains = Parameter(gains, lower=0.0, upper=0.5, plausible=(0.0, 0.1))
+        self.fastest = Parameter(
+            fastest, "s", lower=1e-4, upper=30.0, plausible=(1e-3, 10.0), logarithmic=True
+        )
+        self.ratio = Parameter(ratio, lower=2.0, upper=30.0, plausible=(3.0, 15.0))
+
+    @property
+    def times(self) -> Array:
+        """τ_i (4,) [s]."""
+        return self.fastest.value * self.ratio.value ** np.arange(_ELEMENTS)
+
+    def symbol(self, s: Array) -> Array:
+        return 1 + sum(self.gains.value[k] / (1 + s * self.times[k]) for k in range(_ELEMENTS))
+
+    def static_gain(self) -> ArrayLike:
+        return 1.0
+
+
 def _trials(setting: Setting) -> list:
-    block = LogarithmicCreep()
-    return at_values(block, [{"onset": t, "gamma": 0.02} for t in (0.003, 0.03, 0.3, 3.0)])
+    law, ladder = LogarithmicCreep(gamma=0.02), KelvinVoigtCreep()
+    laws = at_values(law, [{"onset": t} for t in (0.003, 0.03, 0.3, 3.0)])
+    return [*laws, *at_values(ladder, [{"fastest": t} for t in (0.005, 0.05, 0.5)])]
 
 
 EFFECT = Effect(
@@ -85,9 +124,10 @@ EFFECT = Effect(
     site="response",
     sentence="after each change of the drive the displacement goes on creeping with the logarithm "
     "of time, in proportion to the change",
-    equation="1 + gamma/ln 10 exp(s t0) E1(s t0), step response 1 + gamma log10(1 + t/t0)",
-    source="Jung & Gweon, Rev. Sci. Instrum. 71 (2000) 1896; Xu et al., Fractal Fract. 8 (2024) 3, "
-    "eq. (11) for the power law it approximates",
+    equation="step response 1 + gamma log10(1 + t/t0), or four relaxations g_i/(1 + tau_i s)",
+    source="Jung & Gweon, Rev. Sci. Instrum. 71 (2000) 1896; Croft, Shed & Devasia, J. Dyn. Syst. "
+    "Meas. Control 123 (2001) 35; Xu et al., Fractal Fract. 8 (2024) 3, eq. (11) for the power law "
+    "that the logarithm approximates",
     trials=_trials,
     separated_by={
         "thermal_drift": "steps up and down with holds over three decades of time",

@@ -1,4 +1,4 @@
-"""A viscoelastic layer between actuator and load: fractional Zener."""
+"""A viscoelastic layer between actuator and load: fractional Zener, or a few Maxwell arms."""
 
 from __future__ import annotations
 
@@ -46,11 +46,49 @@ class ViscoelasticLayer(AbstractLinearBlock):
         return 1.0
 
 
+_ARMS = 4
+
+
+class MaxwellLayer(AbstractLinearBlock):
+    r"""A layer that the response passes through to a spring: it stiffens by a few relaxations,
+
+        G(s) = 1 + Σ_i g_i τ_i s/(1 + τ_i s),    τ_i = τ ρ^(i-1),    i = 1 … 4
+
+    g_i ≥ 0: share by which the load moves further before arm i has given way, dimensionless; τ [s]
+    the fastest; ρ the ratio of one to the next.  Where the layer lies beside the actuator its
+    relaxations are those of a creep, and are named so.
+    Source: Ferry, Viscoelastic Properties of Polymers (1980), chapter 1, generalised Maxwell body.
+    """
+
+    shares: Parameter
+    fastest: Parameter
+    ratio: Parameter
+
+    def __init__(self, share: float = 0.01, fastest: float = 0.05, ratio: float = 6.0):
+        shares = np.full(_ARMS, share)
+        self.shares = Parameter(shares, lower=0.0, upper=0.5, plausible=(0.0, 0.2))
+        self.fastest = Parameter(
+            fastest, "s", lower=1e-5, upper=30.0, plausible=(1e-4, 10.0), logarithmic=True
+        )
+        self.ratio = Parameter(ratio, lower=2.0, upper=100.0, plausible=(3.0, 40.0))
+
+    @property
+    def times(self) -> Array:
+        """τ_i (4,) [s]."""
+        return self.fastest.value * self.ratio.value ** np.arange(_ARMS)
+
+    def symbol(self, s: Array) -> Array:
+        arms = (s * self.times[k] for k in range(_ARMS))
+        return 1 + sum(self.shares.value[k] * z / (1 + z) for k, z in enumerate(arms))
+
+    def static_gain(self) -> ArrayLike:
+        return 1.0
+
+
 def _trials(setting: Setting) -> list:
     fastest = 1 / (2 * np.pi * setting.top_frequency)
-    block = ViscoelasticLayer(0.05, fastest)
-    return at_values(
-        block,
+    zener = at_values(
+        ViscoelasticLayer(0.05, fastest),
         [
             {"strength": sign * 0.05, "time_constant": share * fastest, "order": order}
             for sign in (1, -1)
@@ -58,6 +96,8 @@ def _trials(setting: Setting) -> list:
             for order in (0.15, 0.35, 0.7)
         ],
     )
+    arms = at_values(MaxwellLayer(), [{"fastest": share * fastest} for share in (0.1, 1.0, 10.0)])
+    return [*zener, *arms]
 
 
 EFFECT = Effect(
@@ -65,9 +105,9 @@ EFFECT = Effect(
     site="series",
     sentence="a layer of glue or polymer stiffens with frequency over many decades, with nearly "
     "the same phase at all of them",
-    equation="1 - Delta z/(1 + z), z = (tau s)^nu",
+    equation="1 - Delta z/(1 + z), z = (tau s)^nu, or 1 + sum_i g_i tau_i s/(1 + tau_i s)",
     source="Bagley & Torvik, J. Rheol. 27 (1983) 201; Nasholm & Holm, Fract. Calc. Appl. Anal. 16 "
-    "(2013) 26",
+    "(2013) 26; Ferry, Viscoelastic Properties of Polymers (1980), chapter 1",
     trials=_trials,
     separated_by={
         "creep": "the same drive with another load: the layer's share changes with the load, the "

@@ -67,13 +67,13 @@ def best_of(found: Sequence[Judged]) -> Judged | None:
     return max((j for j in found if j.admissible), key=lambda j: j.delta_bic, default=None)
 
 
-def margin_of(winner: Judged) -> float:
-    """How far behind in BIC another effect must be to be excluded.
+def margin_of(gain: float) -> float:
+    """How far behind in BIC another fit must be to be excluded by one that gains so much.
 
-    No law of the catalogue is exact: besides 10, a twentieth of what the winner itself gains,
-    within which the difference may be that of the effect's own law from ours.
+    No law of the catalogue is exact: besides 10, a twentieth of the gain, within which the
+    difference may be that of the effect's own law from ours.
     """
-    return max(DELTA_BIC, _INEXACT * winner.delta_bic)
+    return max(DELTA_BIC, _INEXACT * gain)
 
 
 def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
@@ -83,7 +83,7 @@ def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
     against; yet what fits better is not excluded by either.  What fits less well, and only far from
     its range, mimics the winner.
     """
-    margin = margin_of(winner)
+    margin = margin_of(winner.delta_bic)
 
     def comes_close(j: Judged) -> bool:
         ahead = j.delta_bic - winner.delta_bic
@@ -100,7 +100,7 @@ def probability_of(winner: Judged, found: Sequence[Judged]) -> float:
     others = [j for j in found if j.admissible and j is not winner]
     ahead = [j for j in rivals_of(winner, found) if j not in others]
     rivals = [winner, *others, *ahead]
-    unit = margin_of(winner) / DELTA_BIC
+    unit = margin_of(winner.delta_bic) / DELTA_BIC
     return float(softmax([0.5 * j.delta_bic / unit for j in rivals])[0])
 
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from itertools import pairwise
 
 import numpy as np
 from scipy.stats import f, kurtosis, norm
@@ -20,6 +20,7 @@ _FREQUENCY_BINS = 14
 _HARMONICS = 10
 _SIGNIFICANCE = 0.01
 _DOUBT = 3.0
+_INDEPENDENT = 1e-10
 
 
 def locate(
@@ -94,31 +95,34 @@ class _Places:
         Where the noise's tails are heavy, a group of few samples scatters more than a χ².
         """
         projected = self.residual.project(self._whiten(columns))
-        left, singular, _ = np.linalg.svd(projected.T, full_matrices=False)
-        kept = left[:, singular > 1e-6 * max(float(singular[0]), 1e-300)]
-        energy, count = np.sum((kept.T @ self.residual.whitened) ** 2), max(kept.shape[1], 1)
-        tails = (self.kurtosis - 3) * float(np.sum(np.sum(kept**2, axis=1) ** 2))
+        squares, turned = np.linalg.eigh(projected @ projected.T)
+        clear = squares > _INDEPENDENT * max(float(squares[-1]), 1e-300)
+        kept = (turned[:, clear] / np.sqrt(squares[clear])).T @ projected
+        energy, count = np.sum((kept @ self.residual.whitened) ** 2), max(kept.shape[0], 1)
+        tails = (self.kurtosis - 3) * float(np.sum(np.sum(kept**2, axis=0) ** 2))
         return float(energy), count, 2 * count + tails
 
-    def _axis(self, name: str, unit: str, edges: np.ndarray, groups: Iterator[np.ndarray]) -> Axis:
-        """Test of each group: χ², with a noise level that is itself an estimate, hence F."""
+    def _axis(self, name: str, unit: str, edges: np.ndarray, groups: list[np.ndarray]) -> Axis:
+        """Test of each group, and of all together: χ², with a noise level that is itself an
+        estimate, hence F."""
         energies, counts, variances = np.array([self._energy(group) for group in groups]).T
-        # As many freedoms as a χ² of the same mean, and so scaled, has for this variance.
-        p_values = f.sf(energies / counts, 2 * counts**2 / variances, self.freedom)
+        whole = self._energy(np.concatenate(groups))
         beyond = float(energies.sum() - counts.sum() - _DOUBT * np.sqrt(variances.sum()))
-        return _map(name, unit, edges, p_values, max(0.0, beyond))
+        p_values = self._p_value(energies, counts, variances)
+        return _map(name, unit, edges, p_values, float(self._p_value(*whole)), max(0.0, beyond))
+
+    def _p_value(self, energy, count, variance) -> np.ndarray:
+        """As many freedoms as a χ² of the same mean, and so scaled, has for this variance."""
+        return f.sf(energy / count, 2 * count**2 / variance, self.freedom)
 
     def _binned(self, name: str, unit: str, values: np.ndarray, edges: np.ndarray, *shapes) -> Axis:
         """Bins of a coordinate; within each the residual may follow any of the shapes."""
         index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
         shapes = (np.ones_like(values), *shapes)
 
-        def groups() -> Iterator[np.ndarray]:
-            for k in range(edges.size - 1):
-                inside = (index == k) & self.counted
-                yield np.stack([shape * inside for shape in shapes])
-
-        return self._axis(name, unit, edges, groups())
+        inside = [(index == k) & self.counted for k in range(edges.size - 1)]
+        groups = [np.stack([shape * here for shape in shapes]) for here in inside]
+        return self._axis(name, unit, edges, groups)
 
     @staticmethod
     def _scaled(values: np.ndarray) -> np.ndarray:
@@ -131,9 +135,7 @@ class _Places:
     def time(self) -> Axis:
         used = self.times[self.counted]
         edges = np.linspace(used.min(), used.max() + self.step, _TIME_BINS + 1)
-        return self._binned(
-            "time", "s", self.times, edges, self._scaled(self.drive), self._scaled(self.rates)
-        )
+        return self._binned("time", "s", self.times, edges, self._scaled(self.drive))
 
     def level(self) -> Axis:
         low, high = self.drive[self.counted].min(), self.drive[self.counted].max()
@@ -177,17 +179,18 @@ class _Places:
     def harmonics(self) -> Axis:
         """The first ten harmonics of the drive's period, each with both quadratures."""
         angles = 2 * np.pi * self._turns()
-        groups = (
+        groups = [
             np.stack([np.cos(k * angles), np.sin(k * angles)]) * self.counted
             for k in range(1, _HARMONICS + 1)
-        )
+        ]
         return self._axis("harmonics", "1", np.arange(_HARMONICS + 1) + 0.5, groups)
 
     def frequency(self) -> Axis:
-        """Energy of the whitened residual in logarithmic bands, against that of the noise.
+        """Logarithmic bands of frequency: what of the residual is coherent with the drive there, in
+        gain or phase, and how its whole power compares with that of the noise.
 
-        F test of the residual's lines against those that the noise was read from, where it was read
-        at all; a band that a short rest does not resolve tells nothing.
+        The power by an F test of the residual's lines against those that the noise was read from,
+        where it was read at all; a band that a short rest does not resolve tells nothing.
         """
         kept = self.residual.whitened[self.counted]
         power = np.abs(np.fft.rfft(kept)) ** 2 / kept.size
@@ -198,7 +201,24 @@ class _Places:
         index = np.clip(np.searchsorted(edges, frequencies) - 1, 0, _FREQUENCY_BINS - 1)
         read = np.searchsorted(edges, self.noise.lines[0] / self.step) - 1
         p_values = [self._band(power[index == k], self.noise.lines[1][read == k]) for k in bins]
-        return _map("frequency", "Hz", edges, np.array(p_values))
+        groups = [self._driven(low, high) for low, high in pairwise(edges)]
+        energies = np.array([self._energy(group) for group in groups]).T
+        either = np.minimum(1.0, 2 * np.minimum(p_values, self._p_value(*energies)))
+        whole = self._p_value(*self._energy(np.concatenate(groups)))
+        return _map("frequency", "Hz", edges, either, float(whole))
+
+    def _driven(self, low: float, high: float) -> np.ndarray:
+        """The drive's part between two frequencies, and that a quarter of a turn later (2, ΣL)."""
+        pieces, at = [], 0
+        for problem in self.problems:
+            drive = self.drive[at : at + problem.response.shape[0]]
+            at += drive.size
+            lines = np.fft.rfft(drive - drive.mean(), 2 * drive.size)
+            frequencies = np.fft.rfftfreq(2 * drive.size, self.step)
+            lines[(frequencies < low) | (frequencies >= high)] = 0
+            both = np.stack([lines, 1j * lines])
+            pieces.append(np.fft.irfft(both, axis=1)[:, : drive.size])
+        return np.concatenate(pieces, axis=1) * self.counted
 
     def _band(self, power: np.ndarray, noise: np.ndarray) -> float:
         """P(so much power in a band) from the noise's own lines there."""
@@ -213,9 +233,10 @@ class _Places:
 
 
 def _map(
-    name: str, unit: str, edges: np.ndarray, p_values: np.ndarray, excess: float = 0.0
+    name: str, unit: str, edges: np.ndarray, p_values: np.ndarray, whole: float, excess: float = 0.0
 ) -> Axis:
-    """An axis from its bins' p-values: |z|-equivalents, threshold, and the bins that stand out."""
+    """An axis from its bins' p-values and that of all bins together: |z|-equivalents, threshold,
+    and the bins that stand out."""
     strength = norm.isf(np.maximum(p_values, 1e-300) / 2)
     threshold = float(norm.isf(_SIGNIFICANCE / p_values.size / 2))
     standing_out = strength >= max(threshold, 0.5 * float(strength.max()))
@@ -225,5 +246,5 @@ def _map(
         if intervals and intervals[-1][1] == low:
             low = intervals.pop()[0]
         intervals.append((low, high))
-    p_value = min(1.0, float(p_values.min()) * p_values.size)
+    p_value = min(1.0, 2 * whole, 2 * float(p_values.min()) * p_values.size)
     return Axis(name, unit, edges, strength, threshold, tuple(intervals), p_value, excess)

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .._blocks import EFFECTS, AbstractBlock
-from .._fit import Preparation, Progress, Solved, residual_noise, solve_from
+from .._fit import Preparation, Progress, Solved, residual_noise
 from .._parameters import named_parameters, set_values
 from ._held_out import Prediction, gain
 from ._judgement import (
@@ -24,12 +24,13 @@ from ._judgement import (
     freedom_of,
     is_exhausted,
     is_plausible,
+    margin_of,
     rivals_of,
     share_of_excess,
 )
 from ._locate import locate
 from ._numerics import LIMIT, fine_enough, residual_of
-from ._refit import Refit, refit
+from ._refit import Refit, refit, within_usual_ranges
 from ._result import Axis
 from ._score import EffectScore, Residual, Scorer, confusability, family_wise_p
 from ._stage import Stage
@@ -86,7 +87,7 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
         detection = _detect(stage, seed, progress)
         if len(rounds) == _ROUNDS:
             break
-    stage, rounds = _without_idle(stage, rounds, progress)
+    stage, rounds = _reconsidered(base, stage, rounds, predict, seed, progress)
     return Course(first, detection, rounds, judged, stage)
 
 
@@ -206,24 +207,47 @@ def _judge(
     predict: Predict,
     seed: int,
     progress: Progress,
+    hopeless: float = np.inf,
 ) -> list[Judged]:
     """Refit the shortlist and put every candidate to the naming rule's questions."""
     before = predict(stage.solved, stage.preparation)
     found: list[tuple[_Question, Judged]] = []
-    hopeless = np.inf
     least = DELTA_BIC + np.log(stage.solved.samples)
     least = max(least, _least_share(base, stage) * base.excess)
     candidates, blocks = _candidates(stage, scores, least, progress)
-    for score in candidates:
+    waiting = list(candidates)
+    while waiting:
+        score = waiting.pop(0)
         progress(f"refitting with {score.effect.name}")
         # A rival that is not halfway to the best after its first steps will not overtake it, unless
         # its score promises as much: some valleys are long.
         promised = stage.solved.cost - float(np.max(score.z**2))
         attempt = refit(score, stage, blocks, seed, np.inf if promised <= hopeless else hopeless)
+        fall = stage.solved.cost - attempt.solved.cost
+        if fall >= least and attempt.solved.cost <= hopeless:
+            attempt = within_usual_ranges(attempt, stage, margin_of(fall))
         hopeless = min(hopeless, 0.5 * (stage.solved.cost + attempt.solved.cost))
         question = _Question(base, stage, attempt, before, predict)
         found.append((question, question.answered(attempt.solved, stage.preparation, 0.0)))
+        if not waiting:
+            waiting = _look_alikes_missed([judged for _, judged in found], scores)
     return _contenders_refined(found, progress)
+
+
+def _look_alikes_missed(found: list[Judged], scores: list[EffectScore]) -> list[EffectScore]:
+    """Effects that the catalogue knows as look-alikes of the best, and that were not refitted."""
+    best = best_of(found)
+    if best is None:
+        return []
+    refitted = {judged.name for judged in found}
+    effect = best.layer.effect
+    return [
+        score
+        for score in scores
+        if score.effect.name not in refitted
+        and (score.effect.name in effect.separated_by or best.name in score.effect.separated_by)
+        and np.max(score.z**2) >= DELTA_BIC
+    ]
 
 
 @dataclass(frozen=True)
@@ -269,18 +293,35 @@ def _contenders_refined(found: list[tuple[_Question, Judged]], progress: Progres
     return judged
 
 
-def _without_idle(
-    stage: Stage, rounds: list[Round], progress: Progress
+def _reconsidered(
+    base: Stage,
+    stage: Stage,
+    rounds: list[Round],
+    predict: Predict,
+    seed: int,
+    progress: Progress,
 ) -> tuple[Stage, list[Round]]:
-    """Effects that a later one has made superfluous are dropped again."""
-    k = 0
-    while len(rounds) > 1 and k < len(rounds) - 1:
-        progress(f"fitting without {rounds[k].winner.name}")
-        less = solve_from([stage.fitted_without(k)], stage.preparation)
-        if delta_bic(less, stage.solved) >= DELTA_BIC:
-            k += 1
+    """Each effect but the last, judged again beside those that were adopted after it.
+
+    It is dropped where they have made it superfluous, and gives way where another now does better:
+    what was first to be adopted may have stood in for two.
+    """
+    for round_ in rounds[:-1]:
+        k = rounds.index(round_)
+        progress(f"fitting without {round_.winner.name}")
+        less, others = stage.without(k), [*rounds[:k], *rounds[k + 1 :]]
+        if delta_bic(less.solved, stage.solved) < DELTA_BIC:
+            stage, rounds = less, others
             continue
-        layers = (*stage.layers[:k], *stage.layers[k + 1 :])
-        stage = replace(stage, layers=layers, solved=less)
-        rounds = [*rounds[:k], *rounds[k + 1 :]]
+        scores = _scored(less, less.solved.block, residual_of(less.solved, less.preparation))
+        halfway = 0.5 * (less.solved.cost + stage.solved.cost)
+        found = _judge(base, less, scores, predict, seed, progress, halfway)
+        winner = best_of(found)
+        if winner is None:
+            continue
+        if winner.name == round_.winner.name:
+            rounds[k] = Round(winner, found)
+        elif winner.solved.bic < stage.solved.bic:
+            stage = less.extended(winner.layer, winner.solved, winner.preparation)
+            rounds = [*others, Round(winner, found)]
     return stage, rounds

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
+import jax
 import numpy as np
+from jax.tree_util import PyTreeDef
 
 from .._blocks import AbstractBlock
 from .._fit import Preparation, Solved, layout_of, solve_from
-from .._parameters import named_parameters, set_values
+from .._parameters import named_parameters, replace_parameters, set_values
 from ._score import EffectScore
 from ._stage import Layer, Stage
 
@@ -42,6 +44,17 @@ def refit(
     Starting also from nominal values keeps a fit from staying in the basin where the base model
     has absorbed the effect.  No more than a few steps are spent above `hopeless` in χ².
     """
+    kinds: dict[PyTreeDef, list[int]] = {}
+    for k, trial in enumerate(score.trials):
+        kinds.setdefault(jax.tree_util.tree_structure(trial), []).append(k)
+    attempts = [_of_one_kind(score.only(k), stage, fits, seed, hopeless) for k in kinds.values()]
+    return min(attempts, key=lambda attempt: attempt.solved.bic)
+
+
+def _of_one_kind(
+    score: EffectScore, stage: Stage, fits: list[AbstractBlock], seed: int, hopeless: float
+) -> Refit:
+    """The refit with trials of one structure."""
     effect, nominal = score.effect, stage.start()
     generator = np.random.default_rng(seed)
     promising = [score.trials[k] for k in unlike(score)]
@@ -59,6 +72,25 @@ def refit(
         effect.insert(drawn(nominal), score.trials[int(generator.integers(len(score.trials)))]),
     ]
     return Refit(score, _searched(starts, stage.preparation, hopeless))
+
+
+def within_usual_ranges(attempt: Refit, stage: Stage, loss: float) -> Refit:
+    """The fit with the effect's own shapes in their usual ranges, where it loses no more in χ².
+
+    Only data that need an unusual value speak against an effect; an optimum may lie far out in a
+    flat valley.
+    """
+    effect, solved = attempt.score.effect, attempt.solved
+    parameters = named_parameters(solved.block)
+    own = [n for n, _ in layout_of(solved.block).shapes if n.startswith(f"{attempt.layer.place}.")]
+    if all(parameters[name].is_plausible for name in own):
+        return attempt
+    kept = {name: parameters[name].kept_plausible() for name in own}
+    trial = effect.insert(stage.solved.block, attempt.layer.trial)
+    usual = {name: named_parameters(trial)[name].kept_plausible() for name in own}
+    starts = [replace_parameters(solved.block, kept), replace_parameters(trial, usual)]
+    inside = solve_from(starts, stage.preparation, solved.cost + loss)
+    return replace(attempt, solved=inside) if inside.cost <= solved.cost + loss else attempt
 
 
 def _searched(starts: list[AbstractBlock], preparation: Preparation, hopeless: float) -> Solved:

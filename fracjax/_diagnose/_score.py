@@ -60,6 +60,18 @@ class EffectScore:
     sizes: np.ndarray
     directions: np.ndarray
 
+    def only(self, trials: list[int]) -> EffectScore:
+        """The test of some of the trials."""
+        return EffectScore(
+            self.effect,
+            [self.trials[k] for k in trials],
+            self.z[trials],
+            self.norms[trials],
+            self.concealments[trials],
+            self.sizes[trials],
+            self.directions[trials],
+        )
+
     @property
     def best(self) -> int:
         """The trial that the residual resembles most."""

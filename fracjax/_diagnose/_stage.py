@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from .._blocks import AbstractBlock, Effect
 from .._fit import Preparation, Solved, layout_of, solve_from
@@ -89,6 +89,12 @@ class Stage:
     @property
     def _shapes(self) -> list[str]:
         return [name for name, _ in layout_of(self.solved.block).shapes]
+
+    def without(self, dropped: int) -> Stage:
+        """One effect less, fitted again."""
+        layers = (*self.layers[:dropped], *self.layers[dropped + 1 :])
+        solved = solve_from([self.fitted_without(dropped)], self.preparation)
+        return replace(self, layers=layers, solved=solved)
 
     def fitted_without(self, dropped: int) -> AbstractBlock:
         """The fitted block without one of its layers."""

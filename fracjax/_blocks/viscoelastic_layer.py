@@ -68,7 +68,7 @@ class MaxwellLayer(AbstractLinearBlock):
         shares = np.full(_ARMS, share)
         self.shares = Parameter(shares, lower=0.0, upper=0.5, plausible=(0.0, 0.2))
         self.fastest = Parameter(
-            fastest, "s", lower=1e-5, upper=30.0, plausible=(1e-4, 10.0), logarithmic=True
+            fastest, "s", lower=1e-6, upper=1e4, plausible=(1e-5, 1e3), logarithmic=True
         )
         self.ratio = Parameter(ratio, lower=2.0, upper=100.0, plausible=(3.0, 40.0))
 

@@ -9,17 +9,24 @@ import numpy as np
 import pytest
 
 import fracjax as fj
-from fracjax._fit import _fit as fitting
+from fracjax._fit import _solve as fitting
 from fracjax._fit import compress, layout_of, prepare
 from fracjax._fit._asked import constrained
 from fracjax._fit._box import with_gradient
+from fracjax._fit._chains import transfer
 from fracjax._fit._compressed import columns_at
-from fracjax._fit._fit import fit_block, solve_from, starts_of
-from fracjax._fit._interpolation import _greedy
+from fracjax._fit._interpolation import (
+    ChebyshevSeries,
+    Interpolation,
+    _greedy,
+    _points,
+    choose,
+)
 from fracjax._fit._layout import placed, with_gains
 from fracjax._fit._least_squares import Objective
 from fracjax._fit._problem import AbstractProblem, Problem
 from fracjax._fit._search import search
+from fracjax._fit._solve import fit_block, solve_from, starts_of
 from fracjax._parameters import replace_parameters
 from fracjax._posterior import Normal, compressed, log_posteriors_of, target_of
 from fracjax._posterior._posterior import _starts
@@ -352,3 +359,37 @@ def test_an_error_beyond_the_noise_stays_full():
     quiet = _starts(terms)
     quiet[-1] = -1e3
     assert compressed(target, quiet) is target
+
+
+# Coordinates of a law -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("history", ["constant", "periodic"])
+@pytest.mark.parametrize(
+    ("law", "kind", "error"),
+    [
+        (fj.blocks.SingleOperator(), ChebyshevSeries, 1e-9),
+        (fj.blocks.FOHLinear(), ChebyshevSeries, 1e-9),
+        (fj.blocks.Creep(), ChebyshevSeries, 1e-9),
+        (fj.blocks.LFDH(), Interpolation, 1e-3),
+    ],
+)
+def test_coordinates_are_those_of_the_law(law, kind, error, history):
+    """At any shape and gain, what the chosen laws' transfer functions combine to is the law's."""
+    drive = DRIVES["tones"][:, None]
+    grid = fj.Grid(np.asarray(STEP), history)
+    chosen = choose(law, drive, grid)
+    assert chosen is not None
+    assert isinstance(chosen.coordinates, kind)
+    zeta, weights = _points(drive, grid)
+    theirs = np.atleast_2d(transfer(chosen.laws, zeta, grid)).T
+    rows = chosen.in_coordinates(np.real(theirs)), chosen.in_coordinates(np.imag(theirs))
+    generator = np.random.default_rng(0)
+    layout = layout_of(law)
+    for share in (0.0, 1.0, *generator.uniform(size=6)):
+        place = np.full(len(layout.shapes), share)
+        there = with_gains(placed(law, place), generator.normal(size=len(layout.gains)))
+        values = transfer(there, zeta, grid) * weights
+        found = chosen.coordinates(there, grid)
+        combined = (rows[0] @ found + 1j * (rows[1] @ found)) * weights
+        assert np.linalg.norm(combined - values) < error * np.linalg.norm(values)

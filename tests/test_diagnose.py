@@ -20,11 +20,10 @@ from fracjax._diagnose._judgement import (
     probability_of,
     rivals_of,
 )
-from fracjax._diagnose._numerics import numerical_error, residual_of
 from fracjax._diagnose._refit import unlike
 from fracjax._diagnose._result import Axis
 from fracjax._diagnose._score import EffectScore, Residual, family_wise_p
-from fracjax._fit import autoregression, measured_noise, prepare, settle
+from fracjax._fit import autoregression, measured_noise, numerical_error, prepare, settle
 from fracjax._recording import Recording
 
 VERDICTS = {"none", "missing", "confusable", "unexplained"}
@@ -198,8 +197,7 @@ def test_the_numerical_error_falls_when_the_grid_is_refined():
     errors = []
     for oversampling in (1, 2, 4):
         finer = preparation.with_oversampling(oversampling)
-        basis = residual_of(solved, finer).basis
-        errors.append(numerical_error(solved.block, finer, basis))
+        errors.append(numerical_error(solved, finer))
     assert errors[0] > 4 * errors[1] > 16 * errors[2]
 
 

@@ -28,7 +28,7 @@ from fracjax._blocks import (
     SlewRateLimit,
     ViscoelasticLayer,
 )
-from fracjax._diagnose._numerics import residual_of
+from fracjax._diagnose._residual import residual_of
 from fracjax._diagnose._score import EffectScore, Scorer
 from fracjax._fit import prepare, solve_from
 from fracjax._fit._noise import Noise

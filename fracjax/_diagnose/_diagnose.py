@@ -17,6 +17,7 @@ from .._fit import (
     Progress,
     Solved,
     Take,
+    fine_enough,
     fit_of,
     measured_noise,
     prepare,
@@ -24,6 +25,7 @@ from .._fit import (
     silent,
     solve_from,
     take_of,
+    too_coarse,
 )
 from .._models import Model
 from .._recording import Recording, require_units_of
@@ -42,7 +44,6 @@ from ._judgement import (
     rivals_of,
 )
 from ._next_experiment import Limits, propose, recorded_limits
-from ._numerics import TARGET, fine_enough
 from ._procedure import Course, Round, run, with_noise_beyond_mismatch
 from ._result import (
     Axis,
@@ -303,11 +304,7 @@ class _Conclusion:
                 "The noise floor was taken from the residual itself, for want of repeats, rests or "
                 "a specification: mismatch that looks like noise cannot be excluded."
             )
-        if self.numerics > TARGET:
-            found.append(
-                f"The discretisation error is {self.numerics:.2g} noise units (target 0.5) on the "
-                "finest grid: a higher sampling rate of the drive would help."
-            )
+        found += too_coarse(self.numerics)
         if not self.base.solved.converged:
             found.append("The base fit did not converge; its figures are those of its best point.")
         return (*found, *self._displaced())

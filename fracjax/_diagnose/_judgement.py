@@ -8,10 +8,9 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import softmax
 
-from .._fit import Preparation, Solved, layout_of
+from .._fit import LIMIT, Preparation, Solved, layout_of
 from .._parameters import named_parameters
 from ._held_out import Gain, Prediction
-from ._numerics import LIMIT
 from ._refit import Refit
 from ._result import Axis
 from ._score import EffectScore

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .._blocks import EFFECTS, AbstractBlock
-from .._fit import Preparation, Progress, Solved, residual_noise
+from .._fit import LIMIT, Preparation, Progress, Solved, fine_enough, residual_noise
 from .._parameters import named_parameters, set_values
 from ._held_out import Prediction, gain
 from ._judgement import (
@@ -29,8 +29,8 @@ from ._judgement import (
     share_of_excess,
 )
 from ._locate import locate
-from ._numerics import LIMIT, fine_enough, residual_of
 from ._refit import Refit, refit, within_usual_ranges
+from ._residual import residual_of
 from ._result import Axis
 from ._score import EffectScore, Residual, Scorer, confusability, family_wise_p
 from ._stage import Stage

@@ -31,7 +31,7 @@ from .._blocks import AbstractBlock
 from .._operators import Grid
 from .._parameters import set_values
 from ._chains import Chain, chains_of
-from ._interpolation import Interpolation, shapes_at, unit_gains
+from ._interpolation import ChebyshevSeries, Interpolation, shapes_at, unit_gains
 from ._layout import layout_of
 from ._least_squares import least
 from ._problem import AbstractProblem, Problem
@@ -46,8 +46,8 @@ class Part(eqx.Module):
     """One chain's share of a response: coefficients (J,) of its first law, times those of its last
     where there is one, times what they stand for (J, m)."""
 
-    before: Interpolation
-    after: Interpolation | None
+    before: Interpolation | ChebyshevSeries
+    after: Interpolation | ChebyshevSeries | None
     matrix: np.ndarray | Array
 
     def __call__(self, chain: Chain, grid: Grid) -> Any:
@@ -225,8 +225,8 @@ def _parts(span: Span, rows: np.ndarray) -> tuple[Part, ...]:
             mine = np.moveaxis(first.in_coordinates(np.moveaxis(mine, 1, 2)), 2, 1)
         else:
             mine = first.in_coordinates(mine)
-        after = None if second is None else second.interpolation
-        found.append(Part(first.interpolation, after, mine.reshape(len(rows), -1).T))
+        after = None if second is None else second.coordinates
+        found.append(Part(first.coordinates, after, mine.reshape(len(rows), -1).T))
     return tuple(found)
 
 

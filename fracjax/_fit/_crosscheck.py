@@ -21,25 +21,14 @@ from ._asked import Sought
 from ._bounded import bounded, require_jaxopt
 from ._box import Found, dimension, objective, with_bounded_gains, with_bounded_shapes
 from ._evolution import DifferentialEvolution
-from ._fit import (
-    Fit,
-    Progress,
-    Solved,
-    fit_block,
-    fit_of,
-    ready,
-    scores_of,
-    settle,
-    silent,
-    solved_at,
-    starts_of,
-)
+from ._fit import Fit, fit_of, ready, scores_of, settle_finely
 from ._layout import Layout, layout_of
 from ._least_squares import Objective
 from ._noise import Noise
 from ._preparation import Past, Preparation
 from ._problem import Problem
 from ._programs import make_room
+from ._solve import Progress, Solved, fit_block, silent, solved_at, starts_of
 from ._swarm import ParticleSwarm
 
 SCHEMA = "fracjax.crosscheck/1"
@@ -146,7 +135,9 @@ def crosscheck(
         _require_plain(preparation)
         _require_searchable(model.name, block, population, iterations)
         progress(f"fitting {model.name}")
-        first, preparation = settle(block, preparation, history=history, starts=starts, seed=seed)
+        first, preparation, _ = settle_finely(
+            block, preparation, history=history, starts=starts, seed=seed, progress=progress
+        )
         block = with_bounded_shapes(block, first.block)
         # Once more on what was settled, as the others will: its programs are compiled by now.
         began = time.perf_counter()

@@ -31,9 +31,10 @@ from .._recording import InputError
 from ._asked import OfModel, conditioned
 from ._combinations import Combination
 from ._conditions import Conditions
-from ._fit import SCHEMA, Progress, silent, starts_of
+from ._fit import SCHEMA
 from ._frequency_table import FrequencyTable
 from ._least_squares import Objective, begin, descend
+from ._solve import Progress, silent, starts_of
 from ._uncertainty import Estimate, uncertainty_of
 
 _LOOKS = 60

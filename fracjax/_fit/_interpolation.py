@@ -9,15 +9,21 @@ the law's own responses at those shapes are a basis of its responses, and the co
 by least squares from the values of G at some eighty points ζ, whatever the recording's length.
 Points are weighed by the power of what the law is driven by, on the circle |ζ| = r, r^M = e^-2: the
 error there bounds that of the response in time, up to the factor e².
-Source: Quarteroni, Manzoni & Negri, Reduced Basis Methods for Partial Differential Equations
-(2016), ch. 6 and 7 (reduced bases and greedy choice).
+
+Of a law with one shape the coefficients are analytic in that.  Where its Chebyshev series ends
+before degree 64, it takes the place of the values at ζ, whose complex powers cost far more.
+Sources: Quarteroni, Manzoni & Negri, Reduced Basis Methods for Partial Differential Equations
+(2016), ch. 6 and 7 (reduced bases and greedy choice); Trefethen, Approximation Theory and
+Approximation Practice (2013), ch. 3 and 4.
 """
 
 from __future__ import annotations
 
+from operator import attrgetter
 from typing import Any, NamedTuple
 
 import equinox as eqx
+import jax.numpy as jnp
 import numpy as np
 import scipy.fft
 from jax import Array
@@ -32,11 +38,13 @@ from ._chains import transfer
 from ._layout import Layout, layout_of
 
 _POINTS = 80
-_CANDIDATES = {0: 1, 1: 64, 2: 256}
+_CANDIDATES = {0: 1, 1: 65, 2: 256}
 _MOST_CANDIDATES = 512
 _EXACT, _ROUGH = 1e-11, 1e-6
 _LARGEST_RANK = 80
 _STEP = 8
+_ENDED = 1e-13
+_BASE, _LARGEST_DEGREE = 8, 60
 _LARGEST_TABLE = 2**20
 
 
@@ -60,11 +68,58 @@ class Interpolation(eqx.Module):
         return values.real @ self.real + values.imag @ self.imaginary
 
 
+class ChebyshevSeries(eqx.Module):
+    r"""The same of a law with one shape at most, by Chebyshev series in its place x between the
+    bounds, from 1 to -1:
+
+        Σ_r k_r exp(b_r x) T_l(r)(x) T_h(r)(T_8(x)) table_r,
+
+    each term with a gain k, or with 1 where the law has a part without gain.  The exponentials hold
+    the most of how the law's size changes with the shape, so that it is as exact where small.
+    As T_h(T_8) = T_8h, the products span the polynomials below degree 64, and few steps make them.
+    `part` (1 + g, R), `low` and `high` (8, R) say by ones which gain and polynomials: a product
+    with them makes every number once, a choice by index would have XLA make it for each term anew.
+    `growth` (1 + g,) are the b.
+    """
+
+    part: np.ndarray | Array
+    low: np.ndarray | Array
+    high: np.ndarray | Array
+    growth: np.ndarray | Array
+    table: np.ndarray | Array
+    shape: str | None = eqx.field(static=True)
+    gains: tuple[str, ...] = eqx.field(static=True)
+
+    def __call__(self, law: AbstractBlock, grid: Grid) -> Any:
+        values = [attrgetter(name)(law).value for name in self.gains]
+        place: Any = 1.0
+        if self.shape is not None:
+            parameter = attrgetter(self.shape)(law)
+            place = 1 - 2 * parameter.to_share(parameter.value)
+            if isinstance(parameter.value, np.ndarray):
+                place = np.asarray(place)
+        every: Any = jnp if any(isinstance(v, Array) for v in (place, *values)) else np
+        one, x, *gains = every.broadcast_arrays(np.ones(1), place, *values)
+        sizes = every.concatenate([one, *gains], axis=-1) * every.exp(self.growth * x)
+        *low, eighth = _polynomials(x)
+        *high, _ = _polynomials(eighth)
+        low, high = every.concatenate(low, axis=-1), every.concatenate(high, axis=-1)
+        return ((sizes @ self.part) * (low @ self.low) * (high @ self.high)) @ self.table
+
+
+def _polynomials(x: Any) -> list[Any]:
+    """Chebyshev's T_0 … T_8 of x."""
+    found = [x**0, x]
+    while len(found) <= _BASE:
+        found.append(2 * x * found[-1] - found[-2])
+    return found
+
+
 class Chosen(NamedTuple):
     """Laws (n) in one, each parameter an array (n, 1) of their values; the triangle (n, n) makes an
     orthonormal basis of their transfer functions: theirs = basis @ triangle."""
 
-    interpolation: Interpolation
+    coordinates: Interpolation | ChebyshevSeries
     laws: AbstractBlock
     triangle: np.ndarray
 
@@ -104,8 +159,7 @@ class Chosen(NamedTuple):
         flat = np.moveaxis(rows, -1, 0).reshape(self.size, int(np.prod(rows.shape[:-1])))
         flat = solve_triangular(self.triangle.T, flat, lower=True)
         solved = np.moveaxis(flat.reshape(self.size, *rows.shape[:-1]), 0, -1)
-        padding = self.interpolation.real.shape[1] - self.size
-        return np.pad(solved, [(0, 0)] * (rows.ndim - 1) + [(0, padding)])
+        return np.pad(solved, [(0, 0)] * (rows.ndim - 1) + [(0, -self.size % _STEP)])
 
 
 def is_bounded(law: AbstractBlock) -> bool:
@@ -135,8 +189,11 @@ def choose(law: AbstractBlock, driven_by: np.ndarray, grid: Grid) -> Chosen | No
     layout = layout_of(law)
     count = len(layout.shapes)
     candidates = _CANDIDATES.get(count, _MOST_CANDIDATES)
-    # Denser towards the bounds, as Chebyshev's nodes are.
-    even = qmc.Sobol(max(count, 1), scramble=False).random(candidates)[:, :count]
+    # Denser towards the bounds, as Chebyshev's nodes are; of one shape they are those.
+    if count > 1:
+        even = qmc.Sobol(count, scramble=False).random(candidates)
+    else:
+        even = np.linspace(0, 1, candidates)[:, None][:, :count]
     together = set_values(law, shapes_at(law, layout, (1 - np.cos(np.pi * even)) / 2))
     units = unit_gains(layout)
     values = np.zeros((len(units), candidates, zeta.size), complex)
@@ -157,11 +214,50 @@ def choose(law: AbstractBlock, driven_by: np.ndarray, grid: Grid) -> Chosen | No
     for name, _ in layout.gains:
         chosen[name] = np.array([units[at][name] for at in picked // candidates])[:, None]
     projector = np.pad(basis, ((0, -len(picked) % _STEP), (0, 0))).T
-    real, imaginary = (half * weights[:, None] for half in np.split(projector, 2))
-    return Chosen(
-        Interpolation(zeta, real, imaginary),
-        set_values(together, chosen),
-        basis @ columns[picked].T,
+    found = None
+    if count <= 1:
+        found = _series(layout, (columns @ projector).reshape(len(units), candidates, -1))
+    if found is None:
+        real, imaginary = (half * weights[:, None] for half in np.split(projector, 2))
+        found = Interpolation(zeta, real, imaginary)
+    return Chosen(found, set_values(together, chosen), basis @ columns[picked].T)
+
+
+def _series(layout: Layout, coordinates: np.ndarray) -> ChebyshevSeries | None:
+    """The series of coordinates (1 + g, C, J) at Chebyshev's nodes, with gains of zero and each one
+    in turn; None where it does not end."""
+    parts = coordinates - coordinates[:1] * (np.arange(len(coordinates)) > 0)[:, None, None]
+    nodes = np.cos(np.linspace(0, np.pi, parts.shape[1]))
+    ends = np.linalg.norm(parts, axis=2)[:, [0, -1]]
+    grows = len(nodes) > 1 and ends.all(axis=1)
+    growth = np.where(grows, np.log(np.where(ends > 0, ends, 1.0)) @ [0.5, -0.5], 0.0)
+    level = parts * np.exp(-growth[:, None] * nodes)[:, :, None]
+    if len(nodes) > 1:
+        level = np.asarray(scipy.fft.dct(level, type=1, axis=1)) / (len(nodes) - 1)
+        level[:, [0, -1]] /= 2
+    sizes = np.abs(level).max(axis=2, initial=0.0)
+    sizes = sizes / np.maximum(sizes.max(axis=1, keepdims=True), 1e-300)
+    if np.any(sizes[:, _LARGEST_DEGREE:] > _ENDED):
+        return None
+    level[sizes <= _ENDED] = 0.0
+    # T_8h+l = 2 T_8h T_l - T_8h-l, from the highest on.
+    for degree in range(min(_LARGEST_DEGREE, level.shape[1]) - 1, _BASE, -1):
+        if degree % _BASE:
+            level[:, degree - 2 * (degree % _BASE)] -= level[:, degree]
+            level[:, degree] *= 2
+    part, degree = np.nonzero(np.any(level, axis=2))
+    padding = -len(part) % _STEP
+    part, degree = np.pad(part, (0, padding)), np.pad(degree, (0, padding))
+    table = level[part, degree]
+    table[len(part) - padding :] = 0.0
+    return ChebyshevSeries(
+        np.eye(len(parts))[:, part],
+        np.eye(_BASE)[:, degree % _BASE],
+        np.eye(_BASE)[:, degree // _BASE],
+        growth,
+        table,
+        shape=layout.shapes[0][0] if layout.shapes else None,
+        gains=tuple(name for name, _ in layout.gains),
     )
 
 

@@ -20,8 +20,9 @@ from .._blocks import AbstractBlock
 from .._parameters import Parameter, named_parameters, replace_parameters
 from .._recording import InputError
 from ._conditions import Conditions
-from ._fit import Fit, Progress, silent, solve_from
+from ._fit import Fit
 from ._preparation import Preparation
+from ._solve import Progress, silent, solve_from
 from ._uncertainty import uncertainty_of
 
 _MOST = 14

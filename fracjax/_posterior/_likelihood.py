@@ -111,7 +111,11 @@ class Target(eqx.Module):
 
 
 @partial(jax.jit, static_argnums=0)
-def _log_posteriors(structure: Any, leaves: list[Array], standards: Array) -> Array:
+def _log_posteriors(
+    structure: Any, arrays: list[Array | None], numbers: Array, standards: Array
+) -> Array:
+    each = iter(numbers)
+    leaves = [next(each) if array is None else array for array in arrays]
     target: Density = jax.tree_util.tree_unflatten(structure, leaves)
     return jax.vmap(target.log_posterior)(standards)
 
@@ -119,11 +123,13 @@ def _log_posteriors(structure: Any, leaves: list[Array], standards: Array) -> Ar
 def log_posteriors_of(target: Density) -> Callable[[np.ndarray], np.ndarray]:
     """`log_posterior` (K,) of coordinates (K, D), in one call.
 
-    The target is taken apart and brought to the device once: done at every call, that would cost
-    more than a compressed density does.
+    The target is taken apart and brought to the device once, its many single numbers as one array:
+    done at every call, that would cost more than a compressed density does.
     """
     leaves, structure = jax.tree_util.tree_flatten(jax.tree_util.tree_map(jnp.asarray, target))
-    return lambda standards: np.asarray(_log_posteriors(structure, leaves, standards))
+    numbers = jnp.stack([leaf for leaf in leaves if leaf.ndim == 0])
+    arrays = [leaf if leaf.ndim else None for leaf in leaves]
+    return lambda standards: np.asarray(_log_posteriors(structure, arrays, numbers, standards))
 
 
 @eqx.filter_jit

@@ -127,10 +127,12 @@ class AbstractGaussianNoise(AbstractNoiseModel):
             scaled = self.scaled(values, problem)
             count = jnp.asarray(scaled.count)
             signals = jnp.concatenate([column, jnp.asarray(residual)[:, None]], axis=1)
-            factor, centre, left = _projected(signals, scaled)
-            degrees = count - centre.shape[0]
+            own = jnp.asarray(problem.own)
+            size = own.shape[1]
+            whitened = scaled.whiten(jnp.concatenate([own, signals], axis=1))
+            factor, left = _reduced(whitened, size)
             total += count * jnp.log(scaled.whitening[0]) - jnp.log(jnp.diag(factor)).sum()
-            total -= degrees * np.log(2 * np.pi) / 2
+            total -= (count - size) * np.log(2 * np.pi) / 2
             rows.append(left)
         prior = jnp.pad(jnp.diag(jnp.asarray(weights)), ((0, 0), (0, 1)))
         triangle, half, rest = _triangular(jnp.concatenate([*rows, prior]), apart)
@@ -142,9 +144,11 @@ class AbstractGaussianNoise(AbstractNoiseModel):
     ) -> Signals:
         found = []
         for residual, problem, normal in zip(residuals, problems, normals, strict=True):
-            factor, centre, _ = _projected(residual, self.scaled(values, problem))
-            spread = solve_triangular(factor, normal, lower=True, trans=1)
-            found.append(jnp.asarray(problem.own) @ (centre + spread))
+            own = jnp.asarray(problem.own)
+            signals = jnp.concatenate([own, jnp.asarray(residual)[:, None]], axis=1)
+            factor, _ = _reduced(self.scaled(values, problem).whiten(signals), own.shape[1])
+            drawn = solve_triangular(factor[:, :-1], factor[:, -1] + normal)
+            found.append(own @ drawn)
         return tuple(found)
 
     def innovations(
@@ -153,39 +157,38 @@ class AbstractGaussianNoise(AbstractNoiseModel):
         return generator.standard_normal(size)
 
 
-def _projected(signals: Array | np.ndarray, problem: AbstractProblem) -> tuple[Array, Array, Array]:
-    """Cholesky factor (q, q) of XᵀX, best coefficients (q, …) of signals (L, …), and what they
-    leave (L, …)."""
-    columns = problem.whiten(jnp.asarray(problem.own))
-    target = problem.whiten(signals)
-    factor = jnp.linalg.cholesky(columns.T @ columns)
-    half = solve_triangular(factor, columns.T @ target, lower=True)
-    centre = solve_triangular(factor, half, lower=True, trans=1)
-    return factor, centre, target - columns @ centre
+def _reduced(columns: Array, count: int) -> tuple[Array, Array]:
+    """Of columns (L, n): the first `count` rows (count, n) of R in their QR, and what is left
+    (L, n - count) of the others beside those.
+
+    Modified Gram–Schmidt: as accurate as Householder's way for both (Björck, BIT 7 (1967) 1),
+    without its calls of LAPACK, and differentiable.
+    """
+    rows, left = [jnp.zeros((0, columns.shape[1]))], columns
+    for k in range(count):
+        length = jnp.sqrt(left[:, 0] @ left[:, 0])
+        unit = left[:, 0] / length
+        others = unit @ left[:, 1:]
+        left = left[:, 1:] - unit[:, None] * others
+        rows.append(jnp.concatenate([jnp.zeros(k), length[None], others])[None])
+    return jnp.concatenate(rows), left
 
 
 def _triangular(columns: Array, apart: int) -> tuple[Array, Array, Array]:
     """Of columns (L, g + 1): R (g, g) of the first g, their orthonormal basis times the last (g,),
     and the squared length of what is left of the last.
 
-    Modified Gram–Schmidt: as accurate as Householder's way for all three where the last column is
-    carried along (Björck, BIT 7 (1967) 1), without its calls of LAPACK, and differentiable.  By
-    Cholesky for the first `apart`, which are too many for that and need it less.
+    By Cholesky for the first `apart`, which are too many for Gram–Schmidt and need it less.
     """
-    size, rows, left = columns.shape[1] - 1, [jnp.zeros((0, columns.shape[1]))], columns
+    size, rows, left = columns.shape[1] - 1, [], columns
     if apart:
         first, left = columns[:, :apart], columns[:, apart:]
         factor = jnp.linalg.cholesky(first.T @ first)
         half = solve_triangular(factor, first.T @ left, lower=True)
         left = left - first @ solve_triangular(factor, half, lower=True, trans=1)
         rows = [jnp.concatenate([factor.T, half], axis=1)]
-    for k in range(apart, size):
-        length = jnp.sqrt(left[:, 0] @ left[:, 0])
-        unit = left[:, 0] / length
-        others = unit @ left[:, 1:]
-        left = left[:, 1:] - unit[:, None] * others
-        rows.append(jnp.concatenate([jnp.zeros(k), length[None], others])[None])
-    triangle = jnp.concatenate(rows)
+    others, left = _reduced(left, size - apart)
+    triangle = jnp.concatenate([*rows, jnp.pad(others, ((0, 0), (apart, 0)))])
     return triangle[:, :size], triangle[:, size], left[:, 0] @ left[:, 0]
 
 

@@ -144,10 +144,10 @@ def values_of(priors: Sequence[AbstractPrior], standard: Array) -> Array:
     kinds: dict[object, list[int]] = {}
     for k, prior in enumerate(priors):
         kinds.setdefault(jax.tree_util.tree_structure(prior), []).append(k)
-    found = jnp.zeros_like(standard)
+    found, order = [jnp.zeros(0)], []
     for members in kinds.values():
         at = np.array(members)
         alike = jax.tree_util.tree_map(lambda *x: jnp.stack(x), *[priors[k] for k in members])
-        values = jax.vmap(lambda prior, v: prior.value(v))(alike, standard[at])
-        found = found.at[at].set(values)
-    return found
+        found.append(jax.vmap(lambda prior, v: prior.value(v))(alike, standard[at]))
+        order += members
+    return jnp.concatenate(found)[np.argsort(np.array(order, int))]

@@ -1,0 +1,23 @@
+"""What a fit leaves over, and what it can absorb."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .._fit import Preparation, Solved, jacobian, orthonormal
+from ._score import Residual
+
+
+def residual_of(solved: Solved, preparation: Preparation) -> Residual:
+    """Whitened residual and basis of a solved block."""
+    problems = preparation.problems()
+    whitened = []
+    for take, problem, simulation in zip(
+        preparation.takes, problems, solved.simulations, strict=True
+    ):
+        error = np.zeros(problem.response.shape[0])
+        error[: len(take.recording)] = take.recording.response - simulation
+        whitened.append(problem.whiten(error))
+    basis = orthonormal(jacobian(solved.block, problems)[1])
+    residual = np.concatenate(whitened)
+    return Residual(residual - basis @ (basis.T @ residual), basis)

@@ -1,0 +1,76 @@
+"""Whether the simulation is exact enough to be held against the recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .._blocks import AbstractBlock
+from ._conditions import numbers_of
+from ._least_squares import sensitivity, simulate
+from ._preparation import Preparation
+from ._problem import Problem
+from ._solve import Progress, Solved, solve_from
+from ._uncertainty import orthonormal
+
+FINEST, _MOST_SAMPLES = 16, 2**18
+TARGET, LIMIT = 0.5, 1.0
+
+
+def numerical_error(solved: Solved, preparation: Preparation) -> float:
+    """√λ_num: what halving the step changes beyond what the fit can absorb, in noise units.
+
+    The order of the quadrature is four, so that the change is the coarser grid's error to 7 %.
+    """
+    return _halved_until(np.inf, solved, preparation)[1]
+
+
+def fine_enough(
+    solved: Solved, preparation: Preparation, progress: Progress
+) -> tuple[Solved, Preparation, float]:
+    """Refine the grid until the numerical error is far under the noise, or the grid is finest."""
+    while True:
+        progress(f"checking the numerics with {preparation.oversampling} steps per sample")
+        finer, error = _halved_until(TARGET, solved, preparation)
+        if finer is preparation:
+            return solved, preparation, error
+        preparation = finer
+        solved = solve_from([solved.block], preparation)
+
+
+def too_coarse(error: float) -> tuple[str, ...]:
+    """What a numerical error says against a fit on the finest grid that was tried."""
+    if error <= TARGET:
+        return ()
+    return (
+        f"The discretisation error is {error:.2g} noise units (target {TARGET:g}) on the finest "
+        "grid: a higher sampling rate of the drive would help.",
+    )
+
+
+def _halved_until(
+    target: float, solved: Solved, preparation: Preparation
+) -> tuple[Preparation, float]:
+    """The coarsest grid, from the one at hand on, whose numerical error is at most the target or
+    that cannot be halved; and that error, of the solved blocks as they are."""
+    problems = preparation.problems()
+    numbers = numbers_of(solved.block, len(problems), preparation.conditions)
+    basis = orthonormal(sensitivity(solved.blocks, problems, numbers))
+    longest = max(len(take.recording) for take in preparation.takes)
+    coarse = _whitened(solved.blocks, problems)
+    while True:
+        doubled = 2 * preparation.oversampling
+        finer = preparation.with_oversampling(doubled)
+        halved = _whitened(solved.blocks, finer.problems())
+        change = halved - coarse
+        error = float(np.linalg.norm(change - basis @ (basis.T @ change)))
+        if error <= target or doubled > FINEST or doubled * longest > _MOST_SAMPLES:
+            return preparation, error
+        preparation, coarse = finer, halved
+
+
+def _whitened(blocks: Sequence[AbstractBlock], problems: Sequence[Problem]) -> np.ndarray:
+    """Whitened simulations (ΣL,)."""
+    pairs = zip(blocks, problems, strict=True)
+    return np.concatenate([problem.whiten(simulate(block, problem)) for block, problem in pairs])

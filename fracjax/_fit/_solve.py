@@ -1,0 +1,182 @@
+"""Solving: from several starts to the optimum of a block on prepared recordings."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, replace
+
+import jax
+import numpy as np
+from scipy.stats import kurtosis
+
+from .._blocks import AbstractBlock
+from .._parameters import named_parameters, set_values
+from ._layout import layout_of
+from ._least_squares import Objective, begin, descend, simulate
+from ._preparation import Preparation
+from ._problem import Problem
+from ._programs import make_room
+from ._search import search
+
+_ROUNDS = 20
+_FIRST_LOOKS, _LOOKS = 5, 12
+_AGREED = 1e-3
+
+Progress = Callable[[str], None]
+
+
+def silent(message: str) -> None:
+    """Report no progress."""
+
+
+@dataclass(frozen=True)
+class Solved:
+    """A block at its optimum, χ² and convergence.
+
+    `own`: each recording's own coefficients (q,), its offset first; `simulations` (N,) hold them.
+    `evaluations` counts how often the objective was computed, over all starts.  `blocks` are every
+    recording's own (`block` the first's), `whitened` residuals (L,), `free` how many numbers were
+    fitted.
+    """
+
+    block: AbstractBlock
+    own: tuple[np.ndarray, ...]
+    simulations: tuple[np.ndarray, ...]
+    cost: float
+    converged: bool
+    start_costs: tuple[float, ...]
+    samples: int
+    evaluations: int
+    blocks: tuple[AbstractBlock, ...]
+    whitened: tuple[np.ndarray, ...]
+    free: int
+
+    @property
+    def kurtosis(self) -> float:
+        """Of the whitened residual: 3 where it is normal."""
+        residual = np.concatenate(self.whitened)
+        return float(kurtosis(residual[residual != 0], fisher=False))
+
+    @property
+    def bic(self) -> float:
+        """χ² + k ln n, the noise known."""
+        return self.cost + self.free * float(np.log(self.samples))
+
+
+def starts_of(block: AbstractBlock, count: int, seed: int) -> list[AbstractBlock]:
+    """The block as it stands, and draws of its shapes from their plausible ranges."""
+    generator = np.random.default_rng(seed)
+    parameters = named_parameters(block)
+    names = [n for n, _ in layout_of(block).shapes]
+    draws = [
+        set_values(block, {n: parameters[n].draw(generator) for n in names})
+        for _ in range(count - 1)
+    ]
+    return [block, *draws]
+
+
+def solve_from(
+    starts: list[AbstractBlock], preparation: Preparation, hopeless: float = np.inf
+) -> Solved:
+    """A few looks from every start, some more from the better half, then the two best to
+    convergence; the best of them finished.
+
+    A fit counts as converged too when twelve looks gain less than a tenth in χ², or less than 1e-4
+    of what is left beyond the noise; of a noise that is not known yet, what is left is the measure.
+    Above `hopeless` in χ² the first looks are all that is spent.
+    """
+    make_room()
+    problems, asked = preparation.problems(), preparation.conditions
+    samples = _counted(problems)
+    descents = [descend(begin(start, problems, asked), _FIRST_LOOKS) for start in starts]
+    descents.sort(key=lambda d: d.cost)
+    for k, descent in enumerate(descents[: -(-len(starts) // 2)]):
+        if not descent.converged and descent.cost <= hopeless:
+            descents[k] = descend(descent, _LOOKS)
+    for _ in range(_ROUNDS):
+        order = np.argsort([d.cost for d in descents])
+        best = descents[order[0]]
+        if best.converged or not best.cost <= hopeless:
+            break
+        for k in order[:2]:
+            if not descents[k].converged:
+                descents[k] = descend(descents[k], _LOOKS)
+        least = int(np.argmin([d.cost for d in descents]))
+        if best.cost - descents[least].cost < _negligible(best.cost, samples, preparation):
+            descents[least] = descents[least]._replace(converged=True)
+    best = min(descents, key=lambda d: d.cost)
+    return solved_at(
+        best.objective,
+        best.position,
+        preparation,
+        converged=best.converged and np.isfinite(best.cost),
+        costs=tuple(d.cost for d in descents),
+        evaluations=sum(d.evaluations for d in descents),
+    )
+
+
+def _negligible(cost: float, samples: int, preparation: Preparation) -> float:
+    """A gain in χ² that is none."""
+    if any(take.noise is None for take in preparation.takes):
+        return 0.1 * cost / samples
+    return max(0.1, 1e-4 * (cost - samples))
+
+
+def solved_at(
+    objective: Objective,
+    position: np.ndarray,
+    preparation: Preparation,
+    *,
+    converged: bool,
+    costs: tuple[float, ...],
+    evaluations: int,
+) -> Solved:
+    """The block at the best position that was found, finished; `costs` (S,) of all starts."""
+    problems = preparation.problems()
+    point = objective.at(position)
+    counts = [p.own.shape[1] for p in problems]
+    own = np.split(point.own, np.cumsum(counts)[:-1])
+    blocks = jax.tree_util.tree_map(np.asarray, point.blocks)
+    simulations = [
+        (simulate(fitted, problem) + problem.own @ terms)[: len(take.recording)]
+        for take, problem, fitted, terms in zip(
+            preparation.takes, problems, blocks, own, strict=True
+        )
+    ]
+    # After the data's rows come those of the priors, which are no part of χ².
+    *whitened, _ = np.split(point.residual, np.cumsum([len(p.response) for p in problems]))
+    return Solved(
+        block=blocks[0],
+        own=tuple(own),
+        simulations=tuple(simulations),
+        cost=float(np.nan_to_num(sum(r @ r for r in whitened), nan=np.inf, posinf=np.inf)),
+        converged=bool(converged),
+        start_costs=costs,
+        samples=_counted(problems),
+        evaluations=evaluations,
+        blocks=blocks,
+        whitened=tuple(whitened),
+        free=len(objective.numbers.labels) + sum(counts),
+    )
+
+
+def _counted(problems: tuple[Problem, ...]) -> int:
+    """How many samples count."""
+    return int(sum(np.count_nonzero(p.weights) for p in problems))
+
+
+def fit_block(block: AbstractBlock, preparation: Preparation, starts: int, seed: int) -> Solved:
+    """Multi-start fit: on the compressed problem where that is cheaper, the full model having the
+    last word; else, or where the two disagree, from every start on the full model."""
+    blocks = starts_of(block, starts, seed)
+    searched = None if preparation.conditions else search(blocks, preparation.problems())
+    if searched is not None:
+        solved = solve_from([searched.best], preparation)
+        if solved.converged and solved.cost <= searched.cost * (1 + _AGREED):
+            costs = np.where(searched.costs > searched.cost, searched.costs, solved.cost)
+            return replace(
+                solved,
+                start_costs=tuple(np.maximum(costs, solved.cost).tolist()),
+                evaluations=solved.evaluations + searched.evaluations,
+            )
+    return solve_from(blocks, preparation)

@@ -1,0 +1,111 @@
+"""The step of a fit's simulation: halved until it no longer matters beside the noise, or said."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+import fracjax as fj
+from fracjax._fit import _numerics
+from fracjax._operators import Grid
+
+STEP = 4e-3
+SAMPLES = 800
+FINER = 16
+LAW = {"gain": 0.1, "creep_gain": 0.02, "mu": -0.15, "frequency": 25.0, "damping": 0.3}
+MODEL = fj.parse_model("pea_dynamics")
+STARTS = 4
+
+
+def several_tones(times: np.ndarray) -> np.ndarray:
+    """A drive [V], its fastest tone at 20 samples per period: enough to see, not to simulate."""
+    parts = ((15, 0.7, 0.0), (10, 2.3, 1.0), (7, 5.9, 2.0), (5, 11.7, 3.0))
+    return 50 + np.sum([a * np.sin(2 * np.pi * f * times + p) for a, f, p in parts], axis=0)
+
+
+def record(
+    seed: int, noise: float = 1e-3, **law: float
+) -> tuple[fj.Recording, np.ndarray, fj.Noise]:
+    """A recording of the law on a grid 16 times finer, its noise, and what is told of that."""
+    fine = several_tones(np.arange((SAMPLES - 1) * FINER + 1) * STEP / FINER)
+    block = MODEL.with_values(LAW | law).block
+    with jax.enable_x64(True):
+        response = block.respond(jnp.asarray(fine), Grid(np.asarray(STEP / FINER)))
+    clean = np.asarray(response)[::FINER]
+    sigma = noise * float(np.ptp(clean))
+    added = sigma * np.random.default_rng(seed).standard_normal(SAMPLES)
+    known = fj.Noise(sigma, "um", "specification", np.ones(1), sigma)
+    return fj.Recording(fine[::FINER], clean + added, STEP), added, known
+
+
+def fit(recordings, noise: fj.Noise | None, **options) -> fj.Fit:
+    options = {"history": "constant", "settling": 0, "starts": STARTS} | options
+    return fj.fit(MODEL, recordings, noise=noise, **options)
+
+
+@pytest.fixture(scope="module")
+def fitted() -> list[tuple[fj.Fit, np.ndarray]]:
+    made = [record(seed) for seed in range(4)]
+    return [(fit(recording, known), added) for recording, added, known in made]
+
+
+def test_a_mode_near_the_sampling_rate_is_recovered(fitted):
+    inside = [
+        estimate.interval[0] <= LAW[estimate.name] <= estimate.interval[1]
+        for found, _ in fitted
+        for estimate in found.estimates
+    ]
+    assert len(inside) == 4 * len(LAW)
+    assert np.sum(inside) >= 17
+    for found, added in fitted:
+        assert found.scores.rmse == pytest.approx(np.sqrt(np.mean(added**2)), rel=0.01)
+        assert found.preparation.oversampling > 1
+        assert found.warnings == ()
+
+
+def test_at_the_recordings_own_step_it_is_not(fitted, monkeypatch):
+    monkeypatch.setattr(_numerics, "FINEST", 1)
+    recording, added, known = record(0)
+    coarse = fit(recording, known)
+    assert coarse.preparation.oversampling == 1
+    assert coarse.scores.rmse > 1.01 * np.sqrt(np.mean(added**2))
+    assert [w.split(" is ")[0] for w in coarse.warnings] == ["The discretisation error"]
+    assert coarse.to_dict()["warnings"] == list(coarse.warnings)
+
+
+def test_a_noise_told_by_the_fit_is_told_again_on_the_finer_grid(fitted):
+    recording, added, _ = record(0)
+    found = fit(recording, None)
+    noise = found.preparation.takes[0].noise
+    assert noise is not None
+    assert noise.is_leftover
+    assert noise.sigma == pytest.approx(np.sqrt(np.mean(added**2)), rel=0.05)
+    assert found.preparation.oversampling == fitted[0][0].preparation.oversampling
+    errors = {e.name: e.standard_error for e in fitted[0][0].estimates}
+    assert {e.name: e.standard_error for e in found.estimates} == pytest.approx(errors, rel=0.2)
+
+
+def test_of_own_parameters_each_recordings_error_counts():
+    (first, _, known), (second, _, _) = record(0), record(1, frequency=20.0)
+    found = fit([first, second], known, own=("frequency",))
+    estimates = {e.name: e for e in found.estimates}
+    for name, value in {**LAW, "frequency@1": 25.0, "frequency@2": 20.0}.items():
+        if name != "frequency":
+            estimate = estimates[name]
+            assert abs(estimate.value - value) < 3.5 * estimate.standard_error, name
+
+
+def test_a_step_that_is_fine_costs_one_look(monkeypatch):
+    """Two simulations of a slow mode, and no second fit."""
+    recording, _, known = record(2, noise=0.05, frequency=3.0)
+    looks = []
+    simulate = _numerics.simulate
+
+    def looked(block, problem):
+        looks.append(problem.oversampling)
+        return simulate(block, problem)
+
+    monkeypatch.setattr(_numerics, "simulate", looked)
+    found = fit(recording, known)
+    step = found.preparation.oversampling
+    assert looks == [step, 2 * step]

@@ -44,8 +44,8 @@ from ._normal import Normal as Normal
 from ._numerics import LIMIT as LIMIT
 from ._numerics import TARGET as TARGET
 from ._numerics import fine_enough as fine_enough
-from ._numerics import too_coarse as too_coarse
 from ._numerics import numerical_error as numerical_error
+from ._numerics import too_coarse as too_coarse
 from ._preparation import Past as Past
 from ._preparation import Preparation as Preparation
 from ._preparation import Take as Take

@@ -278,9 +278,9 @@ def test_rivals_are_those_within_ten_or_a_twentieth():
 
 def test_a_probability_counts_evidence_in_units_of_the_margin():
     even = [judged_of("a", 1000), judged_of("b", 1000)]
-    assert probability_of(even[0], even) == pytest.approx(0.5)
+    assert probability_of(even[0], even) == pytest.approx(0.95 / 2)
     apart = [judged_of("a", 1000), judged_of("b", 950)]
-    assert probability_of(apart[0], apart) == pytest.approx(1 / (1 + np.exp(-5)))
+    assert probability_of(apart[0], apart) == pytest.approx(0.95 / (1 + np.exp(-5)))
 
 
 def stage_of(cost: float) -> Any:

@@ -23,6 +23,7 @@ WORTH_NAMING = 0.1
 _INEXACT = 0.05
 _REMAINDER = 0.5
 _PATTERN = 0.15
+_SUREST = 0.95
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,12 +96,17 @@ def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
 
 
 def probability_of(winner: Judged, found: Sequence[Judged]) -> float:
-    """The winner's share of the evidence, which counts in units of the margin."""
+    """The winner's share of the evidence, which counts in units of the margin.
+
+    A rival ahead that is not admissible is as likely as the winner, not more.  No share is a
+    certainty: one effect in twenty that had no rival was another in exams made for development.
+    """
     others = [j for j in found if j.admissible and j is not winner]
     ahead = [j for j in rivals_of(winner, found) if j not in others]
     rivals = [winner, *others, *ahead]
     unit = margin_of(winner.delta_bic) / DELTA_BIC
-    return float(softmax([0.5 * j.delta_bic / unit for j in rivals])[0])
+    gains = [min(j.delta_bic, winner.delta_bic) for j in rivals]
+    return _SUREST * float(softmax([0.5 * gain / unit for gain in gains])[0])
 
 
 def delta_bic(before: Solved, after: Solved) -> float:

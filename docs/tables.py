@@ -28,7 +28,9 @@ _DRIVES = {
     "line": "none: a straight line",
     "lfdh": "`lfdh`",
     "foh": "`foh`",
-    "foh + minor_loop_memory": "`foh + minor_loop_memory`",
+    "foh, extended": "`foh`, extended by `diagnose`",
+    "bound: learned": "bound: drive corrected on the stage itself",
+    "bound: no error": "bound: the sensor's noise",
 }
 
 
@@ -54,11 +56,11 @@ def operators() -> str:
 
 
 def compensation() -> str:
-    """Tracking errors of an open-loop drive by each model."""
+    """Largest steady tracking errors of an open-loop drive by each model, the zero set."""
     rows = rows_of("compensation/results.csv")
     motions = list(dict.fromkeys(row["trajectory"] for row in rows))
-    found = {(row["drive"], row["trajectory"]): row["rms_percent"] for row in rows}
-    lines = [_line("compensated by; rms tracking error [% of stroke]", *motions)]
+    found = {(row["drive"], row["trajectory"]): row["zeroed_max_percent"] for row in rows}
+    lines = [_line("compensated by; largest steady error [± % of stroke]", *motions)]
     lines.append("|---" * (1 + len(motions)) + "|")
     for drive, told in _DRIVES.items():
         lines.append(_line(told, *(found[drive, motion] for motion in motions)))

@@ -15,6 +15,8 @@ from scipy.optimize import lsq_linear
 
 import fracjax as fj
 import fracjax._compensate
+from benchmarks.compensation import run as run_bench
+from benchmarks.compensation import signals, stage
 from fracjax import blocks
 from fracjax._cli import run
 from fracjax._compensate import SCHEMA, load_compensation
@@ -24,6 +26,7 @@ from fracjax._compensate._plant import Plant, between
 from fracjax._compensate._streaming import _sections
 from fracjax._compensate._unbounded import respond
 from fracjax._operators import Grid
+from fracjax._parameters import set_values
 
 STEP, COUNT = 1e-2, 120
 TIMES = STEP * np.arange(COUNT)
@@ -140,7 +143,7 @@ def test_disturbances_of_the_recorded_run_are_left_out():
 @pytest.mark.parametrize("sign", [1.0, -1.0])
 def test_a_sum_of_plays_has_its_own_inverse(history, sign):
     block = blocks.QuasiStaticForce(sign * 0.1) + blocks.MinorLoopMemory(sign * WEIGHTS, span=100)
-    inverse = inverse_of(block)
+    inverse = inverse_of(block, 1.0)
     assert inverse is not None
     assert inverse.exact
     generator = np.random.default_rng(3)
@@ -153,9 +156,29 @@ def test_a_sum_of_plays_has_its_own_inverse(history, sign):
 
 def test_plays_whose_slope_changes_sign_have_none():
     inverse = inverse_of(
-        blocks.QuasiStaticForce(0.1) + blocks.MinorLoopMemory(-WEIGHTS * 80, span=100)
+        blocks.QuasiStaticForce(0.1) + blocks.MinorLoopMemory(-WEIGHTS * 80, span=100), 1.0
     )
     assert inverse is None or not inverse.exact
+
+
+def test_domain_walls_are_undone_by_plays():
+    block = blocks.AmplitudeDependence(0.2, span=100.0)
+    inverse = inverse_of(block, 1.0)
+    assert inverse is not None
+    assert inverse.exact
+    drive = 50 - 45 * np.cos(2 * np.pi * TIMES) * (1 - TIMES / 4)
+    grid = Grid(STEP, "rest")
+    recovered = np.asarray(inverse.block(block(jax.numpy.asarray(drive), grid), grid))
+    np.testing.assert_allclose(recovered, drive, atol=1e-9 * np.ptp(drive))
+
+
+@pytest.mark.parametrize("motion", [SINE, TRIANGLE])
+def test_plays_beside_a_law_and_behind_a_curve_are_inverted_by_contraction(motion):
+    curved = blocks.SensorNonlinearity(0.02, 0.002, centre=5.0, span=10.0)
+    block = (blocks.FOH(-0.5, 0.55, 1e-7, -1e-3, 0.5) + MEMORY) >> curved
+    found = fj.compensate(model(block), wanted(motion + 0.5), history="rest")
+    assert found.verdict == "followed"
+    assert found.method == "fixed point"
 
 
 # The grid -----------------------------------------------------------------------------------------
@@ -278,6 +301,9 @@ def test_the_band_of_draws():
     low, high = np.percentile(gains.ravel()[np.linspace(0, 239, 200).astype(int)], [2.5, 97.5])
     np.testing.assert_allclose(found.band[0], SINE * low / 0.1, atol=1e-4)
     np.testing.assert_allclose(found.band[1], SINE * high / 0.1, atol=1e-4)
+    worst = max(1 - low / 0.1, high / 0.1 - 1) * SINE.max()
+    assert found.max_error_of_band == pytest.approx(worst, abs=1e-4)
+    assert fj.compensate(law, wanted()).max_error_of_band is None
     with pytest.raises(fj.InputError, match="none of mu"):
         fj.compensate(law, wanted(), draws={"k_c": gains})
 
@@ -500,6 +526,8 @@ def fitted(tmp_path_factory) -> Path:
     noise = np.random.default_rng(1).normal(0, 1e-3, COUNT)
     recording = fj.Recording(drive, response + noise, STEP)
     path = tmp_path_factory.mktemp("fit") / "fit.json"
+    columns = {"time_s": TIMES, "drive_V": drive, "displacement_um": recording.response}
+    fj.write(path.with_name("recording.csv"), columns)
     fj.fit(fj.parse_model("creep"), recording, starts=1).save(path)
     return path
 
@@ -554,6 +582,38 @@ def test_limits_reach_the_inversion_and_the_verdict_is_no_failure(call, capsys):
     assert "out of reach within the limits" in Path("out/report.html").read_text(encoding="utf-8")
 
 
+def test_the_band_of_a_real_posterior(call, fitted, capsys):
+    """From `fracjax posterior` to the band, against the Laplace approximation's own."""
+    recorded = fitted.parent / "recording.csv"
+    words = ["--model", "creep", "--out", "post", "--history", "constant", "--steps", "400"]
+    assert run(["posterior", str(recorded), *words, "--quiet"]) in (0, 3)
+    assert call("--fit", "post/fit.json", "--posterior", "post") == 0
+    told = load_compensation("out/compensation.json")
+    draws = fj.load_posterior("post").samples
+    assert told.band is not None
+    inside = (told.band[0] <= told.predicted) & (told.predicted <= told.band[1])
+    assert inside.all()
+    # Straight lines through the draws' means, as a small spread allows; where the recording has
+    # its mean, the sensor's zero goes with the gain.
+    law = fj.load_model("post/fit.json")
+    values = np.stack([draws[name].ravel() for name in ("k_c", "mu")])
+    middle, spread = values.mean(axis=1), values.std(axis=1)
+    recorded_drive = fj.read(recorded).drive
+
+    def response(shift, drive):
+        moved = dict(zip(("k_c", "mu"), middle + shift, strict=True))
+        return fj.simulate(model(set_values(law.block, moved)), drive, STEP).response
+
+    changes = []
+    for shift in np.diag(spread):
+        mean = (response(shift, recorded_drive) - response(0, recorded_drive)).mean()
+        changes.append(response(shift, told.drive) - response(0, told.drive) - mean)
+    wide = np.sqrt(np.einsum("in,ij,jn->n", changes, np.corrcoef(values), changes))
+    width, counted = told.band[1] - told.band[0], wide > 0.3 * wide.max()
+    np.testing.assert_allclose(width[counted], 3.92 * wide[counted], rtol=0.25)
+    assert "largest error within the band" in capsys.readouterr().out
+
+
 def test_quiet_prints_nothing(call, capsys):
     assert call("--quiet", "--regularisation", "5 ms") == 0
     assert capsys.readouterr() == ("", "")
@@ -605,3 +665,31 @@ def test_unusable_calls_of_the_command(call, words, said, capsys):
     assert said in err
     assert err.count("\n") == 1
     assert not Path("out").exists()
+
+
+# A virtual bench ----------------------------------------------------------------------------------
+
+
+def test_the_stage_has_the_hysteresis_it_is_said_to_have():
+    """19.5 % of the height at full swing, in its reading, and less of it in a smaller loop."""
+    times = stage.STEP * np.arange(250)
+    shares = []
+    for half in (50.0, 7.0):
+        swings = np.tile(50 - half * np.cos(2 * np.pi * times), 3)
+        drive = np.concatenate([np.linspace(0, 98, 100), np.linspace(98, 50 - half, 100), swings])
+        loop = stage.measure(drive, seed=0)[-250:]
+        shares.append(np.abs(loop[1:125] - loop[126:][::-1]).max() / np.ptp(loop))
+    assert shares[0] == pytest.approx(0.195, abs=2e-3)
+    assert shares[1] < 0.7 * shares[0]
+
+
+@pytest.mark.parametrize(("drive", "most"), [("foh", 0.02), ("foh, extended", 0.006)])
+def test_a_stage_that_shares_nothing_with_the_models_is_tracked(drive, most):
+    """Check 1 on the sine: the largest steady error over the stroke, the zero set."""
+    used = {one.name: one for one in run_bench.identified(Path(run_bench.__file__).parent / "fits")}
+    one = used[drive]
+    desired = signals.motions(2.2, 7.3)["sine 1 Hz"][: -round(signals.PERIOD / stage.STEP)]
+    motion = fj.Trajectory(desired, stage.STEP)
+    found = fj.compensate(one.model, motion, history=one.history, offset=one.offset)
+    error = signals.steady(stage.measure(found.drive, seed=2) - desired)
+    assert np.abs(error - error.mean()).max() < most * np.ptp(signals.steady(desired))

@@ -27,8 +27,6 @@ from ._results import Results, Summary
 from ._statuses import NOT_CONVERGED, fail
 
 if TYPE_CHECKING:
-    import numpy as np
-
     from .._compensate import Compensation, Trajectory
     from .._models import Model
     from .._operators._grid import History
@@ -91,7 +89,7 @@ def compensate_command(
         "offset": zero if offset is None else parse_quantity(offset, unit, "--offset"),
         "history": history,
         "drive_unit": drive_unit,
-        "draws": posterior and _draws(posterior),
+        **(_drawn(posterior) if posterior else {}),
     }
     suffix = Path(trajectory).suffix.lower()
     prepare_jax()
@@ -174,7 +172,13 @@ def _range(text: str, unit: str, where: str) -> tuple[float, float]:
     )
 
 
-def _draws(folder: str) -> dict[str, np.ndarray]:
+def _drawn(folder: str) -> dict[str, Any]:
+    """A posterior's draws, and the recording they were drawn for."""
     from .._posterior import load_posterior
+    from .._recording import Recording
 
-    return load_posterior(folder).samples
+    posterior = load_posterior(folder)
+    band = posterior.bands[0]
+    step = float(band.times[1] - band.times[0])
+    recording = Recording(band.drive, band.response, step, *posterior.units, band.source)
+    return {"draws": posterior.samples, "identified_by": recording}

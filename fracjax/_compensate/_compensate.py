@@ -17,7 +17,7 @@ from .._models import Model
 from .._operators import interpolate
 from .._operators._grid import HISTORIES, History
 from .._parameters import set_values
-from .._recording import InputError, unit
+from .._recording import InputError, Recording, unit
 from ._bounded import Bounds, best_within
 from ._inverse import inverse_of, without_disturbances
 from ._plant import Plant
@@ -41,6 +41,7 @@ def compensate(
     offset: float = 0.0,
     drive_unit: str = "V",
     draws: Mapping[str, np.ndarray] | None = None,
+    identified_by: Recording | None = None,
     progress: Progress = silent,
 ) -> Compensation:
     """The drive u with model(u) + offset = trajectory [L 10, 12], at the trajectory's samples.
@@ -56,7 +57,8 @@ def compensate(
     by adding (τ² g ü)² to the squared error, g = stroke/drive span; `history`, what the drive did
     before the first sample; `offset`, what the sensor reads where the model says zero [response];
     `draws`, values (D,) of the model's free parameters by name, such as `Posterior.samples`, for
-    the band of the predicted response.
+    the band of the predicted response; `identified_by`, the recording they were drawn for, whose
+    zero goes with them: each draw then has the offset that leaves the recording's mean as it is.
 
     **Returns:** the drive with its predicted response; a trajectory that cannot be followed is no
     error, the result says where and by how much it is missed.
@@ -99,7 +101,7 @@ def compensate(
         band = None
         if draws is not None:
             progress("predicting for draws of the parameters")
-            band = _band(model.block, draws, system.plant, reached.drive)
+            band = _band(model.block, draws, system.plant, reached.drive, identified_by)
         return Compensation(
             model=model.name,
             source=trajectory.source,
@@ -137,11 +139,13 @@ def _bounds(limits: tuple[float, float] | None, slew: float | None, step: float)
 
 
 def _inverse(plant: Plant, trajectory: Trajectory) -> AbstractBlock:
-    """The block's inverse, or its linear part's; else the gain at which the strokes agree."""
-    known = inverse_of(plant.block)
+    """The block's inverse, or one near it; else the gain at which the strokes agree."""
+    shape = (trajectory.response - trajectory.response[0]) / trajectory.stroke
+    # The frequency of a sine that moves as fast for its height.
+    frequency = np.std(np.diff(shape)) / (2 * np.pi * trajectory.dt * np.std(shape))
+    known = inverse_of(plant.block, float(frequency))
     if known is not None:
         return known.block
-    shape = (trajectory.response - trajectory.response[0]) / trajectory.stroke
     span, response = trajectory.stroke, shape
     for _ in range(10):
         response = np.asarray(respond(plant, span * shape))
@@ -159,7 +163,9 @@ def _on_fine_grid(system: Inverted, desired: np.ndarray, stroke: float) -> Inver
     Until 1e-5 of the stroke, or 8 steps per sample.
     """
     drive = np.asarray(eqx.filter_jit(Inverted.drive)(system, jnp.asarray(desired)))
-    smooth = np.isfinite(drive).all() and interpolate(drive, 2)[1] in _SMOOTH
+    # Behind plays the drive bends sharply where it turns, and a cubic would swing over.
+    smooth = system.inverse.linear and np.isfinite(drive).all()
+    smooth = smooth and interpolate(drive, 2)[1] in _SMOOTH
     plant = replace(system.plant, smooth=bool(smooth))
     response = np.asarray(respond(plant, drive))
     while plant.oversampling < _FINEST:
@@ -179,7 +185,11 @@ def _numerics(plant: Plant, reached: Reached, stroke: float) -> float:
 
 
 def _band(
-    block: AbstractBlock, draws: Mapping[str, np.ndarray], plant: Plant, drive: np.ndarray
+    block: AbstractBlock,
+    draws: Mapping[str, np.ndarray],
+    plant: Plant,
+    drive: np.ndarray,
+    recording: Recording | None,
 ) -> np.ndarray:
     """The central 95 % (2, N) of the responses at draws of the free parameters."""
     layout = layout_of(block)
@@ -192,8 +202,13 @@ def _band(
                 "give draws of this model's posterior",
             )
     values = np.stack([np.ravel(draws[label]) for label in layout.labels], axis=1)
-    chosen = np.linspace(0, len(values) - 1, min(_DRAWS, len(values))).astype(int)
-    responses = np.asarray(_responses(block, values[chosen], plant, drive))
+    chosen = values[np.linspace(0, len(values) - 1, min(_DRAWS, len(values))).astype(int)]
+    responses = np.asarray(_responses(block, chosen, plant, drive))
+    if recording is not None:
+        recorded = replace(plant, step=np.asarray(recording.dt))
+        means = np.asarray(_responses(block, chosen, recorded, recording.drive)).mean(axis=1)
+        fitted = np.asarray(respond(recorded, recording.drive)).mean()
+        responses = responses - (means - fitted)[:, None]
     return np.percentile(responses, [2.5, 97.5], axis=0)
 
 

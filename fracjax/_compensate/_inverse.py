@@ -6,6 +6,7 @@ A sum of plays y = w_0 u + Σ_i w_i p_i(u, r_i) whose slopes s_j = w_0 + Σ_{i�
     u = y/w_0 + Σ_i w'_i p_i(y, r'_i),    r'_i = Σ_{j≤i} s_{j-1} (r_j - r_{j-1}),
     w'_i = 1/s_i - 1/s_{i-1}
 
+Beside a law with memory of its own the plays are inverted with that law's gain at one frequency.
 Source: Krejci & Kuhnen, IEE Proc. Control Theory Appl. 148 (2001) 185.
 """
 
@@ -21,13 +22,16 @@ from .._blocks import (
     FOH,
     AbstractBlock,
     AbstractLinearBlock,
+    AmplitudeDependence,
     BoucWen,
+    CubicNonlinearity,
     Delay,
     Electrostriction,
     MainsInterference,
     MinorLoopMemory,
     QuasiStaticForce,
     Saturation,
+    SensorNonlinearity,
     ThermalDrift,
 )
 from .._blocks._block import Parallel, Series
@@ -65,17 +69,20 @@ class InversePlaySum(AbstractBlock):
         return self.first * drive + plays @ jnp.asarray(self.weights)
 
 
-def inverse_of(block: AbstractBlock) -> Inversion | None:
-    """The inverse of a block, or of its linear part; None where neither is known."""
+def inverse_of(block: AbstractBlock, frequency: float) -> Inversion | None:
+    """The inverse of a block, or of what is nearest to it at a frequency [Hz], or of its linear
+    part; None where none is known."""
     if isinstance(block, AbstractLinearBlock):
         return Inversion(block.inverse(), True)
     if isinstance(block, Series):
-        last, first = inverse_of(block.second), inverse_of(block.first)
+        last, first = inverse_of(block.second, frequency), inverse_of(block.first, frequency)
         if last is None or first is None:
             return None
         return Inversion(last.block >> first.block, last.exact and first.exact)
-    if isinstance(block, Parallel) and (plays := _inverse_play_sum(block)) is not None:
-        return Inversion(plays, True)
+    if isinstance(block, AmplitudeDependence | Parallel):
+        plays = _inverse_play_sum(block, frequency)
+        if plays is not None:
+            return plays
     part = _linear_part(block)
     return None if part is None else Inversion(part.inverse(), False)
 
@@ -92,7 +99,9 @@ def _linear_part(block: AbstractBlock) -> AbstractLinearBlock | None:
             return block
         case FOH():
             return block.linear_part
-        case Electrostriction() | Saturation() | Delay():
+        case Electrostriction() | CubicNonlinearity() | AmplitudeDependence():
+            return QuasiStaticForce(1.0)
+        case SensorNonlinearity() | Saturation() | Delay():
             return QuasiStaticForce(1.0)
         case MinorLoopMemory():
             return QuasiStaticForce(float(np.sum(block.weights.value)))
@@ -114,20 +123,31 @@ def _linear(block: AbstractBlock) -> AbstractLinearBlock:
     return block
 
 
-def _inverse_play_sum(block: Parallel) -> InversePlaySum | None:
-    """The inverse of a gain beside plays, where their slopes keep one sign."""
+def _inverse_play_sum(block: AmplitudeDependence | Parallel, frequency: float) -> Inversion | None:
+    """The inverse of plays beside a law, or beside the drive itself, where their slopes keep one
+    sign; exact where that law is a gain."""
+    if isinstance(block, AmplitudeDependence):
+        radii = np.ravel(block.radii)
+        weights = np.full(radii.size, 4 * float(block.alpha.value) / radii.size)
+        return _undone(1.0, weights, radii, True)
     sides = (block.first, block.second)
-    gains = [side for side in sides if isinstance(side, QuasiStaticForce)]
-    memories = [side for side in sides if isinstance(side, MinorLoopMemory)]
-    if not (gains and memories):
+    memory = next((side for side in sides if isinstance(side, MinorLoopMemory)), None)
+    beside = next((_linear_part(side) for side in sides if side is not memory), None)
+    if memory is None or beside is None:
         return None
-    first = float(gains[0].stiffness.value)
-    radii = np.asarray(memories[0].radii)
-    slopes = first + np.concatenate([[0.0], np.cumsum(memories[0].weights.value)])
+    gain = float(np.real(np.asarray(beside.symbol(jnp.array([2j * np.pi * frequency])))[0]))
+    exact = any(isinstance(side, QuasiStaticForce) for side in sides)
+    return _undone(gain, np.asarray(memory.weights.value), np.asarray(memory.radii), exact)
+
+
+def _undone(first: float, weights: np.ndarray, radii: np.ndarray, exact: bool) -> Inversion | None:
+    """The inverse of first · u + Σ w_i play(u, r_i)."""
+    slopes = first + np.concatenate([[0.0], np.cumsum(weights)])
     if not (np.all(slopes > 0) or np.all(slopes < 0)):
         return None
     steps = np.diff(radii, prepend=0.0)
-    return InversePlaySum(1 / first, np.diff(1 / slopes), np.cumsum(np.abs(slopes[:-1]) * steps))
+    reached = np.cumsum(np.abs(slopes[:-1]) * steps)
+    return Inversion(InversePlaySum(1 / first, np.diff(1 / slopes), reached), exact)
 
 
 def without_disturbances(block: AbstractBlock) -> tuple[AbstractBlock | None, tuple[str, ...]]:

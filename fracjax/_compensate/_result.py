@@ -89,6 +89,11 @@ class Compensation:
         return float(np.sqrt(np.mean(self.error**2)))
 
     @property
+    def max_error_of_band(self) -> float | None:
+        """The largest error anywhere within the band; None where there is no band."""
+        return None if self.band is None else float(np.abs(self.band - self.desired).max())
+
+    @property
     def binding(self) -> tuple[Stretch, ...]:
         """Where the drive rests on a limit, in time's order."""
         slack = 1e-6 * float(np.ptp(self.drive))
@@ -146,6 +151,7 @@ class Compensation:
                 "rms": self.rms_error,
                 "max_percent_of_stroke": 100 * self.max_error / self.stroke,
                 "rms_percent_of_stroke": 100 * self.rms_error / self.stroke,
+                "max_of_band": self.max_error_of_band,
             },
             "binding": [asdict(stretch) for stretch in self.binding],
             "missed": [asdict(stretch) for stretch in self.missed],

@@ -91,6 +91,8 @@ def compensation_figures(found: Compensation) -> tuple[list[str], list[list[str]
     if found.band is not None:
         width = float(np.max(found.band[1] - found.band[0]))
         rows.append(["95 % band of the parameters", f"{quantity(width, unit)} wide at most"])
+    if found.max_error_of_band is not None:
+        rows.append(["largest error within the band", error(found.max_error_of_band)])
     return [], rows
 
 

@@ -12,6 +12,7 @@ import numpy as np
 from jax import Array
 
 from .._blocks import AbstractBlock, QuasiStaticForce
+from .._computing import computing
 from .._fit import Progress, layout_of, silent, split
 from .._models import Model
 from .._operators import interpolate
@@ -79,7 +80,7 @@ def compensate(
         raise InputError.at(
             "compensate", "a model with a drive", f"{model.name}", "compensate another"
         )
-    with jax.enable_x64(True):
+    with computing():
         step = np.asarray(trajectory.dt)
         plant = Plant(block, step, np.asarray(float(offset)), history, 1, False)
         desired, stroke = trajectory.response, trajectory.stroke

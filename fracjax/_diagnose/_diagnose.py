@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
-import jax
 import numpy as np
 
+from .._computing import computing
 from .._fit import (
     Estimate,
     Fit,
@@ -87,7 +87,7 @@ def diagnose(
     Raises InputError where the recordings do not fit together.
     """
     listed = [recordings] if isinstance(recordings, Recording) else list(recordings)
-    with jax.enable_x64(True):
+    with computing():
         progress("reading the noise floor")
         preparation = prepare(
             listed, repeat=repeat, specification=noise, history=history, settling=settling

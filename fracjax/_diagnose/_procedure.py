@@ -38,6 +38,7 @@ from ._stage import Stage
 _SHORTLIST, _LONGEST_SHORTLIST = 4, 8
 _LIKE = 0.9
 _ROUNDS = 3
+_CLEARLY_LESS = 0.03
 
 Predict = Callable[[Solved, Preparation], Prediction]
 
@@ -121,7 +122,17 @@ def with_noise_beyond_mismatch(base: Stage, course: Course) -> Preparation | Non
     refits = [j.solved for j in course.judged.values() if j.plausible]
     found = [_seen_past(base, solved) for solved in (*refits, course.stage.solved)]
     gain, clearer = max(found, key=lambda pair: pair[0])
-    return clearer if gain >= DELTA_BIC else None
+    if gain < DELTA_BIC:
+        return None
+    # A name that was given already would not change for a little less noise.
+    matters = not course.rounds or _quietened(base.preparation, clearer) > _CLEARLY_LESS
+    return clearer if matters else None
+
+
+def _quietened(before: Preparation, after: Preparation) -> float:
+    """The largest share of its noise that a recording has lost."""
+    pairs = zip(before.takes, after.takes, strict=True)
+    return max(1 - a.noise.sigma / b.noise.sigma for b, a in pairs if a.noise and b.noise)
 
 
 def _seen_past(base: Stage, solved: Solved) -> tuple[float, Preparation]:

@@ -9,10 +9,10 @@ from math import log
 from pathlib import Path
 from typing import Any
 
-import jax
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
+from .._computing import computing
 from .._models import Model
 from .._recording import InputError, Recording, require_units_of
 from ._fit import Fit, fit
@@ -123,7 +123,7 @@ def compared(
     for other in others:
         require_units_of(fits[0].preparation.takes[0].recording, other)
     rows = []
-    with jax.enable_x64(True):
+    with computing():
         for found, bic in ranked(fits):
             progress(f"scoring {found.model.name} on data held out")
             unseen = _on_recordings(found, others) if others else _on_stretches(found)

@@ -23,6 +23,7 @@ from scipy.stats import f as fisher
 from scipy.stats import t as student
 
 from .._blocks import AbstractLinearBlock, Creep, PEADynamics
+from .._computing import computing
 from .._parameters import Parameter, named_parameters, set_values
 from .._recording import InputError
 from ._uncertainty import _at_bound
@@ -155,7 +156,7 @@ def ofocim(
     Raises InputError for fewer than 6 frequencies, or numbers that are not positive.
     """
     frequencies, ratio, weights = _table("OFOCIM", frequencies_Hz, ratios, standard_errors, 6)
-    with jax.enable_x64(True):
+    with computing():
         table = (jnp.asarray(frequencies), jnp.asarray(np.log(ratio)), jnp.asarray(weights))
         creeps, modes = _candidates(frequencies)
         shape, cost, success = _solve(creeps, modes, *table)

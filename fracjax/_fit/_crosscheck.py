@@ -14,6 +14,7 @@ import jax
 import numpy as np
 
 from .._blocks import AbstractBlock
+from .._computing import computing
 from .._models import Model
 from .._parameters import named_parameters
 from .._recording import InputError, Recording
@@ -128,7 +129,7 @@ def crosscheck(
     """
     listed = [recordings] if isinstance(recordings, Recording) else list(recordings)
     require_jaxopt()  # before minutes are spent
-    with jax.enable_x64(True):
+    with computing():
         block, preparation = ready(
             model, listed, noise=noise, history=history, settling=settling, **asked
         )

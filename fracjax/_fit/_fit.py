@@ -8,10 +8,10 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import TYPE_CHECKING, Unpack
 
-import jax
 import numpy as np
 
 from .._blocks import AbstractBlock, Setting
+from .._computing import computing
 from .._models import Model, parse_model
 from .._recording import InputError, Recording, require_units_of
 from ._asked import Asked, OfParameters, conditioned
@@ -437,7 +437,7 @@ def fit(
     """
     listed = [recordings] if isinstance(recordings, Recording) else list(recordings)
     shape_of(loss)
-    with jax.enable_x64(True):
+    with computing():
         progress(f"fitting {model.name}")
         block, preparation = ready(
             model, listed, noise=noise, history=history, settling=settling, **asked

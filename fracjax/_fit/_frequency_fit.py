@@ -25,6 +25,7 @@ from jax import Array
 from jax.flatten_util import ravel_pytree
 
 from .._blocks import AbstractBlock, AbstractLinearBlock
+from .._computing import computing
 from .._models import Model
 from .._parameters import named_parameters, set_values
 from .._recording import InputError
@@ -167,7 +168,7 @@ def fit_frequency_response(
     `asked` of the model is as in `fit`.  Raises InputError for a model that has no transfer
     function, for unknown names, and for fewer numbers in the table than the model has parameters.
     """
-    with jax.enable_x64(True):
+    with computing():
         progress(f"fitting {model.name}")
         if not isinstance(model.block, AbstractLinearBlock):
             raise InputError.at(

@@ -12,11 +12,11 @@ from __future__ import annotations
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass, replace
 
-import jax
 import numpy as np
 from scipy.stats import norm
 
 from .._blocks import AbstractBlock
+from .._computing import computing
 from .._parameters import Parameter, named_parameters, replace_parameters
 from .._recording import InputError
 from ._conditions import Conditions
@@ -109,7 +109,7 @@ def profile(fit: Fit, name: str) -> Profile:
             "none of that name",
             "correct it",
         )
-    with jax.enable_x64(True):
+    with computing():
         at = labels.index(name)
         preparation = fit.weighed
         blocks = tuple(model.block for model in fit.models)

@@ -17,10 +17,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import jax
 import numpy as np
 from scipy.stats import chi2, kurtosis, levene, normaltest, skew
 
+from .._computing import computing
 from ._fit import Fit
 
 SCHEMA = "fracjax.residuals/1"
@@ -113,7 +113,7 @@ def analyse_residuals(fit: Fit) -> tuple[ResidualAnalysis, ...]:
 
     They see the residual whitened by the noise, dimensionless: 1 is one standard deviation.
     """
-    with jax.enable_x64(True):
+    with computing():
         problems = fit.preparation.problems()
         found = []
         for take, problem, residual in zip(

@@ -7,12 +7,12 @@ from collections.abc import Callable, Mapping, Sequence
 from pathlib import Path
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from scipy.signal import lfilter
 
+from .._computing import computing
 from .._fit import Fit
 from .._recording import InputError
 from ._discrepancy import discrepancy_of
@@ -90,7 +90,7 @@ def sample_posterior(
             "discrepancy", "normal noise beside it", f"{noise.name} noise", "choose another noise"
         )
     doubt = "" if diagnosis is None else doubt_of(diagnosis, fit.model.name)
-    with jax.enable_x64(True):
+    with computing():
         beyond = discrepancy_of(fit) if discrepancy else None
         target, terms = target_of(fit, noise, priors or {}, beyond)
         starts = _starts(terms)

@@ -90,7 +90,12 @@ def _passed(block: AbstractBlock, drive: Array, along: Array, grid: Grid) -> Arr
     """Changes (K, N) of the response along changes (K, N) of the drive."""
     if block.linear:
         return jax.vmap(lambda change: block(change, grid))(along)
-    return jax.vmap(jax.linearize(lambda d: block(d, grid), jnp.asarray(drive))[1])(along)
+
+    def change_along(change: Array) -> Array:
+        return jax.jvp(lambda d: block(d, grid), (jnp.asarray(drive),), (change,))[1]
+
+    # One after the other: a recursion over samples is fastest in plain numbers.
+    return jax.lax.map(change_along, along)
 
 
 @eqx.filter_jit
@@ -98,16 +103,29 @@ def _columns(
     block: AbstractBlock, names: tuple[str, ...], drive: Array, grid: Grid
 ) -> tuple[Array, Array]:
     """Derivatives (N, Σ size) with respect to the named parameters, in order, and the response."""
-    parameters = named_parameters(block)
+    drive, parameters = jnp.asarray(drive), named_parameters(block)
     values = {name: jnp.asarray(parameters[name].value) for name in names}
-    flat, unravel = ravel_pytree(list(values.values()))
+    if block.linear:
+        flat, unravel = ravel_pytree(list(values.values()))
 
-    def response(vector: Array) -> tuple[Array, Array]:
-        moved = set_values(block, dict(zip(names, unravel(vector), strict=True)))
-        found = moved(jnp.asarray(drive), grid)
-        return found, found
+        def response(vector: Array) -> tuple[Array, Array]:
+            moved = set_values(block, dict(zip(names, unravel(vector), strict=True)))
+            found = moved(drive, grid)
+            return found, found
 
-    return jax.jacfwd(response, has_aux=True)(flat)
+        return jax.jacfwd(response, has_aux=True)(flat)
+
+    def column(name: str) -> Array:
+        def respond(value: Array) -> Array:
+            return set_values(block, {name: value})(drive, grid)
+
+        value = values[name]
+        # A recursion over samples is fastest in plain numbers, one derivative after the other.
+        if value.ndim == 0:
+            return jax.jvp(respond, (value,), (jnp.ones_like(value),))[1][:, None]
+        return jax.jacfwd(respond)(value).reshape(drive.size, -1)
+
+    return jnp.concatenate([column(name) for name in names], axis=1), block(drive, grid)
 
 
 def _within(names: Sequence[str], part: str) -> list[str]:

@@ -1,0 +1,126 @@
+"""The rounds of a diagnosis: look-alikes from the catalogue, a second look at the first effect,
+optima far out in a flat valley."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+
+import fracjax as fj
+from fracjax._blocks import EFFECTS
+from fracjax._diagnose import _procedure, _refit
+from fracjax._diagnose._held_out import Gain
+from fracjax._diagnose._judgement import Judged
+from fracjax._diagnose._refit import Refit, within_usual_ranges
+from fracjax._diagnose._stage import Layer, Stage, wrapped
+from fracjax._fit import prepare, silent, solve_from
+from fracjax._parameters import named_parameters, set_values
+
+STEP = 5e-3
+TIMES = STEP * np.arange(600)
+DRIVE = 50 - 40 * np.cos(2 * np.pi * TIMES) * np.linspace(1, 0.4, TIMES.size)
+NOISE = 0.003 * np.random.default_rng(5).standard_normal(TIMES.size)
+
+
+def stage_of(names: tuple[str, ...]) -> Stage:
+    """LFDH with effects, fitted to a recording that has electrostriction and a lag."""
+    truth = fj.parse_model("electrostriction >> lfdh >> drive_lag").block
+    truth = set_values(truth, {"second.time_constant": 0.02})
+    response = fj.simulate(fj.Model(truth), DRIVE, STEP, "constant").response
+    recording = fj.Recording(DRIVE, response + NOISE * np.ptp(response), STEP, "V", "um")
+    sigma = 0.003 * float(np.ptp(response))
+    told = fj.Noise(sigma, "um", "specification", np.ones(1), sigma)
+    preparation = prepare([recording], history="constant", noise=told)
+    setting = preparation.setting
+    base = fj.parse_model("lfdh", setting).block
+    layers = tuple(Layer(EFFECTS[n], EFFECTS[n].trials(setting)[0]) for n in names)
+    block = wrapped(base, [(layer, layer.trial) for layer in layers])
+    return Stage("lfdh", base, layers, solve_from([block], preparation), preparation)
+
+
+def judged(stage: Stage, name: str) -> Judged:
+    """An effect fitted outermost on a stage, as a round judges it."""
+    layer = Layer(EFFECTS[name], EFFECTS[name].trials(stage.preparation.setting)[0])
+    solved = solve_from([layer.effect.insert(stage.solved.block, layer.trial)], stage.preparation)
+    score: Any = SimpleNamespace(effect=layer.effect, trials=[layer.trial], best=0)
+    return Judged(
+        refit=Refit(score, solved),
+        preparation=stage.preparation,
+        delta_bic=stage.solved.bic - solved.bic,
+        explained=1.0,
+        numerics=0.0,
+        gain=Gain(fall=100.0, standard_error=1.0, improved=1.0, share_of_rmse=0.5),
+        prediction=SimpleNamespace(),  # type: ignore[arg-type]
+        plausible=True,
+    )
+
+
+def reconsidered(names: tuple[str, ...], beside: tuple[str, ...], monkeypatch) -> list[str]:
+    """The effects that stay when each but the last is judged again among `beside`."""
+    monkeypatch.setattr(_procedure, "_scored", lambda *_: [])
+    monkeypatch.setattr(_procedure, "residual_of", lambda *_: None)
+    monkeypatch.setattr(
+        _procedure, "_judge", lambda base, less, *_: [judged(less, name) for name in beside]
+    )
+    with jax.enable_x64(True):
+        base, stage = stage_of(()), stage_of(names)
+        rounds = [_procedure.Round(judged(base, name), []) for name in names]
+        unused: Any = None
+        stage, rounds = _procedure._reconsidered(base, stage, rounds, unused, 0, silent)
+    assert [layer.effect.name for layer in stage.layers] == [r.winner.name for r in rounds]
+    return [r.winner.name for r in rounds]
+
+
+def test_what_was_first_adopted_gives_way_to_what_does_better_beside_the_second(monkeypatch):
+    """A bent sensor bends the line as electrostriction does, less well."""
+    beside = ("sensor_nonlinearity", "electrostriction")
+    found = reconsidered(("sensor_nonlinearity", "drive_lag"), beside, monkeypatch)
+    assert found == ["drive_lag", "electrostriction"]
+
+
+def test_the_right_effects_stay_and_an_idle_one_goes(monkeypatch):
+    beside = ("sensor_nonlinearity", "electrostriction")
+    assert reconsidered(("electrostriction", "drive_lag"), beside, monkeypatch) == [
+        "electrostriction",
+        "drive_lag",
+    ]
+    idle = ("slew_rate_limit", "electrostriction", "drive_lag")
+    assert reconsidered(idle, beside, monkeypatch) == ["electrostriction", "drive_lag"]
+
+
+def test_look_alikes_that_the_catalogue_knows_are_refitted_too():
+    def scored(name: str, z: float) -> Any:
+        return SimpleNamespace(effect=EFFECTS[name], z=np.array([z, 0.0]))
+
+    with jax.enable_x64(True):
+        best = judged(stage_of(()), "drive_lag")
+    scores = [scored("delay", 9.0), scored("creep", 2.0), scored("saturation", 9.0)]
+    scores.append(scored("drive_lag", 9.0))
+    missed = _procedure._look_alikes_missed([best], scores)
+    assert [score.effect.name for score in missed] == ["delay"]
+    assert _procedure._look_alikes_missed([], scores) == []
+
+
+@pytest.mark.parametrize(("loss", "inside"), [(5.0, True), (20.0, False)])
+def test_an_optimum_in_a_flat_valley_does_not_speak_against_an_effect(loss, inside, monkeypatch):
+    """The nearest fit within the usual ranges counts where it loses no more than 10 in χ²."""
+    with jax.enable_x64(True):
+        stage = stage_of(())
+        attempt = judged(stage, "drive_lag").refit
+        usual = named_parameters(attempt.solved.block)["first.time_constant"].plausible
+        far = set_values(attempt.solved.block, {"first.time_constant": 3.0 * float(usual[1])})
+        solved = SimpleNamespace(block=far, cost=100.0)
+
+    def near(starts, preparation, hopeless):
+        assert hopeless == 110.0
+        for start in starts:
+            assert named_parameters(start)["first.time_constant"].is_plausible
+        return SimpleNamespace(block=starts[0], cost=100.0 + loss)
+
+    monkeypatch.setattr(_refit, "solve_from", near)
+    given: Any = solved
+    found = within_usual_ranges(Refit(attempt.score, given), stage, 10.0)
+    kept = named_parameters(found.solved.block)["first.time_constant"]
+    assert kept.is_plausible == inside

@@ -262,8 +262,8 @@ def judged_of(name: str, delta_bic: float, *, plausible: bool = True) -> Judged:
     )
 
 
-def test_rivals_are_those_within_ten_or_a_twentieth():
-    best, close, far = judged_of("a", 1000), judged_of("b", 960), judged_of("c", 940)
+def test_rivals_are_those_within_ten_or_a_fiftieth():
+    best, close, far = judged_of("a", 1000), judged_of("b", 985), judged_of("c", 975)
     bad = judged_of("d", 1100, plausible=False)
     found = [far, close, best, bad]
     assert best_of(found) is best
@@ -279,7 +279,7 @@ def test_rivals_are_those_within_ten_or_a_twentieth():
 def test_a_probability_counts_evidence_in_units_of_the_margin():
     even = [judged_of("a", 1000), judged_of("b", 1000)]
     assert probability_of(even[0], even) == pytest.approx(0.95 / 2)
-    apart = [judged_of("a", 1000), judged_of("b", 950)]
+    apart = [judged_of("a", 1000), judged_of("b", 980)]
     assert probability_of(apart[0], apart) == pytest.approx(0.95 / (1 + np.exp(-5)))
 
 

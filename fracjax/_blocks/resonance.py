@@ -47,7 +47,8 @@ class Resonance(AbstractLinearBlock):
 def _trials(setting: Setting) -> list:
     nyquist = 0.5 / setting.step
     lowest = max(min(2 * setting.top_frequency, 0.5 * nyquist), 10.0)
-    frequencies = np.geomspace(min(lowest, nyquist / 8), 2 * nyquist, 8)
+    # Dense, since a narrow peak is found only from nearby.
+    frequencies = np.geomspace(min(lowest, nyquist / 8), 2 * nyquist, 24)
     return at_values(
         Resonance(nyquist),
         [{"frequency": f, "damping": z} for f in frequencies for z in (0.01, 0.05)],

@@ -59,7 +59,7 @@ from ._sentence import next_experiment, sentence_of, where_of
 from ._stage import Stage, path_of
 
 _STARTS = 8
-_PLACES_ALONE = 1e-3
+_PLACES_ALONE = 1e-4
 _MOST_READINGS = 2
 _MOST_RIVALS = 4
 

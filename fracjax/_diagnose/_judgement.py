@@ -21,6 +21,8 @@ DELTA_BIC = 10.0
 EXPLAINED = 0.9
 WORTH_NAMING = 0.1
 _INEXACT = 0.05
+_ALIKE = 0.02
+_UNUSUAL = 0.01
 _REMAINDER = 0.5
 _PATTERN = 0.15
 _SUREST = 0.95
@@ -70,10 +72,16 @@ def best_of(found: Sequence[Judged]) -> Judged | None:
 def margin_of(gain: float) -> float:
     """How far behind in BIC another fit must be to be excluded by one that gains so much.
 
-    No law of the catalogue is exact: besides 10, a twentieth of the gain, within which the
+    No law of the catalogue is exact: besides 10, a fiftieth of the gain, within which the
     difference may be that of the effect's own law from ours.
     """
-    return max(DELTA_BIC, _INEXACT * gain)
+    return max(DELTA_BIC, _ALIKE * gain)
+
+
+def unusual_loss(gain: float) -> float:
+    """How much of its gain a fit may lose by keeping to its usual ranges before these count against
+    it."""
+    return max(DELTA_BIC, _UNUSUAL * gain)
 
 
 def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:

@@ -24,9 +24,9 @@ from ._judgement import (
     freedom_of,
     is_exhausted,
     is_plausible,
-    margin_of,
     rivals_of,
     share_of_excess,
+    unusual_loss,
 )
 from ._locate import locate
 from ._refit import Refit, refit, within_usual_ranges
@@ -39,6 +39,7 @@ _SHORTLIST, _LONGEST_SHORTLIST = 4, 8
 _LIKE = 0.9
 _ROUNDS = 3
 _CLEARLY_LESS = 0.03
+_HALF = 0.5
 
 Predict = Callable[[Solved, Preparation], Prediction]
 
@@ -224,7 +225,8 @@ def _judge(
     before = predict(stage.solved, stage.preparation)
     found: list[tuple[_Question, Judged]] = []
     least = DELTA_BIC + np.log(stage.solved.samples)
-    least = max(least, _least_share(base, stage) * base.excess)
+    # What takes a small share may still be named if it takes all that is left.
+    least = max(least, min(_least_share(base, stage) * base.excess, _HALF * stage.excess))
     candidates, blocks = _candidates(stage, scores, least, progress)
     waiting = list(candidates)
     while waiting:
@@ -236,7 +238,7 @@ def _judge(
         attempt = refit(score, stage, blocks, seed, np.inf if promised <= hopeless else hopeless)
         fall = stage.solved.cost - attempt.solved.cost
         if fall >= least and attempt.solved.cost <= hopeless:
-            attempt = within_usual_ranges(attempt, stage, margin_of(fall))
+            attempt = within_usual_ranges(attempt, stage, unusual_loss(fall))
         hopeless = min(hopeless, 0.5 * (stage.solved.cost + attempt.solved.cost))
         question = _Question(base, stage, attempt, before, predict)
         found.append((question, question.answered(attempt.solved, stage.preparation, 0.0)))

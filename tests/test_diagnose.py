@@ -12,18 +12,31 @@ from scipy.stats import kstest
 
 import fracjax as fj
 from benchmarks.concealed.cases import make_case
+from fracjax._diagnose import _refit
 from fracjax._diagnose._held_out import Gain, Prediction, gain, predict_stretches
 from fracjax._diagnose._judgement import (
     Judged,
     best_of,
+    delta_bic,
+    excess_doubt,
+    explained_fraction,
+    freedom_of,
+    is_exhausted,
     leaves_a_pattern,
     probability_of,
     rivals_of,
+    share_of_excess,
 )
-from fracjax._diagnose._refit import unlike
 from fracjax._diagnose._result import Axis
 from fracjax._diagnose._score import EffectScore, Residual, family_wise_p
-from fracjax._fit import autoregression, measured_noise, numerical_error, prepare, settle
+from fracjax._fit import (
+    Preparation,
+    autoregression,
+    measured_noise,
+    numerical_error,
+    prepare,
+    settle,
+)
 from fracjax._recording import Recording
 
 VERDICTS = {"none", "missing", "confusable", "unexplained"}
@@ -171,7 +184,40 @@ def test_held_out_stretches_agree_with_refits_of_a_linear_model():
         gains = np.linalg.lstsq(design[kept], recording.response[kept], rcond=None)[0]
         errors[fold == k] = (recording.response - design @ gains)[fold == k]
     # Only the noise's colour, found from the residual, makes the two differ.
-    assert prediction.rmse == pytest.approx(np.sqrt(np.mean(errors[counted] ** 2)), rel=1e-3)
+    noise = preparation.takes[0].noise
+    assert noise is not None
+    gains = np.linalg.lstsq(design, recording.response, rcond=None)[0]
+    seen, unseen = (
+        np.asarray(lfilter(noise.whitening, 1.0, e))[counted]
+        for e in (recording.response - design @ gains, errors)
+    )
+    assert np.std(prediction.whitened - unseen) < 0.3 * np.std(unseen - seen)
+
+
+def test_stretches_are_whole_periods_as_many_as_make_a_twentysecond():
+    times = np.arange(2000) * 0.01
+    drive = np.sin(2 * np.pi * 5 * times)
+    white = np.random.default_rng(9).standard_normal(2000)
+    recording = Recording(drive, 3 * drive + 0.1 * white, 0.01)
+    preparation = prepare([recording], history="constant", settling=0)
+    solved, preparation = settle(
+        fj.parse_model("creep").block, preparation, history="constant", starts=1, seed=0
+    )
+    folds = predict_stretches(solved, preparation).fold_of_sample
+    # 2000 / 22 samples are rather five periods of 20 than four.
+    assert np.array_equal(folds, (np.arange(2000) // 100 % 5)[-folds.size :])
+
+
+def test_folds_that_got_worse_are_counted_by_their_own_errors():
+    fold = np.arange(1000) % 5
+    noise = np.random.default_rng(10).standard_normal(1000)
+    certain = np.zeros((1000, 0))
+    base = Prediction(1.0, (1.0,) * 5, noise, fold, certain)
+    mixed = Prediction(1.0, (1.0,) * 5, np.where(fold == 0, 1.5, 0.5) * noise, fold, certain)
+    found = gain(base, mixed)
+    assert found.improved == pytest.approx(0.8)
+    assert found.fall == pytest.approx(np.sum(noise**2) - np.sum(mixed.whitened**2))
+    assert found.standard_error == pytest.approx(np.linalg.norm(noise))
 
 
 def test_a_gain_within_the_noise_is_not_convincing():
@@ -287,6 +333,43 @@ def stage_of(cost: float) -> Any:
     return SimpleNamespace(solved=SimpleNamespace(cost=cost, samples=1000))
 
 
+def known_to(doubt: float) -> Any:
+    """A preparation whose second recording's noise level is known to a share."""
+    less, more = (SimpleNamespace(doubt=lambda _, d=d: d) for d in (doubt / 2, doubt))
+    return SimpleNamespace(takes=[SimpleNamespace(noise=n) for n in (less, more, None)])
+
+
+def ended_at(cost: float, excess: float = 0.0, doubt: float = 0.1) -> Any:
+    solved = SimpleNamespace(cost=cost, samples=1000, kurtosis=3.0, bic=cost + 7)
+    return SimpleNamespace(solved=solved, preparation=known_to(doubt), excess=excess)
+
+
+def test_what_is_left_over_is_judged_as_far_as_the_noise_is_known():
+    doubt = 3 * np.sqrt(2 / 1000 + 0.1**2)
+    assert excess_doubt(known_to(0.1), ended_at(0).solved) == pytest.approx(doubt)
+    assert freedom_of(known_to(0.1), 3.0) == pytest.approx(200)
+    for excess, most in ((0.0, 1.5 + doubt), (4000.0, 1.7 + doubt)):
+        base = ended_at(5000, excess)
+        assert is_exhausted(base, ended_at(1000 * most - 1))
+        assert not is_exhausted(base, ended_at(1000 * most + 1))
+
+
+def test_the_shares_that_an_effect_explains():
+    base = ended_at(3000, excess=2000)
+    doubt = 1000 * excess_doubt(base.preparation, base.solved)
+    share = explained_fraction(base, ended_at(2000).solved)
+    assert share == pytest.approx(1000 / (2000 - doubt))
+    assert explained_fraction(base, ended_at(900).solved) == 1
+    assert explained_fraction(base, ended_at(3001).solved) == 0
+    winner: Any = ended_at(1500)
+    assert share_of_excess(base, ended_at(2000), winner) == pytest.approx(0.25)
+
+
+def test_evidence_counts_in_units_of_what_is_left():
+    assert delta_bic(ended_at(3000).solved, ended_at(2000).solved) == pytest.approx(500)
+    assert delta_bic(ended_at(3000).solved, ended_at(500).solved) == pytest.approx(2500)
+
+
 @pytest.mark.parametrize(("excess", "left"), [(40.0, False), (300.0, True)])
 def test_a_pattern_is_what_places_still_take_of_what_an_effect_took(excess, left):
     axes = [
@@ -318,4 +401,24 @@ def test_starts_of_a_refit_are_unlike():
         effect=unseen, trials=[], z=np.array([9.0, 8.9, 5.0, 1.0]), norms=np.ones(4),
         concealments=np.zeros(4), sizes=np.ones(4), directions=directions,
     )  # fmt: skip
-    assert unlike(score)[:2] == [0, 2]
+    assert _refit.unlike(score)[:2] == [0, 2]
+
+
+@pytest.mark.parametrize(
+    ("oversampling", "samples", "grids"),
+    [(4, 4000, [1, 4]), (8, 2000, [2, 8]), (4, 3999, [4]), (2, 100_000, [2])],
+)
+def test_a_refit_on_a_fine_and_long_grid_begins_on_a_coarse_one(
+    oversampling, samples, grids, monkeypatch
+):
+    found = []
+
+    def solved(starts, preparation, hopeless):
+        found.append(preparation.oversampling)
+        return SimpleNamespace(block="found")
+
+    monkeypatch.setattr(_refit, "solve_from", solved)
+    # As long as a recording is, and no more than that is looked at.
+    takes: Any = (SimpleNamespace(recording=range(samples)),)
+    _refit._searched([], Preparation(takes, oversampling), 0.0)
+    assert found == grids

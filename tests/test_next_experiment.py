@@ -69,6 +69,41 @@ def test_drives_keep_to_the_limits(slew):
         assert np.abs(np.diff(drive.values)).max() <= slew * STEP * (1 + 1e-9)
 
 
+def test_drives_are_what_they_say():
+    """Without a limit on the slew, from the end of the rest that each begins with."""
+    found = {
+        drive.description: drive.values for drive in drives(Limits(-10.0, 70.0, 1e6), STEP, "V")
+    }
+    assert all(values.size == 4096 for values in found.values())
+    assert all(np.ptp(values[:204]) == 0 for values in found.values())
+    moved = {name: (values[204:] - 30) / 40 for name, values in found.items()}
+
+    def first(words: str) -> np.ndarray:
+        return next(values for name, values in moved.items() if words in name)
+
+    def sizes(values: np.ndarray, parts: int) -> np.ndarray:
+        return np.array([np.abs(part).max() for part in np.split(values[: 4096 * 3 // 4], parts)])
+
+    # Four amplitudes in the 4096 samples, of which the rest has taken the last ones.
+    assert sizes(first("four amplitudes"), 3) == pytest.approx([0.25, 0.5, 0.75], abs=0.01)
+    decay = first("decaying sine of 31")
+    assert sizes(decay, 6) == pytest.approx(1 - np.arange(6) / 8, abs=0.04)
+    assert np.ptp(first("over 80 V")) == pytest.approx(2, abs=0.01)
+    assert np.ptp(first("over 32 V")) == pytest.approx(0.8, abs=0.01)
+    for bias in (-0.6, 0.6):
+        about = first(f"V about {30 + 40 * bias:.4g} V")
+        assert (about.min(), about.max()) == pytest.approx((bias - 0.4, bias + 0.4), abs=0.01)
+    held = first("10 steps")[::410][:9]
+    assert held == pytest.approx([-1, 1, -1, 0, 1, 0, -1, -0.5, 1], abs=1e-9)
+    assert np.ptp(first("a rest")) == 0
+    # Every reversal curve starts at the top and turns back sooner than the one before.
+    curves = first("reversal curves of 0.977")
+    turns = curves[1:-1][(np.diff(curves)[:-1] < 0) & (np.diff(curves)[1:] > 0)]
+    assert curves.max() == pytest.approx(1, abs=0.01)
+    assert turns[0] == pytest.approx(-1, abs=0.01)
+    assert np.all(np.diff(turns) > 0.1)
+
+
 def test_a_lag_and_a_delay_part_on_a_fast_drive():
     """On a slow sine the two are one; what tells them apart is ω τ, as high as the slew allows."""
     noise = Noise(0.005, "um", "specification", np.ones(1), 0.005)

@@ -7,6 +7,7 @@ import pytest
 
 import fracjax as fj
 from fracjax._fit import measured_noise, residual_noise
+from fracjax._fit._noise import _without_relaxation
 from fracjax._recording import Recording
 
 STEP = 2e-3
@@ -110,3 +111,10 @@ def test_steps_as_coarse_as_the_noise_are_named_from_the_codes(codes):
     assert step.value == pytest.approx(codes * SIGMA, rel=1e-6)
     named = next(c for c in found.candidates if c.name == "quantisation")
     assert named.reason.startswith("named")
+
+
+def test_of_a_rest_a_parabola_and_logarithms_of_time_are_no_noise():
+    x = np.linspace(0, 1, 300)
+    slow = 1 - 2 * x + 3 * x**2 + 0.5 * np.log(x + 0.02) - np.log(x + 0.2)
+    assert np.abs(_without_relaxation(slow)).max() < 1e-10
+    assert np.std(_without_relaxation(slow + x**5)) > 1e-3

@@ -601,7 +601,8 @@ def test_the_band_of_a_real_posterior(call, fitted, capsys):
     recorded_drive = fj.read(recorded).drive
 
     def response(shift, drive):
-        moved = dict(zip(("k_c", "mu"), middle + shift, strict=True))
+        k_c, mu = middle + shift
+        moved = {"k_c": k_c, "mu": mu}
         return fj.simulate(model(set_values(law.block, moved)), drive, STEP).response
 
     changes = []

@@ -107,7 +107,10 @@ class KelvinVoigtCreep(AbstractLinearBlock):
         return self.fastest.value * self.ratio.value ** np.arange(_ELEMENTS)
 
     def symbol(self, s: Array) -> Array:
-        return 1 + sum(self.gains.value[k] / (1 + s * self.times[k]) for k in range(_ELEMENTS))
+        gain = 1 + self.gains.value[0] / (1 + s * self.times[0])
+        for k in range(1, _ELEMENTS):
+            gain = gain + self.gains.value[k] / (1 + s * self.times[k])
+        return gain
 
     def static_gain(self) -> ArrayLike:
         return 1.0

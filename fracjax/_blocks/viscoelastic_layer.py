@@ -78,8 +78,11 @@ class MaxwellLayer(AbstractLinearBlock):
         return self.fastest.value * self.ratio.value ** np.arange(_ARMS)
 
     def symbol(self, s: Array) -> Array:
-        arms = (s * self.times[k] for k in range(_ARMS))
-        return 1 + sum(self.shares.value[k] * z / (1 + z) for k, z in enumerate(arms))
+        gain = 1 + self.shares.value[0] * s * self.times[0] / (1 + s * self.times[0])
+        for k in range(1, _ARMS):
+            z = s * self.times[k]
+            gain = gain + self.shares.value[k] * z / (1 + z)
+        return gain
 
     def static_gain(self) -> ArrayLike:
         return 1.0

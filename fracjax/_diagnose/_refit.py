@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+from collections.abc import Hashable
 from dataclasses import dataclass, replace
 
 import jax
 import numpy as np
-from jax.tree_util import PyTreeDef
 
 from .._blocks import AbstractBlock
 from .._fit import Preparation, Solved, layout_of, solve_from
@@ -44,7 +44,7 @@ def refit(
     Starting also from nominal values keeps a fit from staying in the basin where the base model
     has absorbed the effect.  No more than a few steps are spent above `hopeless` in χ².
     """
-    kinds: dict[PyTreeDef, list[int]] = {}
+    kinds: dict[Hashable, list[int]] = {}
     for k, trial in enumerate(score.trials):
         kinds.setdefault(jax.tree_util.tree_structure(trial), []).append(k)
     attempts = [_of_one_kind(score.only(k), stage, fits, seed, hopeless) for k in kinds.values()]

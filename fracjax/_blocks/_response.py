@@ -12,7 +12,8 @@ from numpy.typing import ArrayLike
 from .._operators import Grid
 from .._recording import InputError
 from ._block import AbstractBlock, AbstractLinearBlock, LinearParallel, LinearSeries
-from .creep import Creep, KelvinVoigtCreep, LogarithmicCreep
+from ._ladder import AbstractLadder
+from .creep import Creep, LogarithmicCreep
 from .drive_circuit import DriveCircuit
 from .drive_lag import DriveLag
 from .foh_linear import FOHLinear
@@ -23,7 +24,6 @@ from .quasi_static_force import QuasiStaticForce
 from .resonance import Resonance
 from .second_mode import SecondMode
 from .single_operator import SingleOperator
-from .viscoelastic_layer import MaxwellLayer
 
 _OVERSAMPLING = 8
 
@@ -95,7 +95,7 @@ def poles(block: AbstractBlock) -> np.ndarray:
             return np.concatenate([poles(law.first), poles(law.second)])
         case DriveLag() | DriveCircuit():
             return np.array([-1 / law.time_constant.value + 0j])
-        case KelvinVoigtCreep() | MaxwellLayer():
+        case AbstractLadder():
             return -1 / np.asarray(law.times) + 0j
         case Resonance() | PEADynamics():
             return _of_mode(law.frequency.value, law.damping.value)

@@ -10,6 +10,7 @@ from jax.typing import ArrayLike
 from .._parameters import Parameter
 from ._block import AbstractLinearBlock
 from ._effect import Effect, Setting, at_values
+from ._ladder import RELAXATIONS, AbstractLadder
 
 
 class Creep(AbstractLinearBlock):
@@ -75,10 +76,7 @@ class LogarithmicCreep(AbstractLinearBlock):
         return 1.0
 
 
-_ELEMENTS = 4
-
-
-class KelvinVoigtCreep(AbstractLinearBlock):
+class KelvinVoigtCreep(AbstractLadder):
     r"""A few relaxations in series with the actuator, each a spring beside a damper:
 
         G(s) = 1 + Σ_i g_i/(1 + τ_i s),    τ_i = τ ρ^(i-1),    i = 1 … 4
@@ -94,26 +92,15 @@ class KelvinVoigtCreep(AbstractLinearBlock):
     ratio: Parameter
 
     def __init__(self, gain: float = 0.01, fastest: float = 0.05, ratio: float = 6.0):
-        gains = np.full(_ELEMENTS, gain)
+        gains = np.full(RELAXATIONS, gain)
         self.gains = Parameter(gains, lower=0.0, upper=0.5, plausible=(0.0, 0.1))
         self.fastest = Parameter(
             fastest, "s", lower=1e-4, upper=30.0, plausible=(1e-3, 10.0), logarithmic=True
         )
         self.ratio = Parameter(ratio, lower=2.0, upper=30.0, plausible=(3.0, 15.0))
 
-    @property
-    def times(self) -> Array:
-        """τ_i (4,) [s]."""
-        return self.fastest.value * self.ratio.value ** np.arange(_ELEMENTS)
-
-    def symbol(self, s: Array) -> Array:
-        gain = 1 + self.gains.value[0] / (1 + s * self.times[0])
-        for k in range(1, _ELEMENTS):
-            gain = gain + self.gains.value[k] / (1 + s * self.times[k])
-        return gain
-
-    def static_gain(self) -> ArrayLike:
-        return 1.0
+    def relaxation(self, k: int, z: Array) -> Array:
+        return self.gains.value[k] / (1 + z)
 
 
 def _trials(setting: Setting) -> list:

@@ -9,6 +9,7 @@ from jax.typing import ArrayLike
 from .._parameters import Parameter
 from ._block import AbstractLinearBlock
 from ._effect import Effect, Setting, at_values
+from ._ladder import RELAXATIONS, AbstractLadder
 
 
 class ViscoelasticLayer(AbstractLinearBlock):
@@ -46,10 +47,7 @@ class ViscoelasticLayer(AbstractLinearBlock):
         return 1.0
 
 
-_ARMS = 4
-
-
-class MaxwellLayer(AbstractLinearBlock):
+class MaxwellLayer(AbstractLadder):
     r"""A layer that the response passes through to a spring: it stiffens by a few relaxations,
 
         G(s) = 1 + Σ_i g_i τ_i s/(1 + τ_i s),    τ_i = τ ρ^(i-1),    i = 1 … 4
@@ -65,27 +63,15 @@ class MaxwellLayer(AbstractLinearBlock):
     ratio: Parameter
 
     def __init__(self, share: float = 0.01, fastest: float = 0.05, ratio: float = 6.0):
-        shares = np.full(_ARMS, share)
+        shares = np.full(RELAXATIONS, share)
         self.shares = Parameter(shares, lower=0.0, upper=0.5, plausible=(0.0, 0.2))
         self.fastest = Parameter(
             fastest, "s", lower=1e-6, upper=1e4, plausible=(1e-5, 1e3), logarithmic=True
         )
         self.ratio = Parameter(ratio, lower=2.0, upper=100.0, plausible=(3.0, 40.0))
 
-    @property
-    def times(self) -> Array:
-        """τ_i (4,) [s]."""
-        return self.fastest.value * self.ratio.value ** np.arange(_ARMS)
-
-    def symbol(self, s: Array) -> Array:
-        gain = 1 + self.shares.value[0] * s * self.times[0] / (1 + s * self.times[0])
-        for k in range(1, _ARMS):
-            z = s * self.times[k]
-            gain = gain + self.shares.value[k] * z / (1 + z)
-        return gain
-
-    def static_gain(self) -> ArrayLike:
-        return 1.0
+    def relaxation(self, k: int, z: Array) -> Array:
+        return self.shares.value[k] * z / (1 + z)
 
 
 def _trials(setting: Setting) -> list:

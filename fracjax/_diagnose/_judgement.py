@@ -8,13 +8,12 @@ from dataclasses import dataclass
 import numpy as np
 from scipy.special import softmax
 
-from .._fit import LIMIT, Preparation, Solved, layout_of
-from .._parameters import named_parameters
+from .._fit import LIMIT, Preparation, Solved
 from ._held_out import Gain, Prediction
 from ._refit import Refit
 from ._result import Axis
 from ._score import EffectScore
-from ._stage import Layer, Stage, path_of
+from ._stage import Layer, Stage
 
 SIGNIFICANCE = 0.01
 DELTA_BIC = 10.0
@@ -174,12 +173,10 @@ def freedom_of(preparation: Preparation, kurtosis: float) -> float:
     return 2 / max(noise_doubt(preparation, kurtosis), 1e-6) ** 2
 
 
-def is_plausible(solved: Solved, layers: Sequence[Layer]) -> bool:
+def is_plausible(solved: Solved, layer: Layer) -> bool:
     """Whether the outermost effect's shapes ended within their expected ranges."""
-    path = path_of(layers, len(layers) - 1)
-    parameters = named_parameters(solved.block)
-    shapes = [name for name, _ in layout_of(solved.block).shapes if name.startswith(path)]
-    return all(parameters[name].is_plausible for name in shapes)
+    own = layer.own_shapes(solved.block)
+    return all(parameter.is_plausible for parameter in own.values())
 
 
 def reason(

@@ -103,13 +103,17 @@ class _Places:
         return float(energy), count, 2 * count + tails
 
     def _axis(self, name: str, unit: str, edges: np.ndarray, groups: list[np.ndarray]) -> Axis:
-        """Test of each group, and of all together: χ², with a noise level that is itself an
-        estimate, hence F."""
+        """An axis of places, each with its group of columns (K, ΣL)."""
+        return _map(name, unit, edges, *self._tested(groups))
+
+    def _tested(self, groups: list[np.ndarray]) -> tuple[np.ndarray, float, float]:
+        """p of each group and of all together, and the χ² they take beyond what noise would give
+        them: χ², with a noise level that is itself an estimate, hence F."""
         energies, counts, variances = np.array([self._energy(group) for group in groups]).T
         whole = self._energy(np.concatenate(groups))
         beyond = float(energies.sum() - counts.sum() - _DOUBT * np.sqrt(variances.sum()))
         p_values = self._p_value(energies, counts, variances)
-        return _map(name, unit, edges, p_values, float(self._p_value(*whole)), max(0.0, beyond))
+        return p_values, float(self._p_value(*whole)), max(0.0, beyond)
 
     def _p_value(self, energy, count, variance) -> np.ndarray:
         """As many freedoms as a χ² of the same mean, and so scaled, has for this variance."""
@@ -201,24 +205,22 @@ class _Places:
         index = np.clip(np.searchsorted(edges, frequencies) - 1, 0, _FREQUENCY_BINS - 1)
         read = np.searchsorted(edges, self.noise.lines[0] / self.step) - 1
         p_values = [self._band(power[index == k], self.noise.lines[1][read == k]) for k in bins]
-        groups = [self._driven(low, high) for low, high in pairwise(edges)]
-        energies = np.array([self._energy(group) for group in groups]).T
-        either = np.minimum(1.0, 2 * np.minimum(p_values, self._p_value(*energies)))
-        whole = self._p_value(*self._energy(np.concatenate(groups)))
-        return _map("frequency", "Hz", edges, either, float(whole))
+        coherent, whole, _ = self._tested(self._driven(edges))
+        either = np.minimum(1.0, 2 * np.minimum(p_values, coherent))
+        return _map("frequency", "Hz", edges, either, whole)
 
-    def _driven(self, low: float, high: float) -> np.ndarray:
-        """The drive's part between two frequencies, and that a quarter of a turn later (2, ΣL)."""
+    def _driven(self, edges: np.ndarray) -> list[np.ndarray]:
+        """For each band the drive's part in it, and that a quarter of a turn later (2, ΣL)."""
         pieces, at = [], 0
         for problem in self.problems:
             drive = self.drive[at : at + problem.response.shape[0]]
             at += drive.size
             lines = np.fft.rfft(drive - drive.mean(), 2 * drive.size)
             frequencies = np.fft.rfftfreq(2 * drive.size, self.step)
-            lines[(frequencies < low) | (frequencies >= high)] = 0
-            both = np.stack([lines, 1j * lines])
-            pieces.append(np.fft.irfft(both, axis=1)[:, : drive.size])
-        return np.concatenate(pieces, axis=1) * self.counted
+            within = [(low <= frequencies) & (frequencies < high) for low, high in pairwise(edges)]
+            both = np.stack([lines, 1j * lines]) * np.array(within)[:, None]
+            pieces.append(np.fft.irfft(both, axis=2)[:, :, : drive.size])
+        return list(np.concatenate(pieces, axis=2) * self.counted)
 
     def _band(self, power: np.ndarray, noise: np.ndarray) -> float:
         """P(so much power in a band) from the noise's own lines there."""

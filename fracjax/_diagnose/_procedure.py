@@ -284,7 +284,7 @@ class _Question:
             numerics=numerics,
             gain=gain(self.before, prediction),
             prediction=prediction,
-            plausible=is_plausible(solved, (*self.stage.layers, self.attempt.layer)),
+            plausible=is_plausible(solved, self.attempt.layer),
         )
 
 

@@ -80,15 +80,15 @@ def within_usual_ranges(attempt: Refit, stage: Stage, loss: float) -> Refit:
     Only data that need an unusual value speak against an effect; an optimum may lie far out in a
     flat valley.
     """
-    effect, solved = attempt.score.effect, attempt.solved
-    parameters = named_parameters(solved.block)
-    own = [n for n, _ in layout_of(solved.block).shapes if n.startswith(f"{attempt.layer.place}.")]
-    if all(parameters[name].is_plausible for name in own):
+    solved, layer = attempt.solved, attempt.layer
+    if all(parameter.is_plausible for parameter in layer.own_shapes(solved.block).values()):
         return attempt
-    kept = {name: parameters[name].kept_plausible() for name in own}
-    trial = effect.insert(stage.solved.block, attempt.layer.trial)
-    usual = {name: named_parameters(trial)[name].kept_plausible() for name in own}
-    starts = [replace_parameters(solved.block, kept), replace_parameters(trial, usual)]
+
+    def kept(block: AbstractBlock) -> AbstractBlock:
+        own = layer.own_shapes(block).items()
+        return replace_parameters(block, {name: p.kept_plausible() for name, p in own})
+
+    starts = [kept(solved.block), kept(layer.effect.insert(stage.solved.block, layer.trial))]
     inside = solve_from(starts, stage.preparation, solved.cost + loss)
     return replace(attempt, solved=inside) if inside.cost <= solved.cost + loss else attempt
 

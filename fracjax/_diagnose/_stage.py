@@ -22,6 +22,12 @@ class Layer:
         """The effect's own part of the block that `Effect.insert` makes."""
         return "first" if self.effect.site == "drive" else "second"
 
+    def own_shapes(self, block: AbstractBlock) -> dict[str, Parameter]:
+        """The effect's own shapes in a block that it is the outermost layer of, by their paths."""
+        parameters, prefix = named_parameters(block), f"{self.place}."
+        names = [name for name, _ in layout_of(block).shapes]
+        return {name: parameters[name] for name in names if name.startswith(prefix)}
+
     @property
     def inside(self) -> str:
         """The part of that block that holds the model."""

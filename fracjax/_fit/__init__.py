@@ -42,7 +42,6 @@ from ._noise import residual_noise as residual_noise
 from ._normal import AbstractPrior as AbstractPrior
 from ._normal import Normal as Normal
 from ._numerics import LIMIT as LIMIT
-from ._numerics import TARGET as TARGET
 from ._numerics import fine_enough as fine_enough
 from ._numerics import numerical_error as numerical_error
 from ._numerics import too_coarse as too_coarse

@@ -220,6 +220,17 @@ def test_folds_that_got_worse_are_counted_by_their_own_errors():
     assert found.standard_error == pytest.approx(np.linalg.norm(noise))
 
 
+def test_a_fold_without_the_effect_is_no_objection():
+    fold = np.arange(1000) % 5
+    noise = np.random.default_rng(10).standard_normal(1000)
+    certain = np.zeros((1000, 0))
+    base = Prediction(1.0, (1.0,) * 5, 3 * noise, fold, certain)
+    factors = np.array([3.0, 3.1, 1.0, 1.0, 1.0])  # fold 0 untouched, fold 1 a little worse
+    one_worse = Prediction(1.0, (1.0,) * 5, factors[fold] * noise, fold, certain)
+    assert gain(base, one_worse).improved == pytest.approx(0.8)
+    assert gain(base, one_worse).convincing
+
+
 def test_a_gain_within_the_noise_is_not_convincing():
     generator = np.random.default_rng(6)
     fold = np.arange(1000) % 5
@@ -302,7 +313,7 @@ def judged_of(name: str, delta_bic: float, *, plausible: bool = True) -> Judged:
         delta_bic=delta_bic,
         explained=1.0,
         numerics=0.0,
-        gain=Gain(fall=100.0, standard_error=1.0, improved=1.0, share_of_rmse=0.5),
+        gain=Gain(100.0, 1.0, 1.0, heard=(True,), base_rmse=2.0, extended_rmse=1.0),
         prediction=unseen,
         plausible=plausible,
     )

@@ -51,7 +51,7 @@ def judged(stage: Stage, name: str) -> Judged:
         delta_bic=stage.solved.bic - solved.bic,
         explained=1.0,
         numerics=0.0,
-        gain=Gain(fall=100.0, standard_error=1.0, improved=1.0, share_of_rmse=0.5),
+        gain=Gain(100.0, 1.0, 1.0, heard=(True,), base_rmse=2.0, extended_rmse=1.0),
         prediction=SimpleNamespace(),  # type: ignore[arg-type]
         plausible=True,
     )

@@ -13,6 +13,7 @@ from .._parameters import Parameter
 from ._block import AbstractLinearBlock
 
 RELAXATIONS = 4
+_RATIOS = (4.0, 12.0)
 
 
 class AbstractLadder(AbstractLinearBlock):
@@ -42,3 +43,8 @@ class AbstractLadder(AbstractLinearBlock):
 
     def static_gain(self) -> ArrayLike:
         return 1.0
+
+
+def ladders(*fastest: float) -> list[dict[str, float]]:
+    """Narrow ladders and wide ones, to be tried: from one a refit does not find the other."""
+    return [{"fastest": t, "ratio": ratio} for t in fastest for ratio in _RATIOS]

@@ -10,7 +10,7 @@ from jax.typing import ArrayLike
 from .._parameters import Parameter
 from ._block import AbstractLinearBlock
 from ._effect import Effect, Setting, at_values
-from ._ladder import RELAXATIONS, AbstractLadder
+from ._ladder import RELAXATIONS, AbstractLadder, ladders
 
 
 class Creep(AbstractLinearBlock):
@@ -61,7 +61,7 @@ class LogarithmicCreep(AbstractLinearBlock):
 
     def __init__(self, gamma: float = 0.01, onset: float = 0.05):
         self.gamma = Parameter(
-            gamma, lower=1e-5, upper=0.5, plausible=(1e-3, 0.1), logarithmic=True
+            gamma, lower=1e-5, upper=0.5, plausible=(1e-4, 0.1), logarithmic=True
         )
         self.onset = Parameter(
             onset, "s", lower=1e-4, upper=30.0, plausible=(2e-4, 10.0), logarithmic=True
@@ -106,7 +106,7 @@ class KelvinVoigtCreep(AbstractLadder):
 def _trials(setting: Setting) -> list:
     law, ladder = LogarithmicCreep(gamma=0.02), KelvinVoigtCreep()
     laws = at_values(law, [{"onset": t} for t in (0.003, 0.03, 0.3, 3.0)])
-    return [*laws, *at_values(ladder, [{"fastest": t} for t in (0.005, 0.05, 0.5)])]
+    return [*laws, *at_values(ladder, ladders(0.005, 0.05, 0.5))]
 
 
 EFFECT = Effect(

@@ -28,7 +28,7 @@ class DriveCircuit(AbstractLinearBlock):
     def __init__(self, gain: float = 1.0, time_constant: float = 1e-3):
         self.gain = Parameter(gain, "response/drive", gain=True)
         self.time_constant = Parameter(
-            time_constant, "s", lower=1e-7, upper=1.0, plausible=(1e-5, 0.05), logarithmic=True
+            time_constant, "s", lower=1e-7, upper=1.0, plausible=(1e-6, 0.05), logarithmic=True
         )
 
     @classmethod

@@ -30,7 +30,7 @@ class SensorLag(AbstractLinearBlock):
 
     def __init__(self, corner: float, order: float = 2.0):
         self.corner = Parameter(
-            corner, "Hz", lower=0.1, upper=1e8, plausible=(10.0, 1e5), logarithmic=True
+            corner, "Hz", lower=0.1, upper=1e8, plausible=(10.0, 1e6), logarithmic=True
         )
         self.order = Parameter(order, lower=1.0, upper=4.0)
 

@@ -9,7 +9,7 @@ from jax.typing import ArrayLike
 from .._parameters import Parameter
 from ._block import AbstractLinearBlock
 from ._effect import Effect, Setting, at_values
-from ._ladder import RELAXATIONS, AbstractLadder
+from ._ladder import RELAXATIONS, AbstractLadder, ladders
 
 
 class ViscoelasticLayer(AbstractLinearBlock):
@@ -85,7 +85,7 @@ def _trials(setting: Setting) -> list:
             for order in (0.15, 0.35, 0.7)
         ],
     )
-    arms = at_values(MaxwellLayer(), [{"fastest": share * fastest} for share in (0.1, 1.0, 10.0)])
+    arms = at_values(MaxwellLayer(), ladders(0.1 * fastest, fastest, 10 * fastest))
     return [*zener, *arms]
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 from collections.abc import Collection, Sequence
 from dataclasses import replace
 
@@ -30,7 +31,7 @@ from .._fit import (
 from .._models import Model
 from .._recording import Recording, require_units_of
 from ._codes import seen_in_codes
-from ._held_out import Prediction, predict_recording, predict_stretches
+from ._held_out import Prediction, gain, predict_recording, predict_stretches
 from ._judgement import (
     DELTA_BIC,
     EXPLAINED,
@@ -251,28 +252,37 @@ class _Conclusion:
         )
 
     def _axes(self) -> tuple[Axis, ...]:
-        """The axes, those first along which the named effect's signature is known to stand out."""
+        """The axes, those first along which the named effect's signature is known to stand out,
+        then those whose places take most of the residual."""
         natural = self.rounds[0].winner.layer.effect.axes if self.rounds else ()
 
-        def order(axis: Axis) -> tuple[float, float, float]:
-            known = axis.axis in natural and axis.p_value < SIGNIFICANCE
+        def order(axis: Axis) -> tuple[bool, int, float, float]:
+            silent = axis.p_value >= SIGNIFICANCE
+            known = axis.axis in natural and not silent
             place = natural.index(axis.axis) if known else len(natural)
-            return place, axis.p_value, -float(axis.strength.max())
+            return silent, place, -axis.excess, axis.p_value
 
         return tuple(sorted(self.course.first.axes, key=order))
 
     def _held_out(self) -> HeldOut:
         base = self.predict(self.base.solved, self.base.preparation)
         stage, take = self.course.stage, self.predict.take
-        extended = self.predict(stage.solved, stage.preparation) if self.rounds else None
-        return HeldOut(
-            method="stretches set aside in turn" if take is None else "recording",
-            base_rmse=base.rmse,
-            extended_rmse=None if extended is None else extended.rmse,
-            base_folds=base.folds,
-            extended_folds=() if extended is None else extended.folds,
-            source="" if take is None else take.recording.source,
+        source = "" if take is None else take.recording.source
+        method = "stretches set aside in turn" if take is None else "recording"
+        if not self.rounds:
+            return HeldOut(method, base.rmse, None, base.folds, (), source)
+        extended = self.predict(stage.solved, stage.preparation)
+        found = gain(base, extended)
+        if take is not None or not any(found.heard):
+            return HeldOut(
+                method, base.rmse, extended.rmse, base.folds, extended.folds, source
+            )
+        # A stretch that the others do not foretell says nothing of either model.
+        before, after = (
+            tuple(itertools.compress(prediction.folds, found.heard))
+            for prediction in (base, extended)
         )
+        return HeldOut(method, found.base_rmse, found.extended_rmse, before, after, source)
 
     def _next_experiment(
         self, verdict: Verdict, limits: Limits, progress: Progress

@@ -8,9 +8,11 @@ import numpy as np
 
 from .._fit import Preparation, Problem, Solved, Take, jacobian, layout_of
 
-_FOLDS = 5
+_FOLDS, _WILLING = 5, 0.8
 # Of a drive given twice no fold holds the same phase of both times.
 _BLOCKS = 22
+_LEAST_KNOWN = 1e-10
+"""Of what is known best: less known than that counts as this."""
 
 
 @dataclass(frozen=True)
@@ -91,16 +93,21 @@ def predict_stretches(solved: Solved, preparation: Preparation) -> Prediction:
 
     scale = np.linalg.norm(whitened, axis=0) + 1e-300
     derivative, raw = whitened / scale, raw / scale
-    information = derivative.T @ derivative + 1e-12 * np.eye(derivative.shape[1])
+    information = derivative.T @ derivative
     predicted, predicted_white = error.copy(), white.copy()
+    spread = np.zeros_like(derivative)
     for k in range(_FOLDS):
         inside = counted & (fold == k)
         own = derivative[inside]
-        step = np.linalg.lstsq(information - own.T @ own, own.T @ white[inside], rcond=1e-10)[0]
+        squares, turned = np.linalg.eigh(information - own.T @ own)
+        errors = turned / np.sqrt(np.maximum(squares, _LEAST_KNOWN * squares[-1]))
+        step = errors @ (errors.T @ (own.T @ white[inside]))
         predicted[inside] += raw[inside] @ step
         predicted_white[inside] += own @ step
-    none = np.zeros((np.count_nonzero(counted), 0))
-    return _prediction(predicted[counted], predicted_white[counted], fold[counted], none)
+        spread[inside] = own @ errors
+    return _prediction(
+        predicted[counted], predicted_white[counted], fold[counted], spread[counted]
+    )
 
 
 def _prediction(
@@ -112,35 +119,56 @@ def _prediction(
 
 @dataclass(frozen=True)
 class Gain:
-    """Base against extended on held-out data: fall of χ², its standard error, folds improved."""
+    """Base against extended on held-out data: fall of χ² and its standard error, the share of folds
+    that do not speak against the effect, which folds are heard at all, and the RMSE of both in
+    them, in the response's unit."""
 
     fall: float
     standard_error: float
     improved: float
-    share_of_rmse: float
+    heard: tuple[bool, ...]
+    base_rmse: float
+    extended_rmse: float
 
     @property
     def convincing(self) -> bool:
-        """At least 3 standard errors, and positive in at least 80 % of the folds."""
-        return self.fall >= 3 * self.standard_error and self.improved >= 0.8
+        """More than 3 standard errors, and negative in no more than a fifth of the folds."""
+        return self.fall > 3 * self.standard_error and not self.refuted
+
+    @property
+    def refuted(self) -> bool:
+        """Negative altogether, or in more than a fifth of the folds."""
+        return self.fall < 0 or self.improved < _WILLING
+
+    @property
+    def share_of_rmse(self) -> float:
+        """By how much of itself the RMSE falls."""
+        return 1 - self.extended_rmse / self.base_rmse
 
 
 def gain(base: Prediction, extended: Prediction) -> Gain:
-    """The noise makes the fall of χ² uncertain by 2 ‖difference of the predictions‖."""
-    fall = float(np.sum(base.whitened**2) - np.sum(extended.whitened**2))
+    """The noise makes the fall of χ² uncertain by 2 ‖difference of the predictions‖.
+
+    A fold is not heard where what the training leaves open of the parameters matters more in it
+    than the effect.
+    """
     difference = base.whitened - extended.whitened
-    touched = []
-    for k in np.unique(base.fold_of_sample):
-        own = base.fold_of_sample == k
-        one = float(np.sum(base.whitened[own] ** 2) - np.sum(extended.whitened[own] ** 2))
-        # A fold speaks neither for nor against an effect that does not touch it, or where what the
-        # training leaves open of the parameters matters more.
-        doubt = 2 * float(np.linalg.norm(difference[own] @ extended.spread[own]))
-        if abs(one) > max(1e-3 * abs(fall), doubt):
-            touched.append(one > 0)
+    folds = [base.fold_of_sample == k for k in np.unique(base.fold_of_sample)]
+    falls = np.array([np.sum(base.whitened[k] ** 2 - extended.whitened[k] ** 2) for k in folds])
+    doubts = np.array([2 * np.linalg.norm(difference[k] @ extended.spread[k]) for k in folds])
+    heard = np.abs(falls) > doubts
+    fall = float(np.sum(falls, where=heard))
+    spoken = difference[np.any(np.array(folds)[heard], axis=0)]
+    sizes = np.array([np.count_nonzero(k) for k in folds]) * (heard if heard.any() else 1)
+
+    def rmse(prediction: Prediction) -> float:
+        return float(np.sqrt(np.average(np.square(prediction.folds), weights=sizes)))
+
     return Gain(
         fall=fall,
-        standard_error=2 * float(np.linalg.norm(difference)),
-        improved=float(np.mean(touched)) if touched else float(fall > 0),
-        share_of_rmse=1 - extended.rmse / base.rmse,
+        standard_error=2 * float(np.linalg.norm(spoken)),
+        improved=1 - float(np.mean(heard & (falls < -1e-3 * abs(fall)))),
+        heard=tuple(heard.tolist()),
+        base_rmse=rmse(base),
+        extended_rmse=rmse(extended),
     )

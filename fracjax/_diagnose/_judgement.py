@@ -88,15 +88,14 @@ def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
 
     One outside its expected range is not adopted, nor one that folds of held-out data speak
     against; yet what fits better is not excluded by either.  What fits less well, and only far from
-    its range, mimics the winner.
+    its range or against data held out, mimics the winner.
     """
     margin = margin_of(winner.delta_bic)
 
     def comes_close(j: Judged) -> bool:
         ahead = j.delta_bic - winner.delta_bic
-        if ahead > 0:
-            return j.numerics <= LIMIT
-        return j.admissible and ahead > -margin
+        possible = j.plausible and not j.gain.refuted
+        return j.numerics <= LIMIT and (ahead > 0 or (possible and ahead > -margin))
 
     close = [j for j in found if j is not winner and comes_close(j)]
     return sorted(close, key=lambda j: -j.delta_bic)

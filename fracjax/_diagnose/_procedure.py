@@ -192,9 +192,8 @@ def _candidates(
     more = _shortlist(_scored(stage, kept.block, about), least)
     values = {name: p.value for name, p in named_parameters(kept.block).items()}
     blocks.append(set_values(stage.solved.block, values))
-    names = {score.effect.name for score in listed[:_SHORTLIST]}
-    first = [score for score in more[:_SHORTLIST] if score.effect.name not in names]
-    return [*listed[:_SHORTLIST], *first, *listed[_SHORTLIST:]], blocks
+    together = [*listed[:_SHORTLIST], *more[:_SHORTLIST], *listed[_SHORTLIST:]]
+    return list({score.effect.name: score for score in reversed(together)}.values())[::-1], blocks
 
 
 def _shortlist(scores: list[EffectScore], least: float) -> list[EffectScore]:

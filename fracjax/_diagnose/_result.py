@@ -78,8 +78,8 @@ class Axis:
 class HeldOut:
     """Scores on data no fit has seen: RMSE per fold, for the base and the extended model.
 
-    `method` says what was held out.  `source` names the recording, `simulations` are both models'
-    predictions over it where it is a recording of its own.
+    `method` says what was held out; of stretches those count that the others foretell better than
+    the models differ.  `source` names the recording where it is one of its own.
     """
 
     method: str

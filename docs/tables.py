@@ -55,6 +55,30 @@ def operators() -> str:
     return "\n".join([lines[0], "|---" * (1 + len(heads)) + "|", *lines[1:]])
 
 
+def fits() -> str:
+    """One fit of FOH by each method: error, how often it arrives, time."""
+    rows = [row for row in rows_of("fitting/results.csv") if not row["note"].startswith("cold")]
+    cases = list(dict.fromkeys(row["case"] for row in rows))
+    found = {(row["method"], row["case"]): row for row in rows}
+
+    def seconds(row: dict[str, str]) -> float:
+        """Of one run: a swarm or a best of many starts, or all starts of what was run once."""
+        runs = int(row["of"]) if row["of"] == found["pyswarms", row["case"]]["of"] else 1
+        return float(row["seconds"]) / runs
+
+    lines = [_line("median error over the noise's; runs at the floor; time", *cases)]
+    lines.append("|---" * (1 + len(cases)) + "|")
+    for method in dict.fromkeys(row["method"] for row in rows):
+        cells = []
+        for case in cases:
+            row = found[method, case]
+            ratio = seconds(row) / seconds(found["fracjax, gradient fit", case])
+            told = (f"{float(row['rmse_over_noise']):.3g}", f"{row['at_floor']} of {row['of']}")
+            cells.append("; ".join((*told, f"{ratio:.3g}")))
+        lines.append(_line(method, *cells))
+    return "\n".join(lines)
+
+
 def compensation() -> str:
     """Largest steady tracking errors of an open-loop drive by each model, the zero set."""
     rows = rows_of("compensation/results.csv")
@@ -80,7 +104,7 @@ def _line(*cells: str) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-TABLES = {"exam": exam, "operators": operators, "compensation": compensation}
+TABLES = {"exam": exam, "operators": operators, "fits": fits, "compensation": compensation}
 
 
 def updated(text: str) -> str:

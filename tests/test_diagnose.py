@@ -1,6 +1,7 @@
 """The diagnosis: noise, score test, held-out prediction, and the verdicts on independent truths."""
 
 import json
+from dataclasses import replace
 from pathlib import Path
 from types import SimpleNamespace
 from typing import Any
@@ -12,7 +13,8 @@ from scipy.stats import kstest
 
 import fracjax as fj
 from benchmarks.concealed.cases import make_case
-from fracjax._diagnose import _refit
+from fracjax._blocks import EFFECTS
+from fracjax._diagnose import _procedure, _refit
 from fracjax._diagnose._held_out import Gain, Prediction, gain, predict_stretches
 from fracjax._diagnose._judgement import (
     Judged,
@@ -36,6 +38,7 @@ from fracjax._fit import (
     numerical_error,
     prepare,
     settle,
+    silent,
 )
 from fracjax._recording import Recording
 
@@ -304,7 +307,12 @@ def test_a_specification_is_believed():
     assert found.preparation.takes[0].noise == told
 
 
-def judged_of(name: str, delta_bic: float, *, plausible: bool = True) -> Judged:
+CONVINCING = Gain(100.0, 1.0, 1.0, heard=(True,), base_rmse=2.0, extended_rmse=1.0)
+
+
+def judged_of(
+    name: str, delta_bic: float, *, plausible: bool = True, gain: Gain = CONVINCING
+) -> Judged:
     unseen: Any = None
     refit: Any = SimpleNamespace(name=name)
     return Judged(
@@ -313,7 +321,7 @@ def judged_of(name: str, delta_bic: float, *, plausible: bool = True) -> Judged:
         delta_bic=delta_bic,
         explained=1.0,
         numerics=0.0,
-        gain=Gain(100.0, 1.0, 1.0, heard=(True,), base_rmse=2.0, extended_rmse=1.0),
+        gain=gain,
         prediction=unseen,
         plausible=plausible,
     )
@@ -329,6 +337,14 @@ def test_rivals_are_those_within_ten_or_a_fiftieth():
     # What needs to leave its range and still fits less well only mimics the winner.
     mimic = judged_of("e", 990, plausible=False)
     assert rivals_of(best, [*found, mimic]) == [bad, close]
+    # A gain that held-out data leave open does not exclude a rival; one they refute does.
+    open_ = judged_of("f", 990, gain=replace(CONVINCING, fall=2.0))
+    refuted = [
+        judged_of("g", 990, gain=replace(CONVINCING, fall=-1.0)),
+        judged_of("h", 990, gain=replace(CONVINCING, improved=0.6)),
+    ]
+    assert not open_.admissible
+    assert rivals_of(best, [best, open_, *refuted]) == [open_]
     small = [judged_of("a", 50), judged_of("b", 41), judged_of("c", 39)]
     assert [j.name for j in rivals_of(small[0], small)] == ["b"]
 
@@ -400,6 +416,42 @@ def test_a_fold_that_the_training_leaves_open_speaks_for_nobody():
     unsure = Prediction(1.0, (1.0,) * 5, worse, fold, open_)
     assert gain(base, sure).improved == pytest.approx(0.8)
     assert gain(base, unsure).improved == 1.0
+
+
+def test_a_stretch_that_the_others_do_not_foretell_is_not_heard():
+    fold = np.arange(1000) % 5
+    noise = np.random.default_rng(11).standard_normal(1000)
+    spread = np.where(fold == 2, 1e3, 0.0)[:, None]
+    wild = Prediction(9.0, (1.0, 1.0, 1e3, 1.0, 1.0), noise + spread[:, 0], fold, spread)
+    base = Prediction(2.0, (2.0,) * 5, 3 * noise, fold, np.zeros((1000, 0)))
+    found = gain(base, wild)
+    assert found.heard == (True, True, False, True, True)
+    assert found.convincing
+    assert found.extended_rmse == pytest.approx(1.0)
+    assert found.share_of_rmse == pytest.approx(0.5)
+    nothing = gain(base, Prediction(2.0, (2.0,) * 5, 3 * noise, fold, np.ones((1000, 1))))
+    assert not any(nothing.heard) and not nothing.convincing
+
+
+def test_an_effect_is_refitted_once_however_it_came_to_be_listed():
+    def scored(name: str, z: float) -> Any:
+        return SimpleNamespace(
+            effect=EFFECTS[name], z=np.array([z]), log_evidence=z, best=0,
+            directions=np.array([[1.0, 0.0]]),
+        )  # fmt: skip
+
+    names = ("creep", "delay", "drive_lag", "sensor_lag", "resonance", "saturation")
+    listed = [scored(name, 20.0 - k) for k, name in enumerate(names)]
+    solved = SimpleNamespace(block=fj.parse_model("foh").block)
+    stage: Any = SimpleNamespace(
+        displaced=True, name="foh", preparation=None, solved=solved, undisplaced=lambda: solved
+    )
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_procedure, "residual_of", lambda *_: None)
+        patch.setattr(_procedure, "_scored", lambda *_: listed[::-1])
+        found = _procedure._candidates(stage, listed, 0.0, silent)[0]
+    assert sorted(score.effect.name for score in found) == sorted(names)
+    assert [score.effect.name for score in found[:4]] == list(names[:4])
 
 
 def test_starts_of_a_refit_are_unlike():

@@ -33,4 +33,5 @@ def seen_in_codes(base: Stage, stage: Stage) -> NamedEffect | None:
         explained_fraction=min(1.0, step**2 / 12 / min(floors) ** 2),
         parameters=(Estimate("step", step, _EXACT * step, unit, True, False),),
         confusable_with=(),
+        explains="the noise floor",
     )

@@ -274,9 +274,7 @@ class _Conclusion:
         extended = self.predict(stage.solved, stage.preparation)
         found = gain(base, extended)
         if take is not None or not any(found.heard):
-            return HeldOut(
-                method, base.rmse, extended.rmse, base.folds, extended.folds, source
-            )
+            return HeldOut(method, base.rmse, extended.rmse, base.folds, extended.folds, source)
         # A stretch that the others do not foretell says nothing of either model.
         before, after = (
             tuple(itertools.compress(prediction.folds, found.heard))

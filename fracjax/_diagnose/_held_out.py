@@ -105,9 +105,7 @@ def predict_stretches(solved: Solved, preparation: Preparation) -> Prediction:
         predicted[inside] += raw[inside] @ step
         predicted_white[inside] += own @ step
         spread[inside] = own @ errors
-    return _prediction(
-        predicted[counted], predicted_white[counted], fold[counted], spread[counted]
-    )
+    return _prediction(predicted[counted], predicted_white[counted], fold[counted], spread[counted])
 
 
 def _prediction(

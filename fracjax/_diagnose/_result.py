@@ -44,7 +44,10 @@ class Candidate:
 
 @dataclass(frozen=True)
 class NamedEffect:
-    """An effect the recording shows, with its parameters and what it may be mistaken for."""
+    """An effect the recording shows, with its parameters and what it may be mistaken for.
+
+    `explained_fraction` is the share that it takes of what `explains` says.
+    """
 
     name: str
     site: str
@@ -52,6 +55,7 @@ class NamedEffect:
     explained_fraction: float
     parameters: tuple[Estimate, ...]
     confusable_with: tuple[str, ...]
+    explains: str = "what exceeds the noise"
 
 
 @dataclass(frozen=True)
@@ -106,9 +110,10 @@ class Diagnosis:
 
     `verdict` is "none", "missing", "confusable" or "unexplained", and `sentence` says it in words.
     `base` and `extended` are the fits before and after, `effects` what was named and `candidates`
-    all that were tried.  `axes` and `where` place the mismatch.  `noise` is in the response's unit;
-    `numerics`, the discretisation error, is a share of it.  `p_value` is that of a recording the
-    base model explains; `held_out` scores both models on data no fit has seen.
+    all that were tried.  `axes`, the most telling first, and `where` place the mismatch.  `noise`
+    is in the response's unit; `numerics`, the discretisation error, is a share of it.  `p_value` is
+    that of a recording the base model explains; `held_out` scores both models on data no fit has
+    seen.
     """
 
     verdict: Verdict

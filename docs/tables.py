@@ -58,24 +58,27 @@ def operators() -> str:
 def fits() -> str:
     """One fit of FOH by each method: error, how often it arrives, time."""
     rows = [row for row in rows_of("fitting/results.csv") if not row["note"].startswith("cold")]
+    times = {(row["peer"], row["case"]): row["over_fracjax"] for row in rows_of("peers.csv")}
     cases = list(dict.fromkeys(row["case"] for row in rows))
     found = {(row["method"], row["case"]): row for row in rows}
-
-    def seconds(row: dict[str, str]) -> float:
-        """Of one run: a swarm or a best of many starts, or all starts of what was run once."""
-        runs = int(row["of"]) if row["of"] == found["pyswarms", row["case"]]["of"] else 1
-        return float(row["seconds"]) / runs
-
     lines = [_line("median error over the noise's; runs at the floor; time", *cases)]
     lines.append("|---" * (1 + len(cases)) + "|")
     for method in dict.fromkeys(row["method"] for row in rows):
         cells = []
         for case in cases:
             row = found[method, case]
-            ratio = seconds(row) / seconds(found["fracjax, gradient fit", case])
-            told = (f"{float(row['rmse_over_noise']):.3g}", f"{row['at_floor']} of {row['of']}")
-            cells.append("; ".join((*told, f"{ratio:.3g}")))
+            error, arrived = float(row["rmse_over_noise"]), f"{row['at_floor']} of {row['of']}"
+            cells.append(f"{error:.3g}; {arrived}; {times.get((method, case), '1')}")
         lines.append(_line(method, *cells))
+    return "\n".join(lines)
+
+
+def peers() -> str:
+    """What takes how many times as long without fracjax."""
+    lines = [_line("what", "on", "by", "time over fracjax's"), "|---" * 4 + "|"]
+    for row in rows_of("peers.csv"):
+        if row["study"] not in ("operators", "fits"):
+            lines.append(_line(row["measure"], row["case"], row["peer"], row["over_fracjax"]))
     return "\n".join(lines)
 
 
@@ -104,7 +107,13 @@ def _line(*cells: str) -> str:
     return f"| {' | '.join(cells)} |"
 
 
-TABLES = {"exam": exam, "operators": operators, "fits": fits, "compensation": compensation}
+TABLES = {
+    "exam": exam,
+    "operators": operators,
+    "fits": fits,
+    "peers": peers,
+    "compensation": compensation,
+}
 
 
 def updated(text: str) -> str:

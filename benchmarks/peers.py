@@ -1,0 +1,150 @@
+"""All comparisons with peers, one after the other, and what they say in one table.
+
+    python -m benchmarks.peers
+    python -m benchmarks.peers --gather
+
+Each study runs in a process of its own and writes its own table, with linear algebra on one thread
+for all alike: two threads of OpenBLAS wait for each other by spinning.  About three quarters of an
+hour on an idle machine of two cores.  Then peers.csv beside this program gathers them: the time of
+each peer over fracjax's in the same run, above 1 where fracjax is faster.  `--gather` reads the
+tables as they stand, and runs nothing.  Peers that are not installed are left out.
+"""
+
+from __future__ import annotations
+
+import argparse
+import csv
+import os
+import platform
+import subprocess
+import sys
+from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import NamedTuple
+
+from benchmarks.versions import versions
+
+HERE = Path(__file__).parent
+PACKAGES = ("fracjax", "jax", "jaxlib", "numpy", "scipy", "optimistix", "jaxopt", "pyswarms", "cma",
+            "emcee", "numpyro", "torch", "differint", "pycaputo")  # fmt: skip
+COLUMNS = ("study", "case", "measure", "peer", "over_fracjax")
+
+Rows = list[dict[str, str]]
+Ratio = tuple[str, str, str, float]
+
+
+class Study(NamedTuple):
+    """A program, the table that it writes, and the ratios in it: case, measure, peer, ratio."""
+
+    module: str
+    table: str
+    ratios: Callable[[Rows], Iterator[Ratio]]
+
+
+def of_operators(rows: Rows) -> Iterator[Ratio]:
+    own = {row["N"]: float(row["seconds"]) for row in rows if row["method"] == "fracjax"}
+    for row in rows:
+        if not row["method"].startswith("fracjax"):
+            ratio = float(row["seconds"]) / own[row["N"]]
+            yield f"{int(row['N']):,} samples", "D^0.4 of a signal", row["method"], ratio
+
+
+def of_fits(rows: Rows) -> Iterator[Ratio]:
+    """Of one run: a swarm, or the best of all starts, be they timed together or run after run."""
+    warm = [row for row in rows if not row["note"].startswith("cold")]
+    runs = min(int(row["of"]) for row in warm)
+
+    def seconds(row: dict[str, str]) -> float:
+        return float(row["seconds"]) / (runs if int(row["of"]) == runs else 1)
+
+    own = {row["case"]: seconds(row) for row in warm if row["method"] == "fracjax, gradient fit"}
+    for row in warm:
+        if seconds(row) != own[row["case"]]:
+            yield row["case"], "a fit of FOH", row["method"], seconds(row) / own[row["case"]]
+
+
+def of_batches(rows: Rows) -> Iterator[Ratio]:
+    most = max(int(row["recordings"]) for row in rows)
+    paces = {(r["drive"], r["method"]): float(r["per_second"]) for r in rows
+             if int(r["recordings"]) == most}  # fmt: skip
+    own = {drive: pace for (drive, method), pace in paces.items() if method.startswith("fracjax")}
+    for (drive, method), pace in paces.items():
+        if not method.startswith("fracjax"):
+            yield f"{drive} drive", f"{most:,} fits", method, own[drive] / pace
+
+
+def of_posteriors(rows: Rows) -> Iterator[Ratio]:
+    """Densities as walkers ask for them, and draws of the chain that users get."""
+    own = {(row["samples"], row["density"]): row for row in rows}
+    for row in rows:
+        case = f"{int(row['samples']):,} samples"
+        for measure, column, density in (
+            ("a log-density", "per_second", "compressed"),
+            ("emcee's step of 32 walkers", "emcee_steps_per_second", "compressed"),
+            ("an effective draw", "ess_per_second", "marginal"),
+        ):
+            if row["density"] in ("NumPy", "NUTS") and row[column]:
+                best = float(own[row["samples"], density][column])
+                yield case, measure, row["density"], best / float(row[column])
+
+
+def of_diagnoses(rows: Rows) -> Iterator[Ratio]:
+    for row in rows:
+        if row["way"].startswith("refit all"):
+            peer = f"SciPy, {row['way']}"
+            yield f"{row['effect']} concealed", "a diagnosis", peer, float(row["times_warm"])
+
+
+STUDIES = {
+    "operators": Study("operators.run", "operators/results.csv", of_operators),
+    "fits": Study("fitting.run", "fitting/results.csv", of_fits),
+    "batches": Study("fitting.batch", "fitting/batch.csv", of_batches),
+    "posteriors": Study("posterior.speed", "posterior/speed.csv", of_posteriors),
+    "diagnoses": Study("concealed.speed", "concealed/speed.csv", of_diagnoses),
+}
+
+
+def run(study: Study) -> None:
+    """The study anew, from an empty table."""
+    table = HERE / study.table
+    table.unlink(missing_ok=True)
+    single = dict.fromkeys(("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS"), "1")
+    command = [sys.executable, "-m", f"benchmarks.{study.module}", "--out", str(table)]
+    subprocess.run(command, check=True, cwd=HERE.parent, env=os.environ | single)
+
+
+def gathered() -> Iterator[dict[str, str]]:
+    """The ratios of all tables that stand."""
+    for name, study in STUDIES.items():
+        lines = (HERE / study.table).read_text(encoding="utf-8").splitlines()
+        rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+        for case, measure, peer, ratio in study.ratios(rows):
+            yield dict(zip(COLUMNS, (name, case, measure, peer, f"{ratio:.3g}"), strict=True))
+
+
+def machine() -> str:
+    """A comment line for a CSV file: what ran it."""
+    facts = Path("/proc/cpuinfo")
+    named = facts.read_text(encoding="utf-8").splitlines() if facts.exists() else []
+    models = [line.partition(":")[2].strip() for line in named if line.startswith("model name")]
+    told = models[0] if models else platform.processor()
+    return f"# {os.cpu_count()} cores of {told}, {platform.system()} {platform.machine()}\n"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--gather", action="store_true", help="read the tables as they stand")
+    if not parser.parse_args().gather:
+        for name, study in STUDIES.items():
+            print(f"--- {name}", flush=True)
+            run(study)
+    with (HERE / "peers.csv").open("w", encoding="utf-8", newline="") as file:
+        file.write(machine() + versions(PACKAGES))
+        writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(gathered())
+    print((HERE / "peers.csv").read_text(encoding="utf-8"))
+
+
+if __name__ == "__main__":
+    main()

@@ -241,8 +241,10 @@ class _Places:
             return float(f.sf(power.mean(), 2 * power.size, self.freedom))
         if noise.size == 0:
             return 1.0
-        freedom = 2 * noise.size / self.noise.shared
-        return float(f.sf(power.mean() / noise.mean(), 2 * power.size, freedom))
+        # A band whose noise is one tall line has the freedoms of one, however many lie in it.
+        alike = min(1.0, 2 * noise.mean() ** 2 / np.mean(noise**2))
+        freedom = 2 * noise.size * alike / self.noise.shared
+        return float(f.sf(power.mean() / noise.mean(), min(2 * power.size, freedom), freedom))
 
 
 def _map(

@@ -136,6 +136,9 @@ def test_nothing_is_likely_beyond_the_bounds(prior: AbstractPrior, peer):
     low, high = peer.support()
     outside = [low - 1e-6, high + 1e-6] if np.isfinite(high) else [low - 1e-6, -3.0]
     assert np.all(np.isneginf(prior.log_density(np.array(outside))))
+    # Where a search would begin there, it begins far out, not nowhere.
+    ends = [-np.inf, np.inf] if np.isfinite(high) else [-np.inf, -np.inf]
+    np.testing.assert_array_equal(prior.standard(np.array(outside)), ends)
 
 
 @given(st.floats(-9, 9), st.sampled_from([prior for prior, _ in PRIORS]))

@@ -61,7 +61,7 @@ class TruncatedNormal(AbstractPrior):
         return jnp.asarray(self.mean + self.sd * _truncated(jnp.asarray(standard), *self._tails()))
 
     def standard(self, value: ArrayLike) -> Array:
-        x = (jnp.asarray(value) - self.mean) / self.sd
+        x = (jnp.clip(jnp.asarray(value), self.lower, self.upper) - self.mean) / self.sd
         below, above = self._tails()
         outer = ndtr(jnp.where(x < 0, x, -x)) - jnp.where(x < 0, below, above)
         v = ndtri(outer / (1 - below - above))
@@ -85,7 +85,8 @@ class Uniform(AbstractPrior):
         return jnp.asarray(self.lower + (self.upper - self.lower) * ndtr(jnp.asarray(standard)))
 
     def standard(self, value: ArrayLike) -> Array:
-        return ndtri((jnp.asarray(value) - self.lower) / (self.upper - self.lower))
+        share = (jnp.asarray(value) - self.lower) / (self.upper - self.lower)
+        return ndtri(jnp.clip(share, 0.0, 1.0))
 
     def log_density(self, value: ArrayLike) -> Array:
         inside = (value >= self.lower) & (value <= self.upper)
@@ -101,7 +102,7 @@ class Logarithmic(AbstractPrior):
         return jnp.exp(self.of_logarithm.value(standard))
 
     def standard(self, value: ArrayLike) -> Array:
-        return self.of_logarithm.standard(jnp.log(value))
+        return self.of_logarithm.standard(jnp.log(jnp.maximum(value, 0.0)))
 
     def log_density(self, value: ArrayLike) -> Array:
         positive = jnp.where(jnp.asarray(value) > 0, value, 1.0)

@@ -64,6 +64,7 @@ SUMMARY: tuple[str, ...] = (
     "coverage_95",
 )
 PACKAGES = ("fracjax", "jax", "emcee", "numpy", "scipy")
+FINER = 8
 RANKED = 99
 BINS = 20
 
@@ -92,10 +93,12 @@ def priors_of(model: fj.Model, noise: str) -> dict[str, AbstractPrior]:
 def simulated(
     model: fj.Model, truth: dict[str, float], generator: np.random.Generator
 ) -> fj.Recording:
-    """A recording of the model on the grid that it will be fitted on, with noise."""
+    """A recording of the model with noise, on a grid finer than a fit asks for: of a coarser one
+    the noise's level would have to take up the difference."""
     blank = fj.Recording(drive(), drive(), STEP)
     level = fj.Noise(1.0, "um", "specification", np.ones(1), 1.0)
-    problem = prepare([blank], noise=level, history="constant").problems()[0]
+    prepared = prepare([blank], noise=level, history="constant")
+    problem = prepared.with_oversampling(FINER * prepared.oversampling).problems()[0]
     values = {n: v for n, v in truth.items() if not n.startswith("noise.")}
     clean = np.asarray(problem.simulate(set_values(model.block, values)))[:SAMPLES]
     noise, white = np.zeros(2 * SAMPLES), generator.standard_normal(2 * SAMPLES)

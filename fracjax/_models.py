@@ -83,9 +83,10 @@ def _catalogue_name(block: AbstractBlock) -> str:
 
 
 def _typical_effect(name: str, setting: Setting | None) -> AbstractBlock:
-    """An effect's block at its middle trial, for composition by name."""
+    """An effect's block at the middle trial of its first law, for composition by name."""
     trials = EFFECTS[name].trials(setting or ORDINARY)
-    return trials[len(trials) // 2]
+    first = [trial for trial in trials if type(trial) is type(trials[0])]
+    return first[len(first) // 2]
 
 
 # A stack of common size, for compositions named before any recording is there.

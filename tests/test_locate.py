@@ -107,13 +107,6 @@ def test_what_is_coherent_with_fast_drive_stands_out_in_its_band():
     assert low <= 9.7 <= high
 
 
-def test_a_line_of_the_mains_stands_out_in_its_band_alone():
-    axes = axes_of_a_fit(0.5 * NOISE * np.sin(2 * np.pi * 50 * TONE_TIMES + 1))
-    ((low, high),) = axes["frequency"].intervals
-    assert low <= 50 < high
-    assert all(axis.p_value > 1e-3 for name, axis in axes.items() if name != "frequency")
-
-
 def test_a_law_of_the_level_stands_out_along_the_level():
     bent = np.clip(TONE_DRIVE - 75, 0, None)
     axes = axes_of_a_fit(4 * NOISE * bent / bent.max())

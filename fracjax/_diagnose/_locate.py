@@ -190,8 +190,8 @@ class _Places:
         return self._axis("harmonics", "1", np.arange(_HARMONICS + 1) + 0.5, groups)
 
     def frequency(self) -> Axis:
-        """Logarithmic bands of frequency: what of the residual is coherent there with the drive, in
-        gain or phase, or with the mains; and how its whole power compares with that of the noise.
+        """Logarithmic bands of frequency: what of the residual is coherent with the drive there, in
+        gain or phase, and how its whole power compares with that of the noise.
 
         The power by an F test of the residual's lines against those that the noise was read from,
         where it was read at all; a band that a short rest does not resolve tells nothing.
@@ -205,20 +205,9 @@ class _Places:
         index = np.clip(np.searchsorted(edges, frequencies) - 1, 0, _FREQUENCY_BINS - 1)
         read = np.searchsorted(edges, self.noise.lines[0] / self.step) - 1
         p_values = [self._band(power[index == k], self.noise.lines[1][read == k]) for k in bins]
-        coherent, whole, _ = self._tested(self._coherent(edges))
+        coherent, whole, _ = self._tested(self._driven(edges))
         either = np.minimum(1.0, 2 * np.minimum(p_values, coherent))
         return _map("frequency", "Hz", edges, either, whole)
-
-    def _coherent(self, edges: np.ndarray) -> list[np.ndarray]:
-        """For each band the drive's part in it and the mains' lines, and all that a quarter of a
-        turn later (K, ΣL)."""
-        lines = np.outer([50.0, 60.0], np.arange(1, 6)).ravel()
-        turns = 2 * np.pi * self.times
-        groups = []
-        for driven, low, high in zip(self._driven(edges), edges[:-1], edges[1:], strict=True):
-            angles = np.outer(lines[(low <= lines) & (lines < high)], turns)
-            groups.append([*driven, *np.cos(angles), *np.sin(angles)])
-        return [np.stack(group) * self.counted for group in groups]
 
     def _driven(self, edges: np.ndarray) -> list[np.ndarray]:
         """For each band the drive's part in it, and that a quarter of a turn later (2, ΣL)."""
@@ -231,7 +220,7 @@ class _Places:
             within = [(low <= frequencies) & (frequencies < high) for low, high in pairwise(edges)]
             both = np.stack([lines, 1j * lines]) * np.array(within)[:, None]
             pieces.append(np.fft.irfft(both, axis=2)[:, :, : drive.size])
-        return list(np.concatenate(pieces, axis=2))
+        return list(np.concatenate(pieces, axis=2) * self.counted)
 
     def _band(self, power: np.ndarray, noise: np.ndarray) -> float:
         """P(so much power in a band) from the noise's own lines there."""

@@ -23,6 +23,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from benchmarks.versions import versions
+from docs.tables import rows_of
 
 HERE = Path(__file__).parent
 PACKAGES = ("fracjax", "jax", "jaxlib", "numpy", "scipy", "optimistix", "jaxopt", "pyswarms", "cma",
@@ -57,9 +58,10 @@ def of_fits(rows: Rows) -> Iterator[Ratio]:
     def seconds(row: dict[str, str]) -> float:
         return float(row["seconds"]) / (runs if int(row["of"]) == runs else 1)
 
-    own = {row["case"]: seconds(row) for row in warm if row["method"] == "fracjax, gradient fit"}
+    ours = "fracjax, gradient fit"
+    own = {row["case"]: seconds(row) for row in warm if row["method"] == ours}
     for row in warm:
-        if seconds(row) != own[row["case"]]:
+        if row["method"] != ours:
             yield row["case"], "a fit of FOH", row["method"], seconds(row) / own[row["case"]]
 
 
@@ -116,9 +118,7 @@ def run(study: Study) -> None:
 def gathered() -> Iterator[dict[str, str]]:
     """The ratios of all tables that stand."""
     for name, study in STUDIES.items():
-        lines = (HERE / study.table).read_text(encoding="utf-8").splitlines()
-        rows = list(csv.DictReader(line for line in lines if not line.startswith("#")))
-        for case, measure, peer, ratio in study.ratios(rows):
+        for case, measure, peer, ratio in study.ratios(rows_of(study.table)):
             yield dict(zip(COLUMNS, (name, case, measure, peer, f"{ratio:.3g}"), strict=True))
 
 

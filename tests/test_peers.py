@@ -1,16 +1,15 @@
 """What is gathered from the studies' tables: ratios above 1 where fracjax is faster."""
 
-import csv
 from pathlib import Path
 
 import pytest
 
 from benchmarks.peers import HERE, STUDIES, gathered, of_batches, of_fits, of_posteriors
+from docs.tables import rows_of
 
 
 def test_the_table_is_what_the_studies_say():
-    lines = (HERE / "peers.csv").read_text(encoding="utf-8").splitlines()
-    told = list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    told = rows_of("peers.csv")
     assert told == list(gathered())
     assert {row["study"] for row in told} == set(STUDIES)
 

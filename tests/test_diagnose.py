@@ -311,7 +311,12 @@ CONVINCING = Gain(100.0, 1.0, 1.0, heard=(True,), base_rmse=2.0, extended_rmse=1
 
 
 def judged_of(
-    name: str, delta_bic: float, *, plausible: bool = True, gain: Gain = CONVINCING
+    name: str,
+    delta_bic: float,
+    *,
+    plausible: bool = True,
+    gain: Gain = CONVINCING,
+    spared: float = 0.0,
 ) -> Judged:
     unseen: Any = None
     refit: Any = SimpleNamespace(name=name)
@@ -319,6 +324,7 @@ def judged_of(
         refit=refit,
         preparation=unseen,
         delta_bic=delta_bic,
+        spared=spared,
         explained=1.0,
         numerics=0.0,
         gain=gain,
@@ -347,6 +353,10 @@ def test_rivals_are_those_within_ten_or_a_fiftieth():
     assert rivals_of(best, [best, open_, *refuted]) == [open_]
     small = [judged_of("a", 50), judged_of("b", 41), judged_of("c", 39)]
     assert [j.name for j in rivals_of(small[0], small)] == ["b"]
+    # Nor do numbers exclude a rival that the data hardly know.
+    loose = judged_of("e", 30, spared=15)
+    assert rivals_of(small[0], [*small, loose]) == [small[1], loose]
+    assert rivals_of(judged_of("a", 50, spared=15), [loose]) == []
 
 
 def test_a_probability_counts_evidence_in_units_of_the_margin():
@@ -354,6 +364,9 @@ def test_a_probability_counts_evidence_in_units_of_the_margin():
     assert probability_of(even[0], even) == pytest.approx(0.95 / 2)
     apart = [judged_of("a", 1000), judged_of("b", 980)]
     assert probability_of(apart[0], apart) == pytest.approx(0.95 / (1 + np.exp(-5)))
+    # What is spared makes a rival as likely as the winner at most.
+    spared = [judged_of("a", 1000), judged_of("b", 980, spared=100)]
+    assert probability_of(spared[0], spared) == pytest.approx(0.95 / 2)
 
 
 def stage_of(cost: float) -> Any:
@@ -465,7 +478,8 @@ def test_starts_of_a_refit_are_unlike():
         effect=unseen, trials=[], z=np.array([9.0, 8.9, 5.0, 1.0]), norms=np.ones(4),
         concealments=np.zeros(4), sizes=np.ones(4), directions=directions,
     )  # fmt: skip
-    assert _refit.unlike(score)[:2] == [0, 2]
+    assert _refit.unlike(score, 3)[:2] == [0, 2]
+    assert _refit.unlike(score, 1) == [0]
 
 
 @pytest.mark.parametrize(

@@ -49,6 +49,7 @@ def judged(stage: Stage, name: str) -> Judged:
         refit=Refit(score, solved),
         preparation=stage.preparation,
         delta_bic=stage.solved.bic - solved.bic,
+        spared=0.0,
         explained=1.0,
         numerics=0.0,
         gain=Gain(100.0, 1.0, 1.0, heard=(True,), base_rmse=2.0, extended_rmse=1.0),

@@ -1,5 +1,7 @@
 """Models as far as effects have been added: layers, paths, and the model without one of them."""
 
+from typing import NamedTuple
+
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -8,7 +10,7 @@ import pytest
 import fracjax as fj
 from fracjax._blocks import EFFECTS, Setting
 from fracjax._diagnose._stage import Layer, Stage, path_of, wrapped
-from fracjax._fit import prepare, solve_from
+from fracjax._fit import _solve, prepare, solve_from
 from fracjax._operators import Grid
 from fracjax._parameters import named_parameters, set_values
 
@@ -106,3 +108,28 @@ def test_derivatives_law_by_law_are_those_of_the_whole(text, setting):
             whole = jax.jacfwd(response_of)(jnp.asarray(values)).reshape(drive.size, -1)
             size = np.abs(whole).max() + 1e-300
             np.testing.assert_allclose(columns[name], whole, atol=1e-8 * size)
+
+
+def test_a_start_that_would_overtake_the_best_is_followed(setting, monkeypatch):
+    """One start ends at once, the other falls from far above to below it, on more looks than the
+    first rounds have."""
+    courses = {"near": [6.0, 6.0], "far": [45.0, 20.0, 8.0, 1.0], "idle": [50.0, 49.0, 48.0]}
+
+    def descend(at, looks):
+        left = at.course[1:] if at.course[1:] else at.course
+        return at._replace(course=left, cost=at.course[0], converged=not at.course[1:])
+
+    class Fake(NamedTuple):
+        course: list[float]
+        cost: float
+        converged: bool
+        objective: str
+        position: int = 0
+        evaluations: int = 0
+
+    monkeypatch.setattr(_solve, "begin", lambda s, *_: Fake(courses[s], np.inf, False, s))
+    monkeypatch.setattr(_solve, "descend", descend)
+    monkeypatch.setattr(_solve, "solved_at", lambda objective, *_, **__: objective)
+    recording = fj.Recording(DRIVE, 0.1 * DRIVE, TIMES[1], "V", "um")
+    starts: list = ["near", "far", "idle"]
+    assert _solve.solve_from(starts, prepare([recording], history="constant")) == "far"

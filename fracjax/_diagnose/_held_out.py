@@ -130,8 +130,8 @@ class Gain:
 
     @property
     def convincing(self) -> bool:
-        """More than 3 standard errors, and negative in no more than a fifth of the folds."""
-        return self.fall > 3 * self.standard_error and not self.refuted
+        """More than 2 standard errors, and negative in no more than a fifth of the folds."""
+        return self.fall > 2 * self.standard_error and not self.refuted
 
     @property
     def refuted(self) -> bool:

@@ -29,11 +29,15 @@ _SUREST = 0.95
 
 @dataclass(frozen=True, eq=False)
 class Judged:
-    """A refitted candidate with everything the naming rule asks."""
+    """A refitted candidate with everything the naming rule asks.
+
+    `spared`: how much less its numbers cost by Laplace's evidence than by BIC, in BIC's units.
+    """
 
     refit: Refit
     preparation: Preparation
     delta_bic: float
+    spared: float
     explained: float
     numerics: float
     gain: Gain
@@ -83,6 +87,13 @@ def unusual_loss(gain: float) -> float:
     return max(DELTA_BIC, _UNUSUAL * gain)
 
 
+def lead_of(j: Judged, winner: Judged) -> float:
+    """How far ahead of the winner another effect is, by BIC or by Laplace's evidence, whichever
+    speaks for it."""
+    by_bic = j.delta_bic - winner.delta_bic
+    return max(by_bic, min(by_bic + j.spared - winner.spared, 0.0))
+
+
 def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
     """The effects that fit as well as the winner or better, best first.
 
@@ -93,9 +104,9 @@ def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
     margin = margin_of(winner.delta_bic)
 
     def comes_close(j: Judged) -> bool:
-        ahead = j.delta_bic - winner.delta_bic
         possible = j.plausible and not j.gain.refuted
-        return j.numerics <= LIMIT and (ahead > 0 or (possible and ahead > -margin))
+        ahead = j.delta_bic > winner.delta_bic
+        return j.numerics <= LIMIT and (ahead or (possible and lead_of(j, winner) > -margin))
 
     close = [j for j in found if j is not winner and comes_close(j)]
     return sorted(close, key=lambda j: -j.delta_bic)
@@ -111,8 +122,8 @@ def probability_of(winner: Judged, found: Sequence[Judged]) -> float:
     ahead = [j for j in rivals_of(winner, found) if j not in others]
     rivals = [winner, *others, *ahead]
     unit = margin_of(winner.delta_bic) / DELTA_BIC
-    gains = [min(j.delta_bic, winner.delta_bic) for j in rivals]
-    return _SUREST * float(softmax([0.5 * gain / unit for gain in gains])[0])
+    leads = [min(lead_of(j, winner), 0.0) for j in rivals]
+    return _SUREST * float(softmax([0.5 * lead / unit for lead in leads])[0])
 
 
 def delta_bic(before: Solved, after: Solved) -> float:

@@ -10,6 +10,7 @@ import numpy as np
 from .._blocks import EFFECTS, AbstractBlock
 from .._fit import LIMIT, Preparation, Progress, Solved, fine_enough, residual_noise
 from .._parameters import named_parameters, set_values
+from ._evidence import spared
 from ._held_out import Prediction, gain
 from ._judgement import (
     DELTA_BIC,
@@ -279,6 +280,7 @@ class _Question:
             refit=replace(self.attempt, solved=solved),
             preparation=preparation,
             delta_bic=delta_bic(self.stage.solved, solved),
+            spared=spared(solved, preparation, self.attempt.layer),
             explained=explained_fraction(self.base, solved),
             numerics=numerics,
             gain=gain(self.before, prediction),

@@ -14,7 +14,7 @@ from .._parameters import named_parameters, replace_parameters, set_values
 from ._score import EffectScore
 from ._stage import Layer, Stage
 
-_STARTS_APART = 3
+_LEAST_APART = 3
 _RESEMBLES = 0.3
 _COARSER = 4
 _LONG = 16_000
@@ -57,7 +57,9 @@ def _of_one_kind(
     """The refit with trials of one structure."""
     effect, nominal = score.effect, stage.start()
     generator = np.random.default_rng(seed)
-    promising = [score.trials[k] for k in unlike(score)]
+    # The more shapes a law has, the more basins.
+    shapes = sum(size for _, size in layout_of(score.trials[score.best]).shapes)
+    promising = [score.trials[k] for k in unlike(score, max(_LEAST_APART, shapes))]
     best = promising[0]
 
     def drawn(block: AbstractBlock) -> AbstractBlock:
@@ -103,13 +105,13 @@ def _searched(starts: list[AbstractBlock], preparation: Preparation, hopeless: f
     return solve_from([solve_from(starts, coarse, hopeless).block], preparation, hopeless)
 
 
-def unlike(score: EffectScore) -> list[int]:
-    """The trial that the residual resembles most, and of those that it resembles too the ones least
-    like it: neighbours would lead into the same basin."""
+def unlike(score: EffectScore, most: int) -> list[int]:
+    """Up to `most` trials: the one that the residual resembles most, and of those that it resembles
+    too the ones least like that, for neighbours would lead into the same basin."""
     strength = np.abs(score.z)
     chosen = [score.best]
     alike = np.abs(score.directions @ score.directions[score.best])
-    for _ in range(_STARTS_APART - 1):
+    for _ in range(most - 1):
         open_ = (strength > _RESEMBLES * strength.max()) & (alike < 1 - 1e-6)
         if not open_.any():
             break

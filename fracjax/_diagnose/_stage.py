@@ -22,11 +22,17 @@ class Layer:
         """The effect's own part of the block that `Effect.insert` makes."""
         return "first" if self.effect.site == "drive" else "second"
 
+    def own(self, block: AbstractBlock) -> dict[str, Parameter]:
+        """The effect's own parameters in a block that it is the outermost layer of, by their paths,
+        in the order of the block's layout."""
+        parameters, layout = named_parameters(block), layout_of(block)
+        names = [name for name, _ in layout.shapes + layout.gains]
+        return {n: parameters[n] for n in names if n.startswith(f"{self.place}.")}
+
     def own_shapes(self, block: AbstractBlock) -> dict[str, Parameter]:
-        """The effect's own shapes in a block that it is the outermost layer of, by their paths."""
-        parameters, prefix = named_parameters(block), f"{self.place}."
-        names = [name for name, _ in layout_of(block).shapes]
-        return {name: parameters[name] for name in names if name.startswith(prefix)}
+        """Those of them that are no gains."""
+        shapes = dict(layout_of(block).shapes)
+        return {name: p for name, p in self.own(block).items() if name in shapes}
 
     @property
     def inside(self) -> str:

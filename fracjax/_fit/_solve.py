@@ -78,8 +78,8 @@ def starts_of(block: AbstractBlock, count: int, seed: int) -> list[AbstractBlock
 def solve_from(
     starts: list[AbstractBlock], preparation: Preparation, hopeless: float = np.inf
 ) -> Solved:
-    """A few looks from every start, some more from the better half, then the two best to
-    convergence; the best of them finished.
+    """A few looks from every start, some more from the better half, then on to convergence with the
+    two best and with those that would overtake them at their pace; the best of them finished.
 
     A fit counts as converged too when twelve looks gain less than a tenth in χ², or less than 1e-4
     of what is left beyond the noise; of a noise that is not known yet, what is left is the measure.
@@ -90,17 +90,25 @@ def solve_from(
     samples = _counted(problems)
     descents = [descend(begin(start, problems, asked), _FIRST_LOOKS) for start in starts]
     descents.sort(key=lambda d: d.cost)
+    gains = np.zeros(len(starts))
+
+    def further(k: int) -> None:
+        before, descents[k] = descents[k].cost, descend(descents[k], _LOOKS)
+        gains[k] = before - descents[k].cost
+
     for k, descent in enumerate(descents[: -(-len(starts) // 2)]):
         if not descent.converged and descent.cost <= hopeless:
-            descents[k] = descend(descent, _LOOKS)
+            further(k)
     for _ in range(_ROUNDS):
-        order = np.argsort([d.cost for d in descents])
-        best = descents[order[0]]
-        if best.converged or not best.cost <= hopeless:
+        costs = np.array([d.cost for d in descents])
+        best = descents[int(np.argmin(costs))]
+        leading = [] if best.converged else np.argsort(costs)[:2]
+        overtaking = np.flatnonzero((gains > 0) & (costs - gains < best.cost))
+        todo = [k for k in {*leading, *overtaking} if not descents[k].converged]
+        if not todo or not best.cost <= hopeless:
             break
-        for k in order[:2]:
-            if not descents[k].converged:
-                descents[k] = descend(descents[k], _LOOKS)
+        for k in todo:
+            further(k)
         least = int(np.argmin([d.cost for d in descents]))
         if best.cost - descents[least].cost < _negligible(best.cost, samples, preparation):
             descents[least] = descents[least]._replace(converged=True)

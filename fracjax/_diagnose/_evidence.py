@@ -1,0 +1,48 @@
+r"""Laplace's evidence for an effect: what its numbers cost, as far as the data know them.
+
+    2 ln Z = -χ² - ln det(1 + S F S) + const,     F = Dᵀ(1 - QQᵀ)D
+
+D (L, k) the derivatives of the whitened response by the effect's own numbers, Q an orthonormal
+basis of those by all others, S the sd that was expected of each number.  BIC's k ln n is what this
+tends to where the data know every number well.  Of an effect near the noise they do not: numbers
+that change nothing cost nothing, and a law is not excluded for having them.
+Source: MacKay, Neural Computation 4 (1992) 415 (Occam factor); Kass & Raftery, J. Am. Stat. Assoc.
+90 (1995) 773.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .._fit import Preparation, Solved, jacobian, layout_of
+from .._parameters import Parameter
+from ._stage import Layer
+
+_HALF_WIDTH = 1.96
+
+
+def spared(solved: Solved, preparation: Preparation, layer: Layer) -> float:
+    """How much less than BIC's k ln n the outermost effect's own numbers cost, in units of what is
+    left unexplained, where that exceeds the noise."""
+    layout, parameters = layout_of(solved.block), layer.own(solved.block)
+    derivative = jacobian(solved.block, preparation.problems())[1]
+    whose = np.repeat(*map(list, zip(*(layout.shapes + layout.gains), strict=True)))
+    own = np.flatnonzero(np.isin(whose, list(parameters)))
+    expected = [_expected(p) + np.zeros(p.value.shape) for p in parameters.values()]
+    others = np.delete(derivative, own, axis=1)
+    basis = np.linalg.qr(others / (np.linalg.norm(others, axis=0) + 1e-300))[0]
+    moved = derivative[:, own] * np.concatenate([np.ravel(size) for size in expected])
+    beside = np.nan_to_num(moved - basis @ (basis.T @ moved))
+    cost = np.linalg.slogdet(np.eye(own.size) + beside.T @ beside)[1]
+    left = max(1.0, solved.cost / solved.samples)
+    return float(own.size * np.log(solved.samples) - cost) / left
+
+
+def _expected(parameter: Parameter) -> np.ndarray:
+    """The sd that was expected of a number, from its usual range; without one its own size."""
+    low, high = (np.asarray(end) for end in parameter.plausible)
+    if not np.all(np.isfinite(high - low)):
+        return np.abs(parameter.value)
+    if parameter.logarithmic:
+        return np.log(high / low) / (2 * _HALF_WIDTH) * parameter.value
+    return (high - low) / (2 * _HALF_WIDTH)

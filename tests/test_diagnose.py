@@ -359,14 +359,13 @@ def test_rivals_are_those_within_ten_or_a_fiftieth():
     assert rivals_of(judged_of("a", 50, spared=15), [loose]) == []
 
 
-def test_a_probability_counts_evidence_in_units_of_the_margin():
-    even = [judged_of("a", 1000), judged_of("b", 1000)]
-    assert probability_of(even[0], even) == pytest.approx(0.95 / 2)
-    apart = [judged_of("a", 1000), judged_of("b", 980)]
-    assert probability_of(apart[0], apart) == pytest.approx(0.95 / (1 + np.exp(-5)))
-    # What is spared makes a rival as likely as the winner at most.
-    spared = [judged_of("a", 1000), judged_of("b", 980, spared=100)]
-    assert probability_of(spared[0], spared) == pytest.approx(0.95 / 2)
+def test_a_probability_falls_with_the_rivals():
+    alone = [judged_of("a", 1000), judged_of("b", 900)]
+    assert probability_of(alone[0], alone) == pytest.approx(0.95)
+    one = [judged_of("a", 1000), judged_of("b", 990)]
+    assert probability_of(one[0], one) == pytest.approx(0.95 * 3 / 4)
+    two = [*one, judged_of("c", 985)]
+    assert probability_of(two[0], two) == pytest.approx(0.95 * 3 / 5)
 
 
 def stage_of(cost: float) -> Any:

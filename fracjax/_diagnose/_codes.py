@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from .._blocks import EFFECTS
 from .._fit import Estimate
-from ._judgement import is_exhausted
+from ._judgement import SUREST, is_exhausted
 from ._result import NamedEffect
 from ._stage import Stage
 
@@ -29,7 +29,7 @@ def seen_in_codes(base: Stage, stage: Stage) -> NamedEffect | None:
     return NamedEffect(
         name=_NAME,
         site=EFFECTS[_NAME].site,
-        probability=1.0,
+        probability=SUREST,
         explained_fraction=min(1.0, step**2 / 12 / min(floors) ** 2),
         parameters=(Estimate("step", step, _EXACT * step, unit, True, False),),
         confusable_with=(),

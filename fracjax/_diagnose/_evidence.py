@@ -26,8 +26,8 @@ def spared(solved: Solved, preparation: Preparation, layer: Layer) -> float:
     left unexplained, where that exceeds the noise."""
     layout, parameters = layout_of(solved.block), layer.own(solved.block)
     derivative = jacobian(solved.block, preparation.problems())[1]
-    whose = np.repeat(*map(list, zip(*(layout.shapes + layout.gains), strict=True)))
-    own = np.flatnonzero(np.isin(whose, list(parameters)))
+    whose = [name for name, size in layout.shapes + layout.gains for _ in range(size)]
+    own = np.flatnonzero([name in parameters for name in whose])
     expected = [_expected(p) + np.zeros(p.value.shape) for p in parameters.values()]
     others = np.delete(derivative, own, axis=1)
     basis = np.linalg.qr(others / (np.linalg.norm(others, axis=0) + 1e-300))[0]

@@ -6,7 +6,6 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.special import softmax
 
 from .._fit import LIMIT, Preparation, Solved
 from ._held_out import Gain, Prediction
@@ -24,7 +23,8 @@ _ALIKE = 0.02
 _UNUSUAL = 0.01
 _REMAINDER = 0.5
 _PATTERN = 0.15
-_SUREST = 0.95
+SUREST = 0.95
+_FIRST = 3.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -87,43 +87,34 @@ def unusual_loss(gain: float) -> float:
     return max(DELTA_BIC, _UNUSUAL * gain)
 
 
-def lead_of(j: Judged, winner: Judged) -> float:
-    """How far ahead of the winner another effect is, by BIC or by Laplace's evidence, whichever
-    speaks for it."""
-    by_bic = j.delta_bic - winner.delta_bic
-    return max(by_bic, min(by_bic + j.spared - winner.spared, 0.0))
-
-
 def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
     """The effects that fit as well as the winner or better, best first.
 
     One outside its expected range is not adopted, nor one that folds of held-out data speak
     against; yet what fits better is not excluded by either.  What fits less well, and only far from
-    its range or against data held out, mimics the winner.
+    its range or against data held out, mimics the winner.  Numbers that the data hardly know exclude
+    nothing.
     """
     margin = margin_of(winner.delta_bic)
 
     def comes_close(j: Judged) -> bool:
+        ahead = j.delta_bic - winner.delta_bic
         possible = j.plausible and not j.gain.refuted
-        ahead = j.delta_bic > winner.delta_bic
-        return j.numerics <= LIMIT and (ahead or (possible and lead_of(j, winner) > -margin))
+        near = ahead + max(0.0, j.spared - winner.spared) > -margin
+        return j.numerics <= LIMIT and (ahead > 0 or (possible and near))
 
     close = [j for j in found if j is not winner and comes_close(j)]
     return sorted(close, key=lambda j: -j.delta_bic)
 
 
 def probability_of(winner: Judged, found: Sequence[Judged]) -> float:
-    """The winner's share of the evidence, which counts in units of the margin.
+    """How often such a name is right.
 
-    A rival ahead that is not admissible is as likely as the winner, not more.  No share is a
-    certainty: one effect in twenty that had no rival was another in exams made for development.
+    Among rivals within the margin the evidence decides little, for their laws are not exact.  In
+    five exams made for development, 229 names in all, the first of a set was right about three
+    times as often as each of its rivals, and one effect in twenty that had none was another.
     """
-    others = [j for j in found if j.admissible and j is not winner]
-    ahead = [j for j in rivals_of(winner, found) if j not in others]
-    rivals = [winner, *others, *ahead]
-    unit = margin_of(winner.delta_bic) / DELTA_BIC
-    leads = [min(lead_of(j, winner), 0.0) for j in rivals]
-    return _SUREST * float(softmax([0.5 * lead / unit for lead in leads])[0])
+    return SUREST * _FIRST / (_FIRST + len(rivals_of(winner, found)))
 
 
 def delta_bic(before: Solved, after: Solved) -> float:

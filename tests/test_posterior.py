@@ -607,6 +607,22 @@ def run_bowl(
     )
 
 
+def test_a_walker_that_never_moves_is_no_error(tmp_path):
+    """It stands on a needle; of it there is no autocorrelation time."""
+    needle = []
+
+    def with_needle(points: np.ndarray) -> np.ndarray:
+        if not needle and len(np.unique(points, axis=0)) > 1:
+            needle.append(points[0].copy())
+        on_it = np.all(points == needle[0], axis=1) if needle else np.zeros(len(points), bool)
+        return bowl(points) + 1e9 * on_it
+
+    found = run_bowl(tmp_path / "chain.h5", 120, density=with_needle)
+    assert not found.converged
+    assert np.all(np.isfinite(found.autocorrelation))
+    assert found.autocorrelation.max() >= len(found.kept)
+
+
 KILLED = """
 import sys, time
 from pathlib import Path

@@ -78,7 +78,10 @@ def judged(backend: Backend) -> Chain:
     steps = np.asarray(backend.get_chain())
 
     def times_of(part: np.ndarray) -> np.ndarray:
-        return np.asarray(emcee.autocorr.integrated_time(part, tol=0, quiet=True))
+        # Of a walker that has not moved at all there is none: it is as long as the run, at least.
+        with np.errstate(invalid="ignore"):
+            found = np.asarray(emcee.autocorr.integrated_time(part, tol=0, quiet=True))
+        return np.where(np.isfinite(found), found, len(part))
 
     rough = times_of(steps[len(steps) // 2 :])
     burn_in = min(int(np.ceil(_BURN_IN * rough.max())), len(steps) // 2)

@@ -92,8 +92,8 @@ def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
 
     One outside its expected range is not adopted, nor one that folds of held-out data speak
     against; yet what fits better is not excluded by either.  What fits less well, and only far from
-    its range or against data held out, mimics the winner.  Numbers that the data hardly know exclude
-    nothing.
+    its range or against data held out, mimics the winner.  Numbers that the data hardly know do not
+    exclude an effect.
     """
     margin = margin_of(winner.delta_bic)
 

@@ -79,9 +79,9 @@ def judged(backend: Backend) -> Chain:
 
     def times_of(part: np.ndarray) -> np.ndarray:
         # Of a walker that has not moved at all there is none: it is as long as the run, at least.
-        with np.errstate(invalid="ignore"):
-            found = np.asarray(emcee.autocorr.integrated_time(part, tol=0, quiet=True))
-        return np.where(np.isfinite(found), found, len(part))
+        if np.any(np.all(part == part[0], axis=(0, 2))):
+            return np.full(part.shape[2], float(len(part)))
+        return np.asarray(emcee.autocorr.integrated_time(part, tol=0, quiet=True))
 
     rough = times_of(steps[len(steps) // 2 :])
     burn_in = min(int(np.ceil(_BURN_IN * rough.max())), len(steps) // 2)

@@ -81,6 +81,12 @@ def test_what_was_first_adopted_gives_way_to_what_does_better_beside_the_second(
     assert found == ["drive_lag", "electrostriction"]
 
 
+def test_what_was_adopted_beside_one_that_has_given_way_is_judged_again(monkeypatch):
+    beside = ("electrostriction", "drive_lag")
+    found = reconsidered(("sensor_nonlinearity", "resonance"), beside, monkeypatch)
+    assert found == ["electrostriction", "drive_lag"]
+
+
 def test_the_right_effects_stay_and_an_idle_one_goes(monkeypatch):
     beside = ("sensor_nonlinearity", "electrostriction")
     assert reconsidered(("electrostriction", "drive_lag"), beside, monkeypatch) == [

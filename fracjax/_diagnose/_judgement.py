@@ -18,7 +18,7 @@ SIGNIFICANCE = 0.01
 DELTA_BIC = 10.0
 EXPLAINED = 0.9
 WORTH_NAMING = 0.1
-_INEXACT = 0.05
+INEXACT = 0.05
 _ALIKE = 0.02
 _UNUSUAL = 0.01
 _REMAINDER = 0.5
@@ -136,7 +136,7 @@ def is_exhausted(base: Stage, stage: Stage) -> bool:
     Where it is not, the best of the catalogue has taken up most of something that is not in it.
     """
     doubt, samples = excess_doubt(stage.preparation, stage.solved), stage.solved.samples
-    inexact = _INEXACT * max(0.0, base.excess / base.solved.samples)
+    inexact = INEXACT * max(0.0, base.excess / base.solved.samples)
     return stage.solved.cost / samples - 1 <= _REMAINDER + inexact + doubt
 
 

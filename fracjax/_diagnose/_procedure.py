@@ -15,6 +15,7 @@ from ._held_out import Prediction, gain
 from ._judgement import (
     DELTA_BIC,
     EXPLAINED,
+    INEXACT,
     SIGNIFICANCE,
     WORTH_NAMING,
     Judged,
@@ -39,6 +40,7 @@ from ._stage import Stage
 _SHORTLIST, _LONGEST_SHORTLIST = 4, 8
 _LIKE = 0.9
 _ROUNDS = 3
+_MOST_JUDGED_AGAIN = 4
 _CLEARLY_LESS = 0.03
 _HALF = 0.5
 
@@ -104,11 +106,13 @@ def _least_share(base: Stage, stage: Stage) -> float:
 
 
 def _is_worth_naming(base: Stage, stage: Stage, winner: Judged) -> bool:
-    """Whether a further effect takes a share that counts, or else all that was left."""
+    """Whether a further effect takes a share that counts, or else all that was left, if that is more
+    than what the adopted effects' own laws may differ from ours."""
     before, after = stage.excess, winner.solved.cost - winner.solved.samples
     doubt = excess_doubt(winner.preparation, winner.solved) * winner.solved.samples
     completes = after <= (1 - EXPLAINED) * before + doubt and before > 2 * doubt
-    return completes or share_of_excess(base, stage, winner) >= _least_share(base, stage)
+    least = _least_share(base, stage)
+    return share_of_excess(base, stage, winner) >= (min(least, INEXACT) if completes else least)
 
 
 def with_noise_beyond_mismatch(base: Stage, course: Course) -> Preparation | None:
@@ -315,12 +319,17 @@ def _reconsidered(
     seed: int,
     progress: Progress,
 ) -> tuple[Stage, list[Round]]:
-    """Each effect but the last, judged again beside those that were adopted after it.
+    """Each effect but the last, judged again beside those that were adopted after it; and every
+    other again, where one has given way to another.
 
     It is dropped where they have made it superfluous, and gives way where another now does better:
     what was first to be adopted may have stood in for two.
     """
-    for round_ in rounds[:-1]:
+    waiting = rounds[:-1]
+    for _ in range(_MOST_JUDGED_AGAIN):
+        if not waiting:
+            break
+        round_ = waiting.pop(0)
         k = rounds.index(round_)
         progress(f"fitting without {round_.winner.name}")
         less, others = stage.without(k), [*rounds[:k], *rounds[k + 1 :]]
@@ -337,5 +346,5 @@ def _reconsidered(
             rounds[k] = Round(winner, found)
         elif winner.solved.bic < stage.solved.bic:
             stage = less.extended(winner.layer, winner.solved, winner.preparation)
-            rounds = [*others, Round(winner, found)]
+            rounds, waiting = [*others, Round(winner, found)], others.copy()
     return stage, rounds

@@ -106,8 +106,8 @@ def _least_share(base: Stage, stage: Stage) -> float:
 
 
 def _is_worth_naming(base: Stage, stage: Stage, winner: Judged) -> bool:
-    """Whether a further effect takes a share that counts, or else all that was left, if that is more
-    than what the adopted effects' own laws may differ from ours."""
+    """Whether a further effect takes a share that counts, or else all that was left where that is
+    more than what the adopted effects' own laws may differ from ours."""
     before, after = stage.excess, winner.solved.cost - winner.solved.samples
     doubt = excess_doubt(winner.preparation, winner.solved) * winner.solved.samples
     completes = after <= (1 - EXPLAINED) * before + doubt and before > 2 * doubt

@@ -354,9 +354,10 @@ def test_rivals_are_those_within_ten_or_a_fiftieth():
     small = [judged_of("a", 50), judged_of("b", 41), judged_of("c", 39)]
     assert [j.name for j in rivals_of(small[0], small)] == ["b"]
     # Nor do numbers exclude a rival that the data hardly know.
-    loose = judged_of("e", 30, spared=15)
+    loose = judged_of("e", 31, spared=15)
     assert rivals_of(small[0], [*small, loose]) == [small[1], loose]
     assert rivals_of(judged_of("a", 50, spared=15), [loose]) == []
+    assert rivals_of(small[0], [judged_of("f", 29, spared=100)]) == []
 
 
 def test_a_probability_falls_with_the_rivals():

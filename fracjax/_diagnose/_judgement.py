@@ -92,15 +92,15 @@ def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
 
     One outside its expected range is not adopted, nor one that folds of held-out data speak
     against; yet what fits better is not excluded by either.  What fits less well, and only far from
-    its range or against data held out, mimics the winner.  Numbers that the data hardly know do not
-    exclude an effect.
+    its range or against data held out, mimics the winner.  For numbers that the data hardly know an
+    effect is not excluded, unless they are so many that any residual would be followed.
     """
     margin = margin_of(winner.delta_bic)
 
     def comes_close(j: Judged) -> bool:
         ahead = j.delta_bic - winner.delta_bic
         possible = j.plausible and not j.gain.refuted
-        near = ahead + max(0.0, j.spared - winner.spared) > -margin
+        near = ahead + np.clip(j.spared - winner.spared, 0.0, DELTA_BIC) > -margin
         return j.numerics <= LIMIT and (ahead > 0 or (possible and near))
 
     close = [j for j in found if j is not winner and comes_close(j)]

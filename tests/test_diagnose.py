@@ -468,6 +468,22 @@ def test_an_effect_is_refitted_once_however_it_came_to_be_listed():
     assert [score.effect.name for score in found[:4]] == list(names[:4])
 
 
+def test_an_effect_that_scores_nearly_as_much_as_any_is_refitted_too():
+    names = ("creep", "delay", "backlash", "saturation", "resonance", "second_mode", "drive_lag")
+    heights = (20.0, 19.0, 18.5, 18.4, 18.3, 17.0, 3.0)
+    directions = np.eye(len(names))
+
+    def scored(k: int) -> EffectScore:
+        effect: Any = SimpleNamespace(name=names[k], one_sided=False)
+        return EffectScore(
+            effect=effect, trials=[], z=heights[k] * np.ones(1), norms=np.ones(1),
+            concealments=np.zeros(1), sizes=np.ones(1), directions=directions[k : k + 1],
+        )  # fmt: skip
+
+    listed = _procedure._shortlist([scored(k) for k in range(len(names))], 10.0)
+    assert [score.effect.name for score in listed] == list(names[:5])
+
+
 def test_starts_of_a_refit_are_unlike():
     generator = np.random.default_rng(8)
     first, other = np.linalg.qr(generator.standard_normal((50, 2)))[0].T

@@ -6,7 +6,7 @@ import pytest
 from scipy.stats import kstest
 
 import fracjax as fj
-from fracjax._diagnose._locate import locate
+from fracjax._diagnose._locate import frequency, locate
 from fracjax._diagnose._residual import residual_of
 from fracjax._diagnose._result import Axis
 from fracjax._diagnose._score import Residual
@@ -119,6 +119,34 @@ def test_a_knock_stands_out_along_the_time():
     assert min(axes.values(), key=lambda axis: axis.p_value).axis == "time"
     ((low, high),) = axes["time"].intervals
     assert low <= 4.0 <= high
+
+
+def test_a_line_that_the_noise_was_read_with_shows_where_the_noise_is_taken_without_it():
+    """A hum in a recording and in its repeat, at another phase."""
+    law = fj.simulate(fj.parse_model("creep"), TONE_DRIVE, TONE_STEP, "constant").response
+    generator = np.random.default_rng(3)
+    once, again = (
+        fj.Recording(
+            TONE_DRIVE,
+            law
+            + NOISE * generator.standard_normal(TONE_TIMES.size)
+            + NOISE * np.sin(2 * np.pi * 50.02 * TONE_TIMES + phase),
+            TONE_STEP,
+        )
+        for phase in (0.0, 2.0)
+    )
+    with jax.enable_x64(True):
+        preparation = prepare([once], history="constant", repeat=again)
+        solved = solve_from([fj.parse_model("creep").block], preparation)
+        residual, problems = residual_of(solved, preparation), preparation.problems()
+        hidden = frequency(preparation, problems, residual, 1e6)
+        bare = preparation.with_noises(
+            [t.noise.without_lines() for t in preparation.takes if t.noise]
+        )
+        shown = frequency(bare, problems, residual, 1e6)
+    assert hidden.p_value > 0.01 > 1e-6 > shown.p_value
+    ((low, high),) = shown.intervals
+    assert low <= 50.02 <= high
 
 
 def test_of_noise_alone_no_axis_has_too_small_a_p_value():

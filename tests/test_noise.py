@@ -118,3 +118,17 @@ def test_of_a_rest_a_parabola_and_logarithms_of_time_are_no_noise():
     slow = 1 - 2 * x + 3 * x**2 + 0.5 * np.log(x + 0.02) - np.log(x + 0.2)
     assert np.abs(_without_relaxation(slow)).max() < 1e-10
     assert np.std(_without_relaxation(slow + x**5)) > 1e-3
+
+
+def test_a_rest_whose_code_never_changes_tells_no_noise():
+    """The noise is smaller than the converter's step there, not nought."""
+    drive = staircase()
+    noise = SIGMA * np.random.default_rng(0).standard_normal(drive.size)
+    coarse = 20 * SIGMA * np.round(recorded(drive, noise).response / (20 * SIGMA))
+    quantised = Recording(drive, coarse, STEP, "V", "um")
+    starts = [start for start, _ in quantised.static_stretches(0.2)]
+    assert len(starts) > 10
+    found = measured_noise(quantised)
+    assert found is None or found.sigma > 1e-3 * SIGMA
+    held = Recording(drive, drive.copy(), STEP, "V", "um")
+    assert measured_noise(held) is None

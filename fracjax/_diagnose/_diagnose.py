@@ -38,14 +38,17 @@ from ._judgement import (
     SIGNIFICANCE,
     Judged,
     explained_fraction,
+    freedom_of,
     is_exhausted,
     leaves_a_pattern,
     probability_of,
     reason,
     rivals_of,
 )
+from ._locate import frequency
 from ._next_experiment import Limits, propose, recorded_limits
 from ._procedure import Course, Round, run, with_noise_beyond_mismatch
+from ._residual import residual_of
 from ._result import (
     Axis,
     Candidate,
@@ -262,7 +265,21 @@ class _Conclusion:
             place = natural.index(axis.axis) if known else len(natural)
             return silent, place, -axis.excess, axis.p_value
 
-        return tuple(sorted(self.course.first.axes, key=order))
+        axes = self.course.first.axes
+        if natural == ("frequency",):
+            # Of lines that it was read with, the floor hides the place.
+            axes = [self._frequency() if a.axis == "frequency" else a for a in axes]
+        return tuple(sorted(axes, key=order))
+
+    def _frequency(self) -> Axis:
+        """The axis of frequency, the lines that the noise was read with taken for mismatch."""
+        solved, preparation = self.base.solved, self.base.preparation
+        bare = preparation.with_noises(
+            [t.noise.without_lines() for t in preparation.takes if t.noise]
+        )
+        freedom = freedom_of(preparation, solved.kurtosis)
+        problems = preparation.problems()
+        return frequency(bare, problems, residual_of(solved, preparation), freedom)
 
     def _held_out(self) -> HeldOut:
         base = self.predict(self.base.solved, self.base.preparation)

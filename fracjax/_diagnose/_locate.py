@@ -37,6 +37,13 @@ def locate(
     return axes
 
 
+def frequency(
+    preparation: Preparation, problems: tuple[Problem, ...], residual: Residual, freedom: float
+) -> Axis:
+    """The axis of frequency alone, as `locate` has it."""
+    return _Places(preparation, problems, residual, freedom).frequency()
+
+
 class _Places:
     """The samples' coordinates, padded like the problems: time, drive, rate, reversals, phase."""
 

@@ -30,7 +30,7 @@ _MEDIAN_SQUARED = 7.3
 _SAME = 2e-3
 _CLEARER = 0.97
 _MUCH_MORE = 2.0
-_STEADY = np.zeros(0), np.zeros(0)
+_NONE = np.zeros(0), np.zeros(0)
 
 
 @dataclass(frozen=True)
@@ -56,10 +56,10 @@ class Noise:
     innovation: float
     effective: float = np.inf
     kurtosis: float = 3.0
-    lines: tuple[np.ndarray, np.ndarray] = (np.zeros(0), np.zeros(0))
+    lines: tuple[np.ndarray, np.ndarray] = _NONE
     shared: float = 1.0
     is_leftover: bool = False
-    course: tuple[np.ndarray, np.ndarray] = _STEADY
+    course: tuple[np.ndarray, np.ndarray] = _NONE
     crest: float = 1.0
 
     def size_at(self, samples: int) -> np.ndarray | None:
@@ -74,6 +74,10 @@ class Noise:
     def doubt(self, kurtosis: float = 3.0) -> float:
         """The relative standard error of the variance, with the heavier of both tails."""
         return float(np.sqrt((max(kurtosis, self.kurtosis) - 1) / self.effective))
+
+    def without_lines(self) -> Noise:
+        """The same noise, with no more in any band than its filter says."""
+        return replace(self, lines=_NONE)
 
     @property
     def whitening(self) -> np.ndarray:
@@ -142,7 +146,7 @@ def _noise(
     lost = taps.size - 1
     whitened = [np.asarray(lfilter(taps, 1.0, s))[lost:] for s in series]
     starts = [s.start + lost for s in stretches]
-    course = _course(whitened, starts, shared) if resolution < sigma else _STEADY
+    course = _course(whitened, starts, shared) if resolution < sigma else _NONE
     if course[0].size:
         whitened = [
             w / np.interp(start + np.arange(w.size), *course)
@@ -185,13 +189,13 @@ def _course(
     order = np.argsort(where, kind="stable")
     pieces = min(_PIECES, white.size // _SHORTEST_PIECE)
     if pieces < 2:
-        return _STEADY
+        return _NONE
     sizes = np.array([_median_size(part) for part in np.array_split(white[order], pieces)])
     centres = np.array([np.mean(part) for part in np.array_split(where[order], pieces)])
     relative = (sizes / np.sqrt(np.mean(sizes**2))) if sizes.all() else np.ones(pieces)
     variance = _MEDIAN_SQUARED * shared * pieces / white.size
     if chi2.sf(np.sum((relative**2 - 1) ** 2) / variance, pieces - 1) > _SURELY_VARYING:
-        return _STEADY
+        return _NONE
     return centres, relative
 
 
@@ -281,6 +285,9 @@ def _from_static(recording: Recording, counts: np.ndarray | None) -> list[_Stret
     for start, stop in recording.static_stretches(_REST_SECONDS):
         begin = start + (stop - start) // 10
         if counts is not None and not np.all(counts[begin:stop]):
+            continue
+        # Where a converter's code never changes, the noise is smaller than its step, not nought.
+        if np.ptp(recording.response[begin:stop]) == 0:
             continue
         left = _without_relaxation(recording.response[begin:stop])
         stretches.append(_Stretch(left, begin, _RELAXATION))

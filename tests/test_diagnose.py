@@ -380,7 +380,8 @@ def known_to(doubt: float) -> Any:
 
 
 def ended_at(cost: float, excess: float = 0.0, doubt: float = 0.1) -> Any:
-    solved = SimpleNamespace(cost=cost, samples=1000, kurtosis=3.0, bic=cost + 7)
+    left = max(1.0, cost / 1000)
+    solved = SimpleNamespace(cost=cost, samples=1000, left=left, kurtosis=3.0, bic=cost + 7)
     return SimpleNamespace(solved=solved, preparation=known_to(doubt), excess=excess)
 
 
@@ -450,7 +451,7 @@ def test_a_stretch_that_the_others_do_not_foretell_is_not_heard():
 def test_an_effect_is_refitted_once_however_it_came_to_be_listed():
     def scored(name: str, z: float) -> Any:
         return SimpleNamespace(
-            effect=EFFECTS[name], z=np.array([z]), log_evidence=z, best=0,
+            effect=EFFECTS[name], z=np.array([z]), height=z, log_evidence=z, best=0,
             directions=np.array([[1.0, 0.0]]),
         )  # fmt: skip
 

@@ -244,7 +244,7 @@ class _Conclusion:
         return Candidate(
             name=score.effect.name,
             site=score.effect.site,
-            score=float(np.abs(score.z[score.best])),
+            score=score.height,
             log_evidence=score.log_evidence,
             detectable_amplitude=score.detectable_amplitude,
             concealment=float(np.clip(score.concealments[score.best], 0.0, 1.0)),

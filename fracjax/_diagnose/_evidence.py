@@ -34,8 +34,7 @@ def spared(solved: Solved, preparation: Preparation, layer: Layer) -> float:
     moved = derivative[:, own] * np.concatenate([np.ravel(size) for size in expected])
     beside = np.nan_to_num(moved - basis @ (basis.T @ moved))
     cost = np.linalg.slogdet(np.eye(own.size) + beside.T @ beside)[1]
-    left = max(1.0, solved.cost / solved.samples)
-    return float(own.size * np.log(solved.samples) - cost) / left
+    return float(own.size * np.log(solved.samples) - cost) / solved.left
 
 
 def _expected(parameter: Parameter) -> np.ndarray:

@@ -119,7 +119,7 @@ def probability_of(winner: Judged, found: Sequence[Judged]) -> float:
 
 def delta_bic(before: Solved, after: Solved) -> float:
     """Evidence in units of what is left unexplained, where that exceeds the noise."""
-    return (before.bic - after.bic) / max(1.0, after.cost / after.samples)
+    return (before.bic - after.bic) / after.left
 
 
 def explained_fraction(base: Stage, solved: Solved) -> float:

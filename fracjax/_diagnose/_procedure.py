@@ -210,16 +210,12 @@ def _shortlist(scores: list[EffectScore], least: float) -> list[EffectScore]:
     promising = [s for s in scores if 2 * float(np.max(s.z**2)) >= least]
     ranked = sorted(promising, key=lambda s: -s.log_evidence)
     # Far from the base a secant may even have the wrong sign: the largest score is tried too.
-    largest = sorted(promising, key=lambda s: -_height(s))[:1]
+    largest = sorted(promising, key=lambda s: -s.height)[:1]
     top = ranked[:_SHORTLIST] + [s for s in largest if s not in ranked[:_SHORTLIST]]
     rest = [s for s in ranked if s not in top]
     alike = [s for s in rest if any(confusability(s, t) > _LIKE for t in top)]
-    near = [s for s in rest if s not in alike and _height(s) > _LIKE * _height(largest[0])]
+    near = [s for s in rest if s not in alike and s.height > _LIKE * largest[0].height]
     return [*top, *alike, *near][:_LONGEST_SHORTLIST]
-
-
-def _height(score: EffectScore) -> float:
-    return float(np.abs(score.z).max())
 
 
 def _judge(

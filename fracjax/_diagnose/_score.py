@@ -78,6 +78,11 @@ class EffectScore:
         return int(np.argmax(np.abs(self.z)))
 
     @property
+    def height(self) -> float:
+        """The largest |z| of all trials."""
+        return float(np.abs(self.z).max())
+
+    @property
     def log_evidence(self) -> float:
         """Linear log Bayes factor for the effect, its amplitude's prior sd the typical one; of an
         effect with one sign only the half of that prior."""
@@ -147,7 +152,7 @@ def family_wise_p(scores: list[EffectScore], freedom: float, seed: int) -> float
     accounted for at once; beyond the simulation's reach Bonferroni's bound.
     """
     directions = np.concatenate([s.directions for s in scores])
-    largest = max(float(np.abs(s.z).max()) for s in scores)
+    largest = max(s.height for s in scores)
     observed = float(norm.isf(student.sf(largest, freedom)))
     values, vectors = np.linalg.eigh(directions @ directions.T)
     root = vectors * np.sqrt(np.maximum(values, 0.0))

@@ -352,7 +352,7 @@ def fit_of(
     """The result, with standard errors, from a solved block."""
     robust = None
     if loss == "least_squares":
-        inflation = max(1.0, float(np.sqrt(solved.cost / solved.samples)))
+        inflation = float(np.sqrt(solved.left))
     else:
         solved, robust, inflation = reweighted(solved, preparation, loss)
     first = preparation.takes[0].recording

@@ -58,6 +58,11 @@ class Solved:
         return float(kurtosis(residual[residual != 0], fisher=False))
 
     @property
+    def left(self) -> float:
+        """χ² per sample where something is left beyond the noise, else 1."""
+        return max(1.0, self.cost / self.samples)
+
+    @property
     def bic(self) -> float:
         """χ² + k ln n, the noise known."""
         return self.cost + self.free * float(np.log(self.samples))

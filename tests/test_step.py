@@ -1,7 +1,6 @@
 """The step of a fit's simulation: halved until it no longer matters beside the noise, or said."""
 
 import jax
-import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -30,7 +29,7 @@ def record(
     fine = several_tones(np.arange((SAMPLES - 1) * FINER + 1) * STEP / FINER)
     block = MODEL.with_values(LAW | law).block
     with jax.enable_x64(True):
-        response = block.respond(jnp.asarray(fine), Grid(np.asarray(STEP / FINER)))
+        response = block.respond(fine, Grid(np.asarray(STEP / FINER)))
     clean = np.asarray(response)[::FINER]
     sigma = noise * float(np.ptp(clean))
     added = sigma * np.random.default_rng(seed).standard_normal(SAMPLES)

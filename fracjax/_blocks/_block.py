@@ -8,6 +8,7 @@ from collections.abc import Sequence
 import equinox as eqx
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.flatten_util import ravel_pytree
 from jax.typing import ArrayLike
@@ -17,7 +18,7 @@ from .._parameters import named_parameters, set_values
 
 _AT_ONCE = 4
 
-Columns = dict[str, Array]
+Columns = dict[str, np.ndarray]
 """Per parameter the derivative (N, size) of a response (N,) with respect to it."""
 
 
@@ -35,23 +36,24 @@ class AbstractBlock(eqx.Module):
     @abc.abstractmethod
     def __call__(self, drive: Array, grid: Grid) -> Array: ...
 
-    def respond(self, drive: Array, grid: Grid) -> Array:
+    def respond(self, drive: np.ndarray, grid: Grid) -> np.ndarray:
         """The response (N,), each law in it compiled on its own.
 
         A law then compiles once and serves every model it is part of: for models that are put
         together while one looks for what is missing, compilation would cost far more than running.
+        Between the laws all is NumPy's, whose smallest operation costs a hundredth of JAX's.
         """
-        return _respond(self, drive, grid)
+        return np.asarray(_respond(self, drive, grid))
 
     def linearise(
-        self, drive: Array, grid: Grid, names: Sequence[str], along: Sequence[Array]
-    ) -> tuple[Array, Columns, list[Array]]:
+        self, drive: np.ndarray, grid: Grid, names: Sequence[str], along: Sequence[np.ndarray]
+    ) -> tuple[np.ndarray, Columns, list[np.ndarray]]:
         """Response (N,), its derivatives with respect to the named parameters, and along each of
         the changes `along` (N,) of the drive; compiled law by law, as in `respond`."""
         if names:
-            columns, response = _columns(self, tuple(names), drive, grid)
+            columns, response = map(np.asarray, _columns(self, tuple(names), drive, grid))
         else:
-            columns, response = jnp.zeros((0, 0)), _respond(self, drive, grid)
+            columns, response = np.zeros((0, 0)), AbstractBlock.respond(self, drive, grid)
         parameters, found, at = named_parameters(self), {}, 0
         for name in names:
             size = jnp.size(parameters[name].value)
@@ -71,22 +73,24 @@ class AbstractBlock(eqx.Module):
 
 
 @eqx.filter_jit
-def _respond(block: AbstractBlock, drive: Array, grid: Grid) -> Array:
+def _respond(block: AbstractBlock, drive: ArrayLike, grid: Grid) -> Array:
     return block(jnp.asarray(drive), grid)
 
 
-def _changes(block: AbstractBlock, drive: Array, along: Sequence[Array], grid: Grid) -> list[Array]:
+def _changes(
+    block: AbstractBlock, drive: np.ndarray, along: Sequence[np.ndarray], grid: Grid
+) -> list[np.ndarray]:
     """The response's changes along each change of the drive."""
     if not along:
         return []
     # In fours, so that few numbers of them are compiled for.
-    nothing = [jnp.zeros_like(drive)] * (-len(along) % _AT_ONCE)
-    passed = _passed(block, drive, jnp.stack([*along, *nothing]), grid)
-    return list(passed[: len(along)])
+    nothing = [np.zeros_like(drive)] * (-len(along) % _AT_ONCE)
+    passed = _passed(block, drive, np.stack([*along, *nothing]), grid)
+    return list(np.asarray(passed)[: len(along)])
 
 
 @eqx.filter_jit
-def _passed(block: AbstractBlock, drive: Array, along: Array, grid: Grid) -> Array:
+def _passed(block: AbstractBlock, drive: ArrayLike, along: np.ndarray, grid: Grid) -> Array:
     """Changes (K, N) of the response along changes (K, N) of the drive."""
     if block.linear:
         return jax.vmap(lambda change: block(change, grid))(along)
@@ -100,32 +104,32 @@ def _passed(block: AbstractBlock, drive: Array, along: Array, grid: Grid) -> Arr
 
 @eqx.filter_jit
 def _columns(
-    block: AbstractBlock, names: tuple[str, ...], drive: Array, grid: Grid
+    block: AbstractBlock, names: tuple[str, ...], drive: ArrayLike, grid: Grid
 ) -> tuple[Array, Array]:
     """Derivatives (N, Σ size) with respect to the named parameters, in order, and the response."""
-    drive, parameters = jnp.asarray(drive), named_parameters(block)
+    u, parameters = jnp.asarray(drive), named_parameters(block)
     values = {name: jnp.asarray(parameters[name].value) for name in names}
     if block.linear:
         flat, unravel = ravel_pytree(list(values.values()))
 
         def response(vector: Array) -> tuple[Array, Array]:
             moved = set_values(block, dict(zip(names, unravel(vector), strict=True)))
-            found = moved(drive, grid)
+            found = moved(u, grid)
             return found, found
 
         return jax.jacfwd(response, has_aux=True)(flat)
 
     def column(name: str) -> Array:
         def respond(value: Array) -> Array:
-            return set_values(block, {name: value})(drive, grid)
+            return set_values(block, {name: value})(u, grid)
 
         value = values[name]
         # A recursion over samples is fastest in plain numbers, one derivative after the other.
         if value.ndim == 0:
             return jax.jvp(respond, (value,), (jnp.ones_like(value),))[1][:, None]
-        return jax.jacfwd(respond)(value).reshape(drive.size, -1)
+        return jax.jacfwd(respond)(value).reshape(u.size, -1)
 
-    return jnp.concatenate([column(name) for name in names], axis=1), block(drive, grid)
+    return jnp.concatenate([column(name) for name in names], axis=1), block(u, grid)
 
 
 def _within(names: Sequence[str], part: str) -> list[str]:
@@ -246,12 +250,12 @@ class Series(AbstractBlock):
     def __call__(self, drive: Array, grid: Grid) -> Array:
         return self.second(self.first(drive, grid), grid)
 
-    def respond(self, drive: Array, grid: Grid) -> Array:
+    def respond(self, drive: np.ndarray, grid: Grid) -> np.ndarray:
         return self.second.respond(self.first.respond(drive, grid), grid)
 
     def linearise(
-        self, drive: Array, grid: Grid, names: Sequence[str], along: Sequence[Array]
-    ) -> tuple[Array, Columns, list[Array]]:
+        self, drive: np.ndarray, grid: Grid, names: Sequence[str], along: Sequence[np.ndarray]
+    ) -> tuple[np.ndarray, Columns, list[np.ndarray]]:
         between, first, changes = self.first.linearise(drive, grid, _within(names, "first"), along)
         moved = [column for columns in first.values() for column in columns.T]
         response, second, changes = self.second.linearise(
@@ -259,7 +263,7 @@ class Series(AbstractBlock):
         )
         passed = iter(changes)
         first = {
-            name: jnp.stack([next(passed) for _ in columns.T], axis=1)
+            name: np.stack([next(passed) for _ in columns.T], axis=1)
             for name, columns in first.items()
         }
         return response, _outside(first, "first") | _outside(second, "second"), list(passed)
@@ -278,12 +282,12 @@ class Parallel(AbstractBlock):
     def __call__(self, drive: Array, grid: Grid) -> Array:
         return self.first(drive, grid) + self.second(drive, grid)
 
-    def respond(self, drive: Array, grid: Grid) -> Array:
+    def respond(self, drive: np.ndarray, grid: Grid) -> np.ndarray:
         return self.first.respond(drive, grid) + self.second.respond(drive, grid)
 
     def linearise(
-        self, drive: Array, grid: Grid, names: Sequence[str], along: Sequence[Array]
-    ) -> tuple[Array, Columns, list[Array]]:
+        self, drive: np.ndarray, grid: Grid, names: Sequence[str], along: Sequence[np.ndarray]
+    ) -> tuple[np.ndarray, Columns, list[np.ndarray]]:
         one, first, changes = self.first.linearise(drive, grid, _within(names, "first"), along)
         other, second, more = self.second.linearise(drive, grid, _within(names, "second"), along)
         columns = _outside(first, "first") | _outside(second, "second")

@@ -6,7 +6,7 @@ from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal
 
-from jax import Array
+import numpy as np
 from jax.typing import ArrayLike
 
 from .._operators import Grid
@@ -79,8 +79,13 @@ class Effect:
         return base >> block
 
     def respond(
-        self, base: AbstractBlock, block: AbstractBlock, drive: Array, response: Array, grid: Grid
-    ) -> Array:
+        self,
+        base: AbstractBlock,
+        block: AbstractBlock,
+        drive: np.ndarray,
+        response: np.ndarray,
+        grid: Grid,
+    ) -> np.ndarray:
         """The response (N,) with this effect, where the base's own response is known."""
         if self.site == "drive":
             return base.respond(block.respond(drive, grid), grid)

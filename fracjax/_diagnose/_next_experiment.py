@@ -17,9 +17,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from itertools import combinations, permutations
 
-import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from scipy.signal import chirp, lfilter, sawtooth
 from scipy.stats import norm
 
@@ -229,11 +227,11 @@ class _Trial:
     def __init__(self, drive: Drive, noise: Noise, oversampling: int):
         self.noise, self.oversampling = noise, oversampling
         self.grid = Grid(np.asarray(drive.step / oversampling), "constant")
-        self.fine = jnp.asarray(refine(drive.values, oversampling, "constant"))
+        self.fine = refine(drive.values, oversampling, "constant")
 
-    def _whitened(self, signals: Array | np.ndarray) -> np.ndarray:
+    def _whitened(self, signals: np.ndarray) -> np.ndarray:
         """Signals (M, …) on the fine grid, at the samples and whitened."""
-        sampled = np.asarray(signals)[:: self.oversampling]
+        sampled = signals[:: self.oversampling]
         return np.asarray(lfilter(self.noise.whitening, 1.0, sampled, axis=0))
 
     def gap(self, rivals: Sequence[AbstractBlock]) -> float:
@@ -248,7 +246,7 @@ class _Trial:
             layout = layout_of(block)
             names = [name for name, _ in layout.shapes + layout.gains]
             response, columns, _ = block.linearise(self.fine, self.grid, names, ())
-            pieces = [np.asarray(columns[name]) for name in names]
+            pieces = [columns[name] for name in names]
             own = np.ones((self.fine.size, 1))
             bases.append(orthonormal(self._whitened(np.concatenate([*pieces, own], axis=1))))
             responses.append(self._whitened(response))

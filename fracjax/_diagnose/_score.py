@@ -17,9 +17,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 
-import jax.numpy as jnp
 import numpy as np
-from jax import Array
 from scipy.special import logsumexp
 from scipy.stats import norm
 from scipy.stats import t as student
@@ -103,16 +101,16 @@ class Scorer:
 
     def __init__(self, base: AbstractBlock, problems: tuple[Problem, ...], residual: Residual):
         self.base, self.problems, self.residual = base, problems, residual
-        self.drives = [jnp.asarray(problem.drive) for problem in problems]
+        self.drives = [np.asarray(problem.drive) for problem in problems]
         grids = [problem.grid for problem in problems]
         self.fine = [base.respond(u, grid) for u, grid in zip(self.drives, grids, strict=True)]
         self.raw, self.whitened = self._sampled(self.fine)
         self.counted = np.concatenate([problem.weights for problem in problems]) > 0
 
-    def _sampled(self, fine: Sequence[Array]) -> tuple[np.ndarray, np.ndarray]:
+    def _sampled(self, fine: Sequence[np.ndarray]) -> tuple[np.ndarray, np.ndarray]:
         """Responses at the recordings' samples (ΣL,), as they are and whitened."""
         pairs = list(zip(fine, self.problems, strict=True))
-        raw = [np.asarray(response)[:: p.oversampling] for response, p in pairs]
+        raw = [response[:: p.oversampling] for response, p in pairs]
         white = [p.whiten(r) for r, p in zip(raw, self.problems, strict=True)]
         return np.concatenate(raw), np.concatenate(white)
 

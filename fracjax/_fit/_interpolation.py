@@ -33,7 +33,7 @@ from scipy.stats import qmc
 from .._blocks import AbstractBlock
 from .._operators import Grid
 from .._operators._convolution_quadrature import circle
-from .._parameters import Parameter, named_parameters, set_values
+from .._parameters import named_parameters, set_values
 from ._chains import transfer
 from ._layout import Layout, layout_of
 
@@ -172,7 +172,7 @@ def shapes_at(block: AbstractBlock, layout: Layout, positions: np.ndarray) -> di
     """Values (K, 1) of the shapes at positions (K, n)."""
     parameters = named_parameters(block)
     return {
-        name: np.asarray(Parameter.from_share(parameters[name], share))[:, None]
+        name: np.asarray(parameters[name].from_share(share))[:, None]
         for (name, _), share in zip(layout.shapes, positions.T, strict=True)
     }
 

@@ -8,7 +8,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._blocks import AbstractBlock, linear_gains
-from .._parameters import Parameter, named_parameters, set_values
+from .._parameters import named_parameters, set_values
 
 
 class Layout(NamedTuple):
@@ -67,7 +67,7 @@ def position_of(block: AbstractBlock) -> np.ndarray:
     one without bounds by its value."""
     parameters = named_parameters(block)
     free = [parameters[name] for name, _ in layout_of(block).shapes]
-    places = [Parameter.to_share(parameter, parameter.value) for parameter in free]
+    places = [parameter.to_share(parameter.value) for parameter in free]
     return np.concatenate([np.ravel(place) for place in places]) if places else np.zeros(0)
 
 
@@ -75,4 +75,4 @@ def placed(block: AbstractBlock, position: Any) -> AbstractBlock:
     """The block with its shapes at a position (n,)."""
     parameters = named_parameters(block)
     shares = split(block, layout_of(block).shapes, position)
-    return set_values(block, {n: Parameter.from_share(parameters[n], s) for n, s in shares.items()})
+    return set_values(block, {n: parameters[n].from_share(s) for n, s in shares.items()})

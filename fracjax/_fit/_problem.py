@@ -73,10 +73,9 @@ class Problem(AbstractProblem):
         self, block: AbstractBlock, names: Sequence[str]
     ) -> tuple[np.ndarray, np.ndarray]:
         """Response (L,) and its derivatives (L, Σ size) with respect to the named parameters."""
-        drive = jnp.asarray(self.drive)
-        response, columns, _ = block.linearise(drive, self.grid, names, ())
-        pieces = [np.asarray(columns[name])[:: self.oversampling] for name in names]
-        response = np.asarray(response)[:: self.oversampling]
+        response, columns, _ = block.linearise(np.asarray(self.drive), self.grid, names, ())
+        pieces = [columns[name][:: self.oversampling] for name in names]
+        response = response[:: self.oversampling]
         return response, np.concatenate([np.zeros((response.size, 0)), *pieces], axis=1)
 
     @property

@@ -6,8 +6,8 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
 
+import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from .._blocks import AbstractBlock
@@ -19,6 +19,7 @@ from ._problem import Problem
 
 FRESH = 4
 _MOST_SIGNALS = 400
+_rate = eqx.filter_jit(rate)
 
 
 class Span(NamedTuple):
@@ -86,7 +87,7 @@ def _kept(asked: _Asked) -> Span | None:
             return None
         signals = first.responses(drive[:, None], grid)[:, 0]
         if chain.rated:
-            signals = signals * np.abs(np.asarray(rate(jnp.asarray(drive), grid)))[:, None]
+            signals = signals * np.abs(np.asarray(_rate(drive, grid)))[:, None]
         second = None
         if chain.after is not None and first.size:
             second = choose(chain.after, signals, grid)

@@ -4,16 +4,18 @@ from typing import Any
 
 import jax.numpy as jnp
 from jax import Array
+from jax.typing import ArrayLike
 
 from ._grid import Grid
 
 
-def rate(signal: Array, grid: Grid) -> Array:
+def rate(signal: ArrayLike, grid: Grid) -> Array:
     """d/dt of a signal (N,) by fourth-order central differences; units: signal / s.
 
     Before the first sample the signal counts as held (`periodic`: as wrapped), after the last one
     as going on by `ahead`.
     """
+    signal = jnp.asarray(signal)
     if grid.history == "periodic":
         padded = jnp.concatenate([signal[-2:], signal, signal[:2]])
     else:

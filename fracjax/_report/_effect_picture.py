@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 
 import jax
-import jax.numpy as jnp
 import matplotlib as mpl
 import numpy as np
 
@@ -34,14 +33,14 @@ def draw_effect(name: str, path: Path) -> None:
     time.  The suffix of the path tells the format, such as .svg or .png."""
     effect, drive = EFFECTS[name], _drive()
     with jax.enable_x64(True):
-        grid, u = Grid(np.asarray(_STEP), "constant"), jnp.asarray(drive)
+        grid = Grid(np.asarray(_STEP), "constant")
         setting = prepare([Recording(drive, 0.1 * drive, _STEP, "V", "um")]).setting
         base = parse_model("foh", setting).block
-        plain = np.asarray(base.respond(u, grid))
+        plain = base.respond(drive, grid)
         plain = plain * (10 / np.ptp(plain))
 
         def changed(trial: AbstractBlock) -> np.ndarray:
-            return np.asarray(effect.respond(base, trial, u, jnp.asarray(plain), grid)) - plain
+            return effect.respond(base, trial, drive, plain, grid) - plain
 
         changes = [changed(trial) for trial in effect.trials(setting)]
     change = max(changes, key=lambda c: float(c.std()))

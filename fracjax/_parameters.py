@@ -31,6 +31,8 @@ class Parameter:
     - `gain`: the model's output is proportional to it, when all that follows it is linear; then it
       is eliminated by variable projection instead of iterated.
     - `fixed`: not fitted.
+    - `per_recording`: it begins anew with every recording, as a phase does: of several that are
+      fitted together each has its own value.
 
     A tree node of its own and no Module: of these every access to an attribute runs through Python,
     and every method is made anew, which were a third of a short fit.
@@ -45,6 +47,7 @@ class Parameter:
     logarithmic: bool
     gain: bool
     fixed: bool
+    per_recording: bool
     bounded: bool
 
     def __init__(
@@ -58,12 +61,14 @@ class Parameter:
         logarithmic: bool = False,
         gain: bool = False,
         fixed: bool = False,
+        per_recording: bool = False,
     ):
         self.value = _array(value)
         self.lower, self.upper = _array(lower), _array(upper)
         low, high = (lower, upper) if plausible is None else plausible
         self.plausible = (_array(low), _array(high))
         self.unit, self.logarithmic, self.gain, self.fixed = unit, logarithmic, gain, fixed
+        self.per_recording = per_recording
         finite = np.isfinite(self.lower), np.isfinite(self.upper)
         self.bounded = bool(np.all(finite))
         if np.any(finite) and not self.bounded:
@@ -89,14 +94,16 @@ class Parameter:
     def tree_flatten(self) -> tuple[tuple[Any, ...], tuple]:
         """The arrays, and what is static."""
         arrays = (self.value, self.lower, self.upper, self.plausible)
-        return arrays, (self.unit, self.logarithmic, self.gain, self.fixed, self.bounded)
+        kind = (self.unit, self.logarithmic, self.gain, self.fixed, self.per_recording)
+        return arrays, (*kind, self.bounded)
 
     @classmethod
     def tree_unflatten(cls, static: tuple, arrays: Iterable[Any]) -> Parameter:
         """The parameter again, of arrays or of whatever a transformation puts in their place."""
         made = object.__new__(cls)
         made.value, made.lower, made.upper, made.plausible = arrays
-        made.unit, made.logarithmic, made.gain, made.fixed, made.bounded = static
+        made.unit, made.logarithmic, made.gain, made.fixed, *others = static
+        made.per_recording, made.bounded = others
         return made
 
     def _scale(self, x: Any) -> Any:

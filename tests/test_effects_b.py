@@ -496,7 +496,7 @@ def scored(name: str, response: np.ndarray, sigma: float) -> EffectScore:
     solved = solve_from([BASE], preparation)
     residual = residual_of(solved, preparation)
     setting, problems = preparation.setting, preparation.problems()
-    return Scorer(solved.block, problems, residual).score(EFFECTS[name], setting)
+    return Scorer(solved.blocks, problems, residual).score(EFFECTS[name], setting)
 
 
 NOISE = np.random.default_rng(8).standard_normal(DRIVE.size)

@@ -67,7 +67,7 @@ def test_numbers_that_the_data_do_not_know_cost_nothing():
     """An inertia far above the drive's band: neither its frequency nor its damping shows."""
     solved, preparation, layer = solved_with("resonance", {"frequency": 5e4}, 0.01)
     hidden = set_values(solved.block, {"second.frequency": 5e4})
-    unknown = Solved(**{**vars(solved), "block": hidden})
+    unknown = Solved(**{**vars(solved), "blocks": (hidden,)})
     left = max(1.0, solved.cost / solved.samples)
     whole = 2 * np.log(SAMPLES) / left
     assert spared(unknown, preparation, layer) == pytest.approx(whole, rel=0.01)

@@ -22,7 +22,7 @@ class MainsInterference(AbstractBlock):
         d(t) = Σ_{k=1}^{5} a_k cos(2πk f t) + b_k sin(2πk f t)
 
     a, b [response], f within 1 % of 50 or 60 Hz.  Lines above half the sampling rate appear
-    aliased, as in the recording.
+    aliased, as in the recording.  Phases and f are each recording's own.
     Source: Ott, Electromagnetic Compatibility Engineering (2009), chapter 3.
     """
 
@@ -31,14 +31,16 @@ class MainsInterference(AbstractBlock):
     frequency: Parameter
 
     def __init__(self, frequency: float):
-        self.cosines = Parameter(np.zeros(_LINES.size), "response", gain=True)
-        self.sines = Parameter(np.zeros(_LINES.size), "response", gain=True)
+        lines = np.zeros(_LINES.size)
+        self.cosines = Parameter(lines, "response", gain=True, per_recording=True)
+        self.sines = Parameter(lines, "response", gain=True, per_recording=True)
         self.frequency = Parameter(
             frequency,
             "Hz",
             lower=0.99 * frequency,
             upper=1.01 * frequency,
             plausible=((1 - _WANDER) * frequency, (1 + _WANDER) * frequency),
+            per_recording=True,
         )
 
     @property

@@ -16,7 +16,8 @@ class ThermalDrift(AbstractBlock):
 
         d(t) = a (1 - exp(-t/τ)) + b t
 
-    a [response], b [response/s], τ [s].  Independent of the drive.
+    a [response], b [response/s], τ [s].  Independent of the drive: how far the frame has warmed
+    when a recording begins is another thing every time, so that a and b are that recording's own.
     Source: Slocum, Precision Machine Design (1992), section 2.3.
     """
 
@@ -25,8 +26,8 @@ class ThermalDrift(AbstractBlock):
     time_constant: Parameter
 
     def __init__(self, time_constant: float, *, longest: float):
-        self.amplitude = Parameter(0.0, "response", gain=True)
-        self.slope = Parameter(0.0, "response/s", gain=True)
+        self.amplitude = Parameter(0.0, "response", gain=True, per_recording=True)
+        self.slope = Parameter(0.0, "response/s", gain=True, per_recording=True)
         self.time_constant = Parameter(
             time_constant,
             "s",

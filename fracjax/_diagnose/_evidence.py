@@ -14,7 +14,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._fit import Preparation, Solved, jacobian, layout_of
+from .._fit import Preparation, Solved, sensitivity_of
 from .._parameters import Parameter
 from ._stage import Layer
 
@@ -24,14 +24,14 @@ _HALF_WIDTH = 1.96
 def spared(solved: Solved, preparation: Preparation, layer: Layer) -> float:
     """How much less than BIC's k ln n the outermost effect's own numbers cost, in units of what is
     left unexplained, where that exceeds the noise."""
-    layout, parameters = layout_of(solved.block), layer.own(solved.block)
-    derivative = jacobian(solved.block, preparation.problems())[1]
-    whose = [name for name, size in layout.shapes + layout.gains for _ in range(size)]
-    own = np.flatnonzero([name in parameters for name in whose])
-    expected = [_expected(p) + np.zeros(p.value.shape) for p in parameters.values()]
+    parameters, known = layer.own(solved.block), sensitivity_of(solved, preparation)
+    derivative = known.whitened
+    own = np.flatnonzero([number.name in parameters for number in known.numbers])
+    expected = {n: np.ravel(_expected(p) + np.zeros(p.value.shape)) for n, p in parameters.items()}
+    sizes = [expected[known.numbers[k].name][known.numbers[k].component] for k in own]
     others = np.delete(derivative, own, axis=1)
     basis = np.linalg.qr(others / (np.linalg.norm(others, axis=0) + 1e-300))[0]
-    moved = derivative[:, own] * np.concatenate([np.ravel(size) for size in expected])
+    moved = derivative[:, own] * sizes
     beside = np.nan_to_num(moved - basis @ (basis.T @ moved))
     cost = np.linalg.slogdet(np.eye(own.size) + beside.T @ beside)[1]
     return float(own.size * np.log(solved.samples) - cost) / solved.left

@@ -2,17 +2,22 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 
-from .._fit import Preparation, Problem, Solved, Take, jacobian, layout_of
+from .._fit import Preparation, Problem, Solved, Take, layout_of, sensitivity_of, solve_from
+from .._parameters import named_parameters
+from .._recording import Recording
 
 _FOLDS, _WILLING = 5, 0.8
 # Of a drive given twice no fold holds the same phase of both times.
 _BLOCKS = 22
 _LEAST_KNOWN = 1e-10
 """Of what is known best: less known than that counts as this."""
+_LEAST_READ = 1e-6
 
 
 @dataclass(frozen=True)
@@ -33,79 +38,144 @@ class Prediction:
 def predict_recording(solved: Solved, preparation: Preparation, take: Take) -> Prediction:
     """The solved block on another recording.
 
-    The recording's baseline displacement is read from its first samples, which are not scored.
+    What only that recording can tell, its offset and the gains that begin anew with it, is read
+    from it: for a fifth of it from the other four.  But for the RMSE the offset is the baseline
+    displacement of its first samples, which are not scored.
     """
     problem = Preparation((take,), preparation.oversampling).problems()[0]
     samples = len(take.recording)
-    error = take.recording.response - np.asarray(problem.simulate(solved.block))[:samples]
-    error = error - error[take.baseline].mean()
-    scored = np.arange(samples) >= take.baseline.stop
-    folds = np.minimum(np.arange(samples) * _FOLDS // samples, _FOLDS - 1)
-    assert take.noise is not None  # given its noise by the caller
-    sigma = take.noise.sigma
-    spread = _spread(solved, preparation, problem)[:samples]
-    spread = (spread - spread[take.baseline].mean(axis=0)) / sigma
-    return _prediction(error[scored], error[scored] / sigma, folds[scored], spread[scored])
+    parameters, layout = named_parameters(solved.block), layout_of(solved.block)
+    anew = [name for name, _ in layout.gains if parameters[name].per_recording]
+    response, columns = problem.linearised(solved.block, anew)
+    error = np.asarray(problem.response) - response
+    spread = _spread(solved, preparation, problem, anew)
+    own = np.concatenate([problem.own, columns], axis=1)
+    folds = np.minimum(np.arange(error.size) * _FOLDS // samples, _FOLDS - 1)
+    counted = np.asarray(problem.weights) > 0
+    counted[: take.baseline.stop] = False
+    white, white_own, white_spread = (problem.whiten(signals) for signals in (error, own, spread))
+    terms, of_spread = np.zeros_like(own), np.zeros_like(white_spread)
+    open_ = np.zeros_like(own)
+    for k in range(_FOLDS):
+        inside, others = folds == k, counted & (folds != k)
+        read = _Read(white_own[others])
+        terms[inside] = read.of(white[others])
+        of_spread[inside] = white_own[inside] @ read.of(white_spread[others])
+        open_[inside] = white_own[inside] @ read.errors
+    error = error - np.sum(own * terms, axis=1)
+    return _prediction(
+        (error - error[take.baseline].mean())[counted],
+        (white - np.sum(white_own * terms, axis=1))[counted],
+        folds[counted],
+        np.concatenate([white_spread - of_spread, open_], axis=1)[counted],
+    )
 
 
-def _spread(solved: Solved, preparation: Preparation, problem: Problem) -> np.ndarray:
-    """What one standard error in each independent direction of the parameters (r) makes of the
-    response (L, r) in another recording."""
-    layout = layout_of(solved.block)
-    names = [name for name, _ in layout.shapes + layout.gains]
+class _Read:
+    """Coefficients (q,) of columns (n, q), by least squares; `errors` (q, r) is what one standard
+    error in each independent direction makes of them."""
+
+    def __init__(self, columns: np.ndarray):
+        scale = np.linalg.norm(columns, axis=0) + 1e-300
+        left, singular, right = np.linalg.svd(columns / scale, full_matrices=False)
+        kept = singular > _LEAST_READ * singular[0]
+        self.basis = left[:, kept]
+        self.errors = (right[kept] / singular[kept, None] / scale).T
+
+    def of(self, signals: np.ndarray) -> np.ndarray:
+        """The coefficients (q, …) of signals (n, …)."""
+        return self.errors @ (self.basis.T @ signals)
+
+
+def _spread(
+    solved: Solved, preparation: Preparation, problem: Problem, anew: Sequence[str]
+) -> np.ndarray:
+    """What one standard error in each independent direction of the parameters (r), but for those
+    that begin anew, makes of the response (L, r) in another recording."""
+    known = sensitivity_of(solved, preparation)
+    # What a recording has for itself is taken over from the first.
+    taken = [
+        k for k, n in enumerate(known.numbers) if n.name not in anew and n.recording in (None, 0)
+    ]
+    names = list(dict.fromkeys(known.numbers[k].name for k in taken))
     derivative = problem.linearised(solved.block, names)[1]
-    known = jacobian(solved.block, preparation.problems())[1]
-    scale = np.linalg.norm(known, axis=0) + 1e-300
-    _, singular, directions = np.linalg.svd(known / scale, full_matrices=False)
-    kept = singular > 1e-6 * singular[0]
-    errors = (directions[kept] / singular[kept, None] / scale).T
-    return derivative @ errors[: derivative.shape[1]]
+    return derivative @ _Read(known.whitened).errors[taken]
 
 
 def predict_stretches(solved: Solved, preparation: Preparation) -> Prediction:
     """Each stretch predicted by a fit that has not seen it.
 
     The refit without a stretch b is taken to first order from the full fit, with J the whitened
-    Jacobian and r the residual: θ_(b) = θ̂ - (JᵀJ - J_bᵀJ_b)⁻¹ J_bᵀ r_b.
+    Jacobian and r the residual: θ_(b) = θ̂ - (JᵀJ - J_bᵀJ_b)⁻¹ J_bᵀ r_b.  Where that moves the
+    response by more than the noise, it is too far for a first order, and the refit is made.
     Stretches are whole periods where the drive has them; five folds of interleaved stretches.
     """
-    problems = preparation.problems()
-    raw, whitened = (np.asarray(a) for a in jacobian(solved.block, problems))
-    lengths = [p.response.shape[0] for p in problems]
-    residual, filtered, used, folds = [], [], [], []
-    for take, problem, simulation in zip(
-        preparation.takes, problems, solved.simulations, strict=True
-    ):
-        samples, length = len(take.recording), problem.response.shape[0]
-        error = np.zeros(length)
-        error[:samples] = take.recording.response - simulation
-        residual.append(error)
-        filtered.append(np.asarray(problem.whiten(error)))
-        used.append(np.asarray(problem.weights) > 0)
-        repeats = take.recording.drive_period()
-        stretch = samples / _BLOCKS
-        if repeats is not None and repeats.period < samples / _FOLDS:
-            stretch = repeats.period * max(1, round(stretch / repeats.period))
-        folds.append((np.arange(length) / stretch).astype(int) % _FOLDS)
-    assert sum(lengths) == raw.shape[0]
-    error, white = np.concatenate(residual), np.concatenate(filtered)
-    counted, fold = np.concatenate(used), np.concatenate(folds)
-
-    scale = np.linalg.norm(whitened, axis=0) + 1e-300
-    derivative, raw = whitened / scale, raw / scale
-    information = derivative.T @ derivative
-    predicted, predicted_white = error.copy(), white.copy()
-    spread = np.zeros_like(derivative)
+    seen = _seen(solved, preparation)
+    folds = [_fold_of_sample(take.recording, size) for take, size in _sizes(preparation)]
+    weights = [np.asarray(problem.weights) > 0 for problem in preparation.problems()]
+    counted, fold = np.concatenate(weights), np.concatenate(folds)
+    predicted, predicted_white = seen.error.copy(), seen.white.copy()
+    spread = np.zeros_like(seen.derivative)
     for k in range(_FOLDS):
         inside = counted & (fold == k)
-        own = derivative[inside]
-        squares, turned = np.linalg.eigh(information - own.T @ own)
-        errors = turned / np.sqrt(np.maximum(squares, _LEAST_KNOWN * squares[-1]))
-        step = errors @ (errors.T @ (own.T @ white[inside]))
-        predicted[inside] += raw[inside] @ step
-        predicted_white[inside] += own @ step
-        spread[inside] = own @ errors
+        errors = _errors_without(seen, inside)
+        step = errors @ (errors.T @ (seen.derivative[inside].T @ seen.white[inside]))
+        moved = seen.derivative[inside] @ step
+        if moved @ moved <= moved.size:
+            predicted[inside] += seen.raw[inside] @ step
+            predicted_white[inside] += moved
+            spread[inside] = seen.derivative[inside] @ errors
+        else:
+            trust = [
+                np.where(f[: len(take.recording)] == k, 0.0, 1.0)
+                for take, f in zip(preparation.takes, folds, strict=True)
+            ]
+            refit = _seen(solve_from([solved.block], preparation.with_trust(trust)), preparation)
+            predicted[inside], predicted_white[inside] = refit.error[inside], refit.white[inside]
+            spread[inside] = refit.derivative[inside] @ _errors_without(refit, inside)
     return _prediction(predicted[counted], predicted_white[counted], fold[counted], spread[counted])
+
+
+class _Seen(NamedTuple):
+    """A fit's errors (ΣL,) and derivative (ΣL, n), as they are and whitened; columns scaled."""
+
+    error: np.ndarray
+    white: np.ndarray
+    raw: np.ndarray
+    derivative: np.ndarray
+
+
+def _seen(solved: Solved, preparation: Preparation) -> _Seen:
+    errors, white = [], []
+    sizes, problems = _sizes(preparation), preparation.problems()
+    for (take, size), problem, simulation in zip(sizes, problems, solved.simulations, strict=True):
+        error = np.zeros(size)
+        error[: len(take.recording)] = take.recording.response - simulation
+        errors.append(error)
+        white.append(problem.whiten(error))
+    _, raw, whitened = sensitivity_of(solved, preparation)
+    scale = np.linalg.norm(whitened, axis=0) + 1e-300
+    return _Seen(np.concatenate(errors), np.concatenate(white), raw / scale, whitened / scale)
+
+
+def _sizes(preparation: Preparation) -> list[tuple[Take, int]]:
+    """Every recording with its length when padded."""
+    sizes = [problem.response.shape[0] for problem in preparation.problems()]
+    return list(zip(preparation.takes, sizes, strict=True))
+
+
+def _fold_of_sample(recording: Recording, size: int) -> np.ndarray:
+    repeats, stretch = recording.drive_period(), len(recording) / _BLOCKS
+    if repeats is not None and repeats.period < len(recording) / _FOLDS:
+        stretch = repeats.period * max(1, round(stretch / repeats.period))
+    return (np.arange(size) / stretch).astype(int) % _FOLDS
+
+
+def _errors_without(seen: _Seen, inside: np.ndarray) -> np.ndarray:
+    """One standard error in each independent direction (n, n), without some of the samples."""
+    own = seen.derivative[inside]
+    squares, turned = np.linalg.eigh(seen.derivative.T @ seen.derivative - own.T @ own)
+    return turned / np.sqrt(np.maximum(squares, _LEAST_KNOWN * squares[-1]))
 
 
 def _prediction(

@@ -164,7 +164,7 @@ def _detect(stage: Stage, seed: int, progress: Progress) -> Detection:
     progress(f"testing what {stage.name} leaves")
     problems = stage.preparation.problems()
     residual = residual_of(stage.solved, stage.preparation)
-    scores = _scored(stage, stage.solved.block, residual)
+    scores = _scored(stage, stage.solved, residual)
     progress("locating the mismatch")
     freedom = freedom_of(stage.preparation, stage.solved.kurtosis)
     axes = locate(stage.preparation, problems, residual, freedom)
@@ -172,9 +172,9 @@ def _detect(stage: Stage, seed: int, progress: Progress) -> Detection:
     return Detection(scores, axes, min(1.0, min(tests) * len(tests)))
 
 
-def _scored(stage: Stage, block: AbstractBlock, residual: Residual) -> list[EffectScore]:
-    """Every effect not yet adopted, scored about a block and what it leaves."""
-    scorer = Scorer(block, stage.preparation.problems(), residual)
+def _scored(stage: Stage, solved: Solved, residual: Residual) -> list[EffectScore]:
+    """Every effect not yet adopted, scored about a fit and what it leaves."""
+    scorer = Scorer(solved.blocks, stage.preparation.problems(), residual)
     setting = stage.preparation.setting
     others = [effect for name, effect in EFFECTS.items() if name not in stage.adopted]
     return [scorer.score(effect, setting) for effect in others]
@@ -193,8 +193,7 @@ def _candidates(
         return listed, blocks
     progress(f"testing what {stage.name} leaves within its usual ranges")
     kept = stage.undisplaced()
-    about = residual_of(kept, stage.preparation)
-    more = _shortlist(_scored(stage, kept.block, about), least)
+    more = _shortlist(_scored(stage, kept, residual_of(kept, stage.preparation)), least)
     values = {name: p.value for name, p in named_parameters(kept.block).items()}
     blocks.append(set_values(stage.solved.block, values))
     together = [*listed[:_SHORTLIST], *more[:_SHORTLIST], *listed[_SHORTLIST:]]
@@ -338,7 +337,7 @@ def _reconsidered(
         if delta_bic(less.solved, stage.solved) < DELTA_BIC:
             stage, rounds = less, others
             continue
-        scores = _scored(less, less.solved.block, residual_of(less.solved, less.preparation))
+        scores = _scored(less, less.solved, residual_of(less.solved, less.preparation))
         halfway = 0.5 * (less.solved.cost + stage.solved.cost)
         found = _judge(base, less, scores, predict, seed, progress, halfway)
         winner = best_of(found)

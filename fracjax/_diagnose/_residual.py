@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._fit import Preparation, Solved, jacobian, orthonormal
+from .._fit import Preparation, Solved, orthonormal, sensitivity_of
 from ._score import Residual
 
 
@@ -18,6 +18,6 @@ def residual_of(solved: Solved, preparation: Preparation) -> Residual:
         error = np.zeros(problem.response.shape[0])
         error[: len(take.recording)] = take.recording.response - simulation
         whitened.append(problem.whiten(error))
-    basis = orthonormal(jacobian(solved.block, problems)[1])
+    basis = orthonormal(sensitivity_of(solved, preparation).whitened)
     residual = np.concatenate(whitened)
     return Residual(residual - basis @ (basis.T @ residual), basis)

@@ -97,13 +97,17 @@ class EffectScore:
 
 
 class Scorer:
-    """The score test of effects on one fitted base, whose own response is computed once."""
+    """The score test of effects on one fitted base, whose own responses are computed once; `bases`
+    are every recording's own."""
 
-    def __init__(self, base: AbstractBlock, problems: tuple[Problem, ...], residual: Residual):
-        self.base, self.problems, self.residual = base, problems, residual
+    def __init__(
+        self, bases: Sequence[AbstractBlock], problems: tuple[Problem, ...], residual: Residual
+    ):
+        self.bases, self.problems, self.residual = bases, problems, residual
         self.drives = [np.asarray(problem.drive) for problem in problems]
-        grids = [problem.grid for problem in problems]
-        self.fine = [base.respond(u, grid) for u, grid in zip(self.drives, grids, strict=True)]
+        self.fine = [
+            base.respond(u, p.grid) for base, u, p in zip(bases, self.drives, problems, strict=True)
+        ]
         self.raw, self.whitened = self._sampled(self.fine)
         self.counted = np.concatenate([problem.weights for problem in problems]) > 0
 
@@ -119,9 +123,9 @@ class Scorer:
         trials = list(effect.trials(setting))
         changed = []
         for trial in trials:
-            parts = zip(self.problems, self.drives, self.fine, strict=True)
+            parts = zip(self.bases, self.problems, self.drives, self.fine, strict=True)
             changed.append(
-                self._sampled([effect.respond(self.base, trial, u, y, p.grid) for p, u, y in parts])
+                self._sampled([effect.respond(b, trial, u, y, p.grid) for b, p, u, y in parts])
             )
         raw, whitened = (np.stack(columns) for columns in zip(*changed, strict=True))
         columns = whitened - self.whitened

@@ -10,6 +10,7 @@ from ._compare import ranked as ranked
 from ._compressed import Compressed as Compressed
 from ._compressed import compress as compress
 from ._conditions import Conditions as Conditions
+from ._conditions import numbers_of as numbers_of
 from ._creep_identification import CreepEstimate as CreepEstimate
 from ._creep_identification import CreepIdentification as CreepIdentification
 from ._creep_identification import ofocim as ofocim
@@ -63,6 +64,7 @@ from ._robust import Loss as Loss
 from ._robust import Robust as Robust
 from ._solve import Progress as Progress
 from ._solve import Solved as Solved
+from ._solve import sensitivity_of as sensitivity_of
 from ._solve import silent as silent
 from ._solve import solve_from as solve_from
 from ._spelling import options_for as options_for

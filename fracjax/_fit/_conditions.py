@@ -10,7 +10,7 @@ itself a column per recording, and a prior (Mφ - mean)/sd one more row of the w
 
 from __future__ import annotations
 
-from collections.abc import Iterator, Mapping, Sequence
+from collections.abc import Collection, Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import NamedTuple
 
@@ -86,6 +86,12 @@ class Numbers:
     def labels(self) -> tuple[str, ...]:
         return tuple(number.label for number in self.shapes + self.gains)
 
+    @property
+    def own(self) -> tuple[str, ...]:
+        """The parameters that every recording has for itself."""
+        each = (n.name for n in self.shapes + self.gains if n.recording is not None)
+        return tuple(dict.fromkeys(each))
+
     def blocks(
         self, block: AbstractBlock, shapes: np.ndarray, gains: np.ndarray
     ) -> tuple[AbstractBlock, ...]:
@@ -141,22 +147,31 @@ def _component(values: object, parameter: Parameter, k: int) -> float:
 
 
 def numbers_of(block: AbstractBlock, recordings: int, conditions: Conditions) -> Numbers:
-    """The numbers that a fit of the block to so many recordings moves."""
-    layout = layout_of(block)
-    shapes, shape_maps = _mapped(layout.shapes, recordings, conditions)
-    gains, gain_maps = _mapped(layout.gains, recordings, conditions)
-    return Numbers(shapes, gains, shape_maps, gain_maps, not conditions.own)
+    """The numbers that a fit of the block to so many recordings moves.
+
+    Of several recordings each has for itself what was asked for, and what begins anew with it.
+    """
+    layout, own = layout_of(block), {*conditions.own}
+    if recordings > 1:
+        parameters = named_parameters(block).items()
+        own |= {name for name, p in parameters if p.per_recording and not p.fixed}
+    shapes, shape_maps = _mapped(layout.shapes, recordings, conditions.ties, own)
+    gains, gain_maps = _mapped(layout.gains, recordings, conditions.ties, own)
+    return Numbers(shapes, gains, shape_maps, gain_maps, not own)
 
 
 def _mapped(
-    sizes: tuple[tuple[str, int], ...], recordings: int, conditions: Conditions
+    sizes: tuple[tuple[str, int], ...],
+    recordings: int,
+    ties: Mapping[str, tuple[str, float]],
+    own: Collection[str],
 ) -> tuple[tuple[Number, ...], tuple[np.ndarray, ...]]:
     places = {(name, k): at for at, (name, k) in enumerate(_components(sizes))}
     numbers = []
     for name, size in sizes:
-        if name in conditions.ties:
+        if name in ties:
             continue
-        whose = range(recordings) if name in conditions.own else (None,)
+        whose = range(recordings) if name in own else (None,)
         for k in range(size):
             label = name if size == 1 else f"{name}[{k}]"
             numbers += [
@@ -167,7 +182,7 @@ def _mapped(
         rows = [(places[number.name, number.component], 1.0)]
         rows += [
             (places[target, number.component], factor)
-            for target, (source, factor) in conditions.ties.items()
+            for target, (source, factor) in ties.items()
             if source == number.name
         ]
         for r in range(recordings) if number.recording is None else (number.recording,):
@@ -189,7 +204,7 @@ def prior_rows(block: AbstractBlock, numbers: Numbers, conditions: Conditions) -
     means, sds = [], []
     for name, prior in conditions.priors.items():
         source = conditions.ties.get(name, (name, 1.0))[0]
-        recordings = len(numbers.shape_maps) if source in conditions.own else 1
+        recordings = len(numbers.shape_maps) if source in numbers.own else 1
         for r in range(recordings):
             for k in range(sizes[name]):
                 of_shapes, of_gains = numbers.shape_maps[r], numbers.gain_maps[r]
@@ -301,4 +316,5 @@ def _within(p: Parameter, low: ArrayLike, high: ArrayLike, gain: bool) -> Parame
         plausible=(plausible[0], plausible[1]),
         logarithmic=p.logarithmic,
         gain=gain,
+        per_recording=p.per_recording,
     )

@@ -21,6 +21,7 @@ from .._recording import InputError, Recording
 from ._asked import Sought
 from ._bounded import bounded, require_jaxopt
 from ._box import Found, dimension, objective, with_bounded_gains, with_bounded_shapes
+from ._conditions import numbers_of
 from ._evolution import DifferentialEvolution
 from ._fit import Fit, fit_of, ready, scores_of, settle_finely
 from ._layout import Layout, layout_of
@@ -133,7 +134,7 @@ def crosscheck(
         block, preparation = ready(
             model, listed, noise=noise, history=history, settling=settling, **asked
         )
-        _require_plain(preparation)
+        _require_plain(block, preparation)
         _require_searchable(model.name, block, population, iterations)
         progress(f"fitting {model.name}")
         first, preparation, _ = settle_finely(
@@ -164,9 +165,11 @@ def crosscheck(
         return _compared(model, ways, layout_of(block), freed, preparation)
 
 
-def _require_plain(preparation: Preparation) -> None:
-    if asked := preparation.conditions:
-        told = {"priors": asked.priors, "tied": asked.ties, "own": asked.own}
+def _require_plain(block: AbstractBlock, preparation: Preparation) -> None:
+    asked = preparation.conditions
+    own = numbers_of(block, len(preparation.takes), asked).own
+    told = {"priors": asked.priors, "tied": asked.ties, "own": own}
+    if any(told.values()):
         raise InputError(
             "crosscheck: expected parameters fixed or bounded at most, found "
             f"{', '.join(name for name, names in told.items() if names)}; the searches know none "

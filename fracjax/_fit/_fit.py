@@ -428,8 +428,9 @@ def fit(
     By name, `fixed` holds parameters at values, `bounds` narrows their range, `priors` says what
     was known of them before, `tied` lets one equal another, `{"second.mu": "first.alpha"}`, or a
     multiple of it, `("first.alpha", 2.0)`; of `own` every recording has its own value, told as
-    `name@1`, `name@2`, ….  `weights` (N,), one array per recording, multiply the squared residuals,
-    `mask` leaves out times [s], ends included.
+    `name@1`, `name@2`, …, as it has of what begins anew with it, such as the mains' phases.
+    `weights` (N,), one array per recording, multiply the squared residuals, `mask` leaves out times
+    [s], ends included.
 
     The simulation's step is halved until that no longer matters beside the noise, or to 16 steps
     per sample; where it still matters then, a warning says so.

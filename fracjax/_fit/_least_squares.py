@@ -69,19 +69,19 @@ def sensitivity(
     blocks: Sequence[AbstractBlock],
     problems: Problems,
     numbers: Numbers,
-) -> np.ndarray:
-    """Derivative (ΣL, numbers + own) of the whitened simulation in the values of a fit's numbers,
-    one block per recording."""
-    columns = []
+) -> tuple[np.ndarray, np.ndarray]:
+    """Derivative (ΣL, numbers + own) of the simulation in the values of a fit's numbers, one block
+    per recording: as it is, and whitened."""
+    own, raw, white = own_columns(problems), [], []
     for r, (block, problem) in enumerate(zip(blocks, problems, strict=True)):
         layout = layout_of(block)
         shapes, gains = ([name for name, _ in part] for part in layout)
         found = problem.linearised(block, shapes + gains)[1]
         count = sum(size for _, size in layout.shapes)
         mapped = found[:, :count] @ numbers.shape_maps[r], found[:, count:] @ numbers.gain_maps[r]
-        columns.append(problem.whiten(np.concatenate(mapped, axis=1)))
-    own = [p.whiten(columns) for p, columns in zip(problems, own_columns(problems), strict=True)]
-    return np.concatenate([np.concatenate(columns), np.concatenate(own)], axis=1)
+        raw.append(np.concatenate([*mapped, own[r]], axis=1))
+        white.append(problem.whiten(raw[-1]))
+    return np.concatenate(raw), np.concatenate(white)
 
 
 class Point(NamedTuple):

@@ -7,11 +7,10 @@ from collections.abc import Sequence
 import numpy as np
 
 from .._blocks import AbstractBlock
-from ._conditions import numbers_of
-from ._least_squares import sensitivity, simulate
+from ._least_squares import simulate
 from ._preparation import Preparation
 from ._problem import Problem
-from ._solve import Progress, Solved, solve_from
+from ._solve import Progress, Solved, sensitivity_of, solve_from
 from ._uncertainty import orthonormal
 
 FINEST, _MOST_SAMPLES = 16, 2**18
@@ -55,8 +54,7 @@ def _halved_until(
     """The coarsest grid, from the one at hand on, whose numerical error is at most the target or
     that cannot be halved; and that error, of the solved blocks as they are."""
     problems = preparation.problems()
-    numbers = numbers_of(solved.block, len(problems), preparation.conditions)
-    basis = orthonormal(sensitivity(solved.blocks, problems, numbers))
+    basis = orthonormal(sensitivity_of(solved, preparation).whitened)
     longest = max(len(take.recording) for take in preparation.takes)
     coarse = _whitened(solved.blocks, problems)
     while True:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -11,8 +12,9 @@ from scipy.stats import kurtosis
 
 from .._blocks import AbstractBlock
 from .._parameters import named_parameters, set_values
+from ._conditions import Number, numbers_of
 from ._layout import layout_of
-from ._least_squares import Objective, begin, descend, simulate
+from ._least_squares import Objective, begin, descend, sensitivity, simulate
 from ._preparation import Preparation
 from ._problem import Problem
 from ._programs import make_room
@@ -66,6 +68,22 @@ class Solved:
     def bic(self) -> float:
         """χ² + k ln n, the noise known."""
         return self.cost + self.free * float(np.log(self.samples))
+
+
+class Sensitivity(NamedTuple):
+    """Derivative (ΣL, numbers + own) of a simulation in a fit's numbers, and whitened."""
+
+    numbers: tuple[Number, ...]
+    raw: np.ndarray
+    whitened: np.ndarray
+
+
+def sensitivity_of(solved: Solved, preparation: Preparation) -> Sensitivity:
+    """What a small change of each number that was fitted makes of the simulations."""
+    problems = preparation.problems()
+    numbers = numbers_of(solved.block, len(problems), preparation.conditions)
+    raw, whitened = sensitivity(solved.blocks, problems, numbers)
+    return Sensitivity(numbers.shapes + numbers.gains, raw, whitened)
 
 
 def starts_of(block: AbstractBlock, count: int, seed: int) -> list[AbstractBlock]:

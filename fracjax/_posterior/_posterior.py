@@ -13,7 +13,7 @@ from jax import Array
 from scipy.signal import lfilter
 
 from .._computing import computing
-from .._fit import Fit
+from .._fit import Fit, numbers_of
 from .._recording import InputError
 from ._discrepancy import discrepancy_of
 from ._doubt import doubt_of
@@ -77,11 +77,12 @@ def sample_posterior(
     Appl. Math. Comput. Sci. 5 (2010) 65.
     """
     asked = fit.preparation.conditions
-    if asked.ties or asked.own:
+    own = numbers_of(fit.model.block, len(fit.preparation.takes), asked).own
+    if asked.ties or own:
         raise InputError.at(
             "posterior",
             "a fit whose parameters are neither tied nor each recording's own",
-            f"{', '.join((*asked.ties, *asked.own))} so fitted",
+            f"{', '.join((*asked.ties, *own))} so fitted",
             "fit without, or fix them",
         )
     noise = MeasuredNoise() if noise_model is None else noise_model

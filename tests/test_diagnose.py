@@ -15,7 +15,7 @@ import fracjax as fj
 from benchmarks.concealed.cases import make_case
 from fracjax._blocks import EFFECTS
 from fracjax._diagnose import _procedure, _refit
-from fracjax._diagnose._held_out import Gain, Prediction, gain, predict_stretches
+from fracjax._diagnose._held_out import Gain
 from fracjax._diagnose._judgement import (
     Judged,
     best_of,
@@ -166,86 +166,6 @@ def test_projection_removes_what_the_fit_can_absorb():
     columns = generator.standard_normal((3, 50))
     assert np.abs(residual.project(columns) @ basis).max() < 1e-12
     assert np.abs(residual.project((basis @ np.ones(4))[None])).max() < 1e-12
-
-
-def test_held_out_stretches_agree_with_refits_of_a_linear_model():
-    generator = np.random.default_rng(5)
-    time = np.arange(2000) * 0.01
-    drive = np.sin(2 * np.pi * 0.7 * time) * (1 + 0.3 * np.sin(2 * np.pi * 0.05 * time))
-    recording = Recording(drive, 3 * drive + 1 + 0.1 * generator.standard_normal(2000), 0.01)
-    fixed = {"alpha": 0.3, "beta": 0.2, "k_h": 0.0, "k_p": 0.0}
-    fit = fj.fit(fj.parse_model("foh"), recording, fixed=fixed)
-    preparation = prepare([recording])
-    solved, preparation = settle(fit.model.block, preparation, history="constant", starts=1, seed=0)
-    prediction = predict_stretches(solved, preparation)
-    design = np.stack([drive, np.ones(2000)], axis=1)
-    fold = (np.arange(2000) / (2000 / 22)).astype(int) % 5
-    counted = np.asarray(preparation.problems()[0].weights)[:2000] > 0
-    errors = np.zeros(2000)
-    for k in range(5):
-        kept = counted & (fold != k)
-        gains = np.linalg.lstsq(design[kept], recording.response[kept], rcond=None)[0]
-        errors[fold == k] = (recording.response - design @ gains)[fold == k]
-    # Only the noise's colour, found from the residual, makes the two differ.
-    noise = preparation.takes[0].noise
-    assert noise is not None
-    gains = np.linalg.lstsq(design, recording.response, rcond=None)[0]
-    seen, unseen = (
-        np.asarray(lfilter(noise.whitening, 1.0, e))[counted]
-        for e in (recording.response - design @ gains, errors)
-    )
-    assert np.std(prediction.whitened - unseen) < 0.3 * np.std(unseen - seen)
-
-
-def test_stretches_are_whole_periods_as_many_as_make_a_twentysecond():
-    times = np.arange(2000) * 0.01
-    drive = np.sin(2 * np.pi * 5 * times)
-    white = np.random.default_rng(9).standard_normal(2000)
-    recording = Recording(drive, 3 * drive + 0.1 * white, 0.01)
-    preparation = prepare([recording], history="constant", settling=0)
-    solved, preparation = settle(
-        fj.parse_model("creep").block, preparation, history="constant", starts=1, seed=0
-    )
-    folds = predict_stretches(solved, preparation).fold_of_sample
-    # 2000 / 22 samples are rather five periods of 20 than four.
-    assert np.array_equal(folds, (np.arange(2000) // 100 % 5)[-folds.size :])
-
-
-def test_folds_that_got_worse_are_counted_by_their_own_errors():
-    fold = np.arange(1000) % 5
-    noise = np.random.default_rng(10).standard_normal(1000)
-    certain = np.zeros((1000, 0))
-    base = Prediction(1.0, (1.0,) * 5, noise, fold, certain)
-    mixed = Prediction(1.0, (1.0,) * 5, np.where(fold == 0, 1.5, 0.5) * noise, fold, certain)
-    found = gain(base, mixed)
-    assert found.improved == pytest.approx(0.8)
-    assert found.fall == pytest.approx(np.sum(noise**2) - np.sum(mixed.whitened**2))
-    assert found.standard_error == pytest.approx(np.linalg.norm(noise))
-
-
-def test_a_fold_without_the_effect_is_no_objection():
-    fold = np.arange(1000) % 5
-    noise = np.random.default_rng(10).standard_normal(1000)
-    certain = np.zeros((1000, 0))
-    base = Prediction(1.0, (1.0,) * 5, 3 * noise, fold, certain)
-    factors = np.array([3.0, 3.1, 1.0, 1.0, 1.0])  # fold 0 untouched, fold 1 a little worse
-    one_worse = Prediction(1.0, (1.0,) * 5, factors[fold] * noise, fold, certain)
-    assert gain(base, one_worse).improved == pytest.approx(0.8)
-    assert gain(base, one_worse).convincing
-
-
-def test_a_gain_within_the_noise_is_not_convincing():
-    generator = np.random.default_rng(6)
-    fold = np.arange(1000) % 5
-    noise = generator.standard_normal(1000)
-    certain = np.zeros((1000, 0))
-    base = Prediction(1.0, (1.0,) * 5, noise, fold, certain)
-    other = Prediction(
-        1.0, (1.0,) * 5, noise + 0.1 * generator.standard_normal(1000), fold, certain
-    )
-    better = Prediction(0.5, (0.5,) * 5, 0.5 * noise, fold, certain)
-    assert not gain(base, other).convincing
-    assert gain(base, better).convincing
 
 
 def test_the_numerical_error_falls_when_the_grid_is_refined():
@@ -417,35 +337,6 @@ def test_a_pattern_is_what_places_still_take_of_what_an_effect_took(excess, left
         Axis("time", "s", np.arange(3.0), np.ones(2), 3.0, (), 0.5, excess=e) for e in (0.0, excess)
     ]
     assert leaves_a_pattern(stage_of(2000), stage_of(1000), axes) == left
-
-
-def test_a_fold_that_the_training_leaves_open_speaks_for_nobody():
-    fold = np.arange(1000) % 5
-    noise = np.random.default_rng(7).standard_normal(1000)
-    open_ = np.where(fold == 0, 3.0, 0.0)[:, None]
-    worse = noise + np.where(fold == 0, 2.0, 0.0)
-    base = Prediction(1.0, (1.0,) * 5, 3 * noise, fold, np.zeros((1000, 0)))
-    base.whitened[fold == 0] = noise[fold == 0]
-    sure = Prediction(1.0, (1.0,) * 5, worse, fold, np.zeros((1000, 0)))
-    unsure = Prediction(1.0, (1.0,) * 5, worse, fold, open_)
-    assert gain(base, sure).improved == pytest.approx(0.8)
-    assert gain(base, unsure).improved == 1.0
-
-
-def test_a_stretch_that_the_others_do_not_foretell_is_not_heard():
-    fold = np.arange(1000) % 5
-    noise = np.random.default_rng(11).standard_normal(1000)
-    spread = np.where(fold == 2, 1e3, 0.0)[:, None]
-    wild = Prediction(9.0, (1.0, 1.0, 1e3, 1.0, 1.0), noise + spread[:, 0], fold, spread)
-    base = Prediction(2.0, (2.0,) * 5, 3 * noise, fold, np.zeros((1000, 0)))
-    found = gain(base, wild)
-    assert found.heard == (True, True, False, True, True)
-    assert found.convincing
-    assert found.extended_rmse == pytest.approx(1.0)
-    assert found.share_of_rmse == pytest.approx(0.5)
-    nothing = gain(base, Prediction(2.0, (2.0,) * 5, 3 * noise, fold, np.ones((1000, 1))))
-    assert not any(nothing.heard)
-    assert not nothing.convincing
 
 
 def test_an_effect_is_refitted_once_however_it_came_to_be_listed():

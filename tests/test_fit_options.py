@@ -1,6 +1,7 @@
 """What a call may ask of a fit: robust losses, weights, masks, priors, ties, own parameters."""
 
 import json
+from dataclasses import replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -9,6 +10,7 @@ from scipy.integrate import quad
 from scipy.optimize import minimize
 
 import fracjax as fj
+from fracjax._blocks.mains_interference import MainsInterference
 from fracjax._fit import LOSSES, options_of
 from fracjax._fit._combinations import combinations_of
 from fracjax._fit._robust import _SHAPES
@@ -314,6 +316,27 @@ def test_own_parameters_are_each_recordings(pair, own, tmp_path):
     found.save(tmp_path / "fit.json")
     assert json.loads((tmp_path / "fit.json").read_text())["own"] == own
     fj.load_model(tmp_path / "fit.json")
+
+
+def test_what_begins_anew_with_a_recording_is_its_own_unasked(pair):
+    """The mains: of two recordings no two phases are alike."""
+    phases, frequency = (0.3, 2.9), 50.03
+    humming = [
+        replace(r, response=r.response + 10 * SIGMA * np.cos(2 * np.pi * frequency * TIMES + phase))
+        for r, phase in zip(pair, phases, strict=True)
+    ]
+    creep = fj.parse_model("creep").block
+    model = fj.Model(creep + MainsInterference(50.0), "creep and the mains")
+    found = fit(humming, model, own=["first.k_c"])
+    assert found.scores.rmse == pytest.approx(SIGMA, rel=0.1)
+    for fitted, phase in zip(found.models, phases, strict=True):
+        lines = {name: np.asarray(p.value) for name, p in fitted.parameters.items()}
+        size = lines["second.cosines"][0] - 1j * lines["second.sines"][0]
+        turned = np.pi * (lines["second.frequency"] - frequency) * TIMES[-1]
+        assert abs(size) == pytest.approx(10 * SIGMA, rel=0.1)
+        assert np.angle(size * np.exp(1j * (turned - phase))) == pytest.approx(0, abs=0.1)
+    with pytest.raises(fj.InputError, match="each recording's own"):
+        fj.sample_posterior(found)
 
 
 def test_a_shared_parameter_draws_on_both(pair):

@@ -16,7 +16,7 @@ _SEARCHES = ("compressed", "crosscheck", *_FITS)
 _FOLDERS = {
     "_operators": ("operators", "definitions", "responses", *_FITS),
     "_fit": _FITS,
-    "_diagnose": ("diagnose", "noise", "stage"),
+    "_diagnose": ("diagnose", "rounds", "noise", "stage"),
 }
 _FILES = {
     "_definitions": ("definitions",),
@@ -47,6 +47,8 @@ _FILES = {
     "_span": _SEARCHES,
     "_spelling": ("fit_options", "cli"),
     "_swarm": ("crosscheck",),
+    "_evidence": ("evidence", "diagnose"),
+    "_held_out": ("held_out", "diagnose"),
     "_locate": ("locate", "diagnose"),
     "_sentence": ("sentence", "diagnose"),
     "_next_experiment": ("next_experiment", "diagnose"),

@@ -1,0 +1,218 @@
+"""Predictions of data that no fit has seen, beside what the noise allows."""
+
+from __future__ import annotations
+
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+from scipy.signal import lfilter
+
+import fracjax as fj
+from fracjax._blocks import EFFECTS
+from fracjax._diagnose._held_out import Prediction, gain, predict_recording, predict_stretches
+from fracjax._fit import Noise, Preparation, Solved, prepare, settle, solve_from, take_of
+from fracjax._parameters import set_values
+
+STEP, SAMPLES = 1e-3, 2000
+TIMES = STEP * np.arange(SAMPLES)
+SIGMA = 0.01
+DRIVE = 50 + 30 * np.sin(2 * np.pi * 3.3 * TIMES) + 12 * np.sin(2 * np.pi * 17.1 * TIMES)
+OTHER = 45 + 25 * np.sin(2 * np.pi * 7.7 * TIMES) + 15 * np.sin(2 * np.pi * 1.3 * TIMES)
+CREEP = fj.parse_model("creep")
+
+
+@pytest.fixture(autouse=True)
+def _doubles():
+    with jax.enable_x64(True):
+        yield
+
+
+def response(drive: np.ndarray) -> np.ndarray:
+    values = {"k_c": 0.1, "mu": 0.01}
+    return np.asarray(fj.simulate(CREEP.with_values(values), drive, STEP, "constant").response)
+
+
+def white(sigma: float = SIGMA) -> Noise:
+    return Noise(sigma, "um", "specification", np.ones(1), sigma)
+
+
+def fitted(
+    block: Any, drive: np.ndarray, clean: np.ndarray, noise: Noise, error: np.ndarray
+) -> tuple[Solved, Preparation]:
+    recording = fj.Recording(drive, clean + error, STEP, "V", "um")
+    preparation = prepare([recording], history="constant", settling=0, noise=noise)
+    return solve_from([block], preparation), preparation
+
+
+def hum(phase: float, size: float) -> np.ndarray:
+    return size * np.cos(2 * np.pi * 50 * TIMES + phase)
+
+
+def test_lines_of_another_phase_and_size_are_read_from_the_recording_that_has_them():
+    generator = np.random.default_rng(1)
+    error = hum(0.3, 0.05) + SIGMA * generator.standard_normal(SAMPLES)
+    layered = EFFECTS["mains_interference"]
+    block = layered.insert(CREEP.block, layered.trials(prepare_alone(DRIVE).setting)[0])
+    block = set_values(block, {"second.frequency": 50.0})
+    base, preparation = fitted(CREEP.block, DRIVE, response(DRIVE), white(), error)
+    extended, _ = fitted(block, DRIVE, response(DRIVE), white(), error)
+    other = response(OTHER) + hum(2.9, 0.08) + SIGMA * generator.standard_normal(SAMPLES)
+    take = take_of(fj.Recording(OTHER, other, STEP, "V", "um"), white(), "constant", 0)
+    before, after = (predict_recording(s, preparation, take) for s in (base, extended))
+    found = gain(before, after)
+    assert found.convincing
+    assert found.extended_rmse == pytest.approx(SIGMA, rel=0.1)
+    assert found.base_rmse > 4 * SIGMA
+
+
+def prepare_alone(drive: np.ndarray) -> Preparation:
+    return prepare([fj.Recording(drive, 0.1 * drive, STEP, "V", "um")], noise=white())
+
+
+def test_the_errors_of_another_recording_are_whitened_and_their_offset_is_known_from_all_of_it():
+    """Under the model that is right, beside AR noise whose first samples say little of its mean."""
+    generator, pole = np.random.default_rng(2), 0.95
+    sigma = SIGMA / np.sqrt(1 - pole**2)
+    noise = Noise(sigma, "um", "specification", np.array([1, -pole]), SIGMA)
+    solved, preparation = fitted(CREEP.block, DRIVE, response(DRIVE), noise, coloured(generator))
+    z = []
+    for _ in range(20):
+        measured = response(OTHER) + 3.0 + coloured(generator)
+        recording = fj.Recording(OTHER, measured, STEP, "V", "um")
+        found = predict_recording(solved, preparation, take_of(recording, noise, "constant", 0))
+        z.append(found.whitened)
+    errors = np.stack(z)
+    assert np.std(errors) == pytest.approx(1, abs=0.02)
+    assert abs(np.mean(errors[:, 1:] * errors[:, :-1])) < 0.02
+
+
+def coloured(generator: np.random.Generator) -> np.ndarray:
+    """AR(1) noise (N,) of innovation sd SIGMA."""
+    long = SIGMA * generator.standard_normal(2 * SAMPLES)
+    return np.asarray(lfilter([1.0], [1.0, -0.95], long))[SAMPLES:]
+
+
+@pytest.mark.parametrize("seed", [1, 4])
+def test_stretches_whose_refit_is_too_far_for_a_first_order_are_predicted_to_the_noise(seed):
+    """A drift as good as straight: without the first samples nothing tells its time constant, and a
+    first-order refit is off by 20 to 10^5 times the noise."""
+    error = SIGMA * np.random.default_rng(seed).standard_normal(SAMPLES)
+    layered = EFFECTS["thermal_drift"]
+    block = layered.insert(CREEP.block, layered.trials(prepare_alone(DRIVE).setting)[0])
+    clean = response(DRIVE) + 0.02 * TIMES
+    base, preparation = fitted(CREEP.block, DRIVE, clean, white(), error)
+    extended, _ = fitted(block, DRIVE, clean, white(), error)
+    before, after = (predict_stretches(s, preparation) for s in (base, extended))
+    assert after.folds == pytest.approx((SIGMA,) * 5, rel=0.15)
+    assert gain(before, after).convincing
+
+
+def test_held_out_stretches_agree_with_refits_of_a_linear_model():
+    generator = np.random.default_rng(5)
+    time = np.arange(2000) * 0.01
+    drive = np.sin(2 * np.pi * 0.7 * time) * (1 + 0.3 * np.sin(2 * np.pi * 0.05 * time))
+    recording = fj.Recording(drive, 3 * drive + 1 + 0.1 * generator.standard_normal(2000), 0.01)
+    fixed = {"alpha": 0.3, "beta": 0.2, "k_h": 0.0, "k_p": 0.0}
+    fit = fj.fit(fj.parse_model("foh"), recording, fixed=fixed)
+    preparation = prepare([recording])
+    solved, preparation = settle(fit.model.block, preparation, history="constant", starts=1, seed=0)
+    prediction = predict_stretches(solved, preparation)
+    design = np.stack([drive, np.ones(2000)], axis=1)
+    fold = (np.arange(2000) / (2000 / 22)).astype(int) % 5
+    counted = np.asarray(preparation.problems()[0].weights)[:2000] > 0
+    errors = np.zeros(2000)
+    for k in range(5):
+        kept = counted & (fold != k)
+        gains = np.linalg.lstsq(design[kept], recording.response[kept], rcond=None)[0]
+        errors[fold == k] = (recording.response - design @ gains)[fold == k]
+    # Only the noise's colour, found from the residual, makes the two differ.
+    noise = preparation.takes[0].noise
+    assert noise is not None
+    gains = np.linalg.lstsq(design, recording.response, rcond=None)[0]
+    seen, unseen = (
+        np.asarray(lfilter(noise.whitening, 1.0, e))[counted]
+        for e in (recording.response - design @ gains, errors)
+    )
+    assert np.std(prediction.whitened - unseen) < 0.3 * np.std(unseen - seen)
+
+
+def test_stretches_are_whole_periods_as_many_as_make_a_twentysecond():
+    times = np.arange(2000) * 0.01
+    drive = np.sin(2 * np.pi * 5 * times)
+    white = np.random.default_rng(9).standard_normal(2000)
+    recording = fj.Recording(drive, 3 * drive + 0.1 * white, 0.01)
+    preparation = prepare([recording], history="constant", settling=0)
+    solved, preparation = settle(
+        fj.parse_model("creep").block, preparation, history="constant", starts=1, seed=0
+    )
+    folds = predict_stretches(solved, preparation).fold_of_sample
+    # 2000 / 22 samples are rather five periods of 20 than four.
+    assert np.array_equal(folds, (np.arange(2000) // 100 % 5)[-folds.size :])
+
+
+def test_folds_that_got_worse_are_counted_by_their_own_errors():
+    fold = np.arange(1000) % 5
+    noise = np.random.default_rng(10).standard_normal(1000)
+    certain = np.zeros((1000, 0))
+    base = Prediction(1.0, (1.0,) * 5, noise, fold, certain)
+    mixed = Prediction(1.0, (1.0,) * 5, np.where(fold == 0, 1.5, 0.5) * noise, fold, certain)
+    found = gain(base, mixed)
+    assert found.improved == pytest.approx(0.8)
+    assert found.fall == pytest.approx(np.sum(noise**2) - np.sum(mixed.whitened**2))
+    assert found.standard_error == pytest.approx(np.linalg.norm(noise))
+
+
+def test_a_fold_without_the_effect_is_no_objection():
+    fold = np.arange(1000) % 5
+    noise = np.random.default_rng(10).standard_normal(1000)
+    certain = np.zeros((1000, 0))
+    base = Prediction(1.0, (1.0,) * 5, 3 * noise, fold, certain)
+    factors = np.array([3.0, 3.1, 1.0, 1.0, 1.0])  # fold 0 untouched, fold 1 a little worse
+    one_worse = Prediction(1.0, (1.0,) * 5, factors[fold] * noise, fold, certain)
+    assert gain(base, one_worse).improved == pytest.approx(0.8)
+    assert gain(base, one_worse).convincing
+
+
+def test_a_gain_within_the_noise_is_not_convincing():
+    generator = np.random.default_rng(6)
+    fold = np.arange(1000) % 5
+    noise = generator.standard_normal(1000)
+    certain = np.zeros((1000, 0))
+    base = Prediction(1.0, (1.0,) * 5, noise, fold, certain)
+    other = Prediction(
+        1.0, (1.0,) * 5, noise + 0.1 * generator.standard_normal(1000), fold, certain
+    )
+    better = Prediction(0.5, (0.5,) * 5, 0.5 * noise, fold, certain)
+    assert not gain(base, other).convincing
+    assert gain(base, better).convincing
+
+
+def test_a_fold_that_the_training_leaves_open_speaks_for_nobody():
+    fold = np.arange(1000) % 5
+    noise = np.random.default_rng(7).standard_normal(1000)
+    open_ = np.where(fold == 0, 3.0, 0.0)[:, None]
+    worse = noise + np.where(fold == 0, 2.0, 0.0)
+    base = Prediction(1.0, (1.0,) * 5, 3 * noise, fold, np.zeros((1000, 0)))
+    base.whitened[fold == 0] = noise[fold == 0]
+    sure = Prediction(1.0, (1.0,) * 5, worse, fold, np.zeros((1000, 0)))
+    unsure = Prediction(1.0, (1.0,) * 5, worse, fold, open_)
+    assert gain(base, sure).improved == pytest.approx(0.8)
+    assert gain(base, unsure).improved == 1.0
+
+
+def test_a_stretch_that_the_others_do_not_foretell_is_not_heard():
+    fold = np.arange(1000) % 5
+    noise = np.random.default_rng(11).standard_normal(1000)
+    spread = np.where(fold == 2, 1e3, 0.0)[:, None]
+    wild = Prediction(9.0, (1.0, 1.0, 1e3, 1.0, 1.0), noise + spread[:, 0], fold, spread)
+    base = Prediction(2.0, (2.0,) * 5, 3 * noise, fold, np.zeros((1000, 0)))
+    found = gain(base, wild)
+    assert found.heard == (True, True, False, True, True)
+    assert found.convincing
+    assert found.extended_rmse == pytest.approx(1.0)
+    assert found.share_of_rmse == pytest.approx(0.5)
+    nothing = gain(base, Prediction(2.0, (2.0,) * 5, 3 * noise, fold, np.ones((1000, 1))))
+    assert not any(nothing.heard)
+    assert not nothing.convincing

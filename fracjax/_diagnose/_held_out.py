@@ -39,18 +39,17 @@ def predict_recording(solved: Solved, preparation: Preparation, take: Take) -> P
     """The solved block on another recording.
 
     What only that recording can tell, its offset and the gains that begin anew with it, is read
-    from it: for a fifth of it from the other four.  But for the RMSE the offset is the baseline
-    displacement of its first samples, which are not scored.
+    from it: for a fifth of it, interleaved stretches, from the other four.  But for the RMSE the
+    offset is the baseline displacement of its first samples, which are not scored.
     """
     problem = Preparation((take,), preparation.oversampling).problems()[0]
-    samples = len(take.recording)
     parameters, layout = named_parameters(solved.block), layout_of(solved.block)
     anew = [name for name, _ in layout.gains if parameters[name].per_recording]
     response, columns = problem.linearised(solved.block, anew)
     error = np.asarray(problem.response) - response
     spread = _spread(solved, preparation, problem, anew)
     own = np.concatenate([problem.own, columns], axis=1)
-    folds = np.minimum(np.arange(error.size) * _FOLDS // samples, _FOLDS - 1)
+    folds = _fold_of_sample(take.recording, error.size)
     counted = np.asarray(problem.weights) > 0
     counted[: take.baseline.stop] = False
     white, white_own, white_spread = (problem.whiten(signals) for signals in (error, own, spread))

@@ -46,7 +46,7 @@ class Noise:
     `is_leftover`: it was read from what a fit left over, so that a better fit tells it better.
     `course`: sample numbers and the noise's size there (n,), of which it is 1 on average; none
     where the noise is as large everywhere as far as can be seen.  `crest`: its rms over what the
-    median of its differences says, 1 for normal noise.
+    median of its differences says, 1 for normal noise, and where it does not vary.
     """
 
     sigma: float
@@ -153,6 +153,8 @@ def _noise(
             for w, start in zip(whitened, starts, strict=True)
         ]
     white = np.concatenate(whitened)
+    # Codes that stay the same for most samples have differences of no size.
+    typical = _median_size(np.diff(white)) if course[0].size else 0.0
     tails = max(float(kurtosis(white, fisher=False)), 3.0)
     # The slowest lines are the ones that the fit took away.
     slow = [1 + (s.taken + 1) // 2 for s in stretches]
@@ -172,7 +174,7 @@ def _noise(
         lines=(frequencies, power),
         shared=shared,
         course=course,
-        crest=float(np.sqrt(np.mean(white**2)) / _median_size(np.diff(white))),
+        crest=float(np.sqrt(np.mean(white**2))) / typical if typical else 1.0,
     )
 
 

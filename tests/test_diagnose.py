@@ -350,7 +350,7 @@ def test_an_effect_is_refitted_once_however_it_came_to_be_listed():
     listed = [scored(name, 20.0 - k) for k, name in enumerate(names)]
     solved = SimpleNamespace(block=fj.parse_model("foh").block)
     stage: Any = SimpleNamespace(
-        displaced=True, name="foh", preparation=None, solved=solved, undisplaced=lambda: solved
+        displaced=True, name="foh", preparation=None, solved=solved, undisplaced=solved
     )
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_procedure, "residual_of", lambda *_: None)

@@ -131,3 +131,29 @@ def test_an_optimum_in_a_flat_valley_does_not_speak_against_an_effect(loss, insi
     found = within_usual_ranges(Refit(attempt.score, given), stage, 10.0)
     kept = named_parameters(found.solved.block)["first.time_constant"]
     assert kept.is_plausible == inside
+
+
+@pytest.mark.parametrize(
+    ("p_value", "displaced", "layers", "hidden"),
+    [(0.5, ["delta"], (), 0.002), (0.5, [], (), 1.0), (0.001, ["delta"], (), 1.0),
+     (0.5, ["delta"], ("creep",), 1.0)],
+)  # fmt: skip
+def test_a_fit_outside_its_usual_ranges_is_also_seen_from_within(
+    p_value, displaced, layers, hidden, monkeypatch
+):
+    """Where it shows nothing, and before an effect is adopted; counted as a second look."""
+    solved = SimpleNamespace(kurtosis=3.0, blocks=())
+    stage: Any = SimpleNamespace(
+        name="lfdh", solved=solved, undisplaced="within", displaced=displaced, layers=layers,
+        preparation=SimpleNamespace(problems=tuple),
+    )  # fmt: skip
+    monkeypatch.setattr(_procedure, "residual_of", lambda *_: None)
+    monkeypatch.setattr(_procedure, "locate", lambda *_: [])
+    monkeypatch.setattr(_procedure, "freedom_of", lambda *_: 100.0)
+    monkeypatch.setattr(_procedure, "_scored", lambda stage, solved, residual: solved)
+    monkeypatch.setattr(
+        _procedure, "family_wise_p", lambda scores, *_: 0.001 if scores == "within" else p_value
+    )
+    found = _procedure._detect(stage, 0, lambda message: None)
+    assert (found.p_value, found.hidden) == (p_value, hidden)
+    assert found.least == min(p_value, hidden)

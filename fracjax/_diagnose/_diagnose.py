@@ -155,7 +155,7 @@ class _Conclusion:
     def diagnosis(self, limits: Limits, progress: Progress) -> Diagnosis:
         """The verdict and everything that supports it."""
         progress("writing the verdict")
-        stage, p_value = self.course.stage, self.course.first.p_value
+        stage, first = self.course.stage, self.course.first
         base_fit = fit_of(self.model, self.base.solved, self.base.preparation)
         extended = None
         if self.rounds:
@@ -179,7 +179,7 @@ class _Conclusion:
             where=where_of(axes, verdict),
             noise=self.noise,
             numerics=self.numerics,
-            p_value=p_value,
+            p_value=first.least if effects else first.p_value,
             held_out=held_out,
             next_experiment=self._next_experiment(verdict, limits, progress),
             warnings=self._warnings(),

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 from .._blocks import AbstractBlock, Effect
 from .._fit import Preparation, Solved, layout_of, solve_from
@@ -88,6 +89,7 @@ class Stage:
             n: self._parameters[n] for n in self._shapes if not self._parameters[n].is_plausible
         }
 
+    @cached_property
     def undisplaced(self) -> Solved:
         """The best fit within the usual ranges of all shapes."""
         kept = {name: self._parameters[name].kept_plausible() for name in self._shapes}

@@ -232,3 +232,12 @@ def test_a_drift_that_two_recordings_have_each_for_itself_is_named():
     for name, true in (("slope@1", 0.1), ("slope@2", -0.05)):
         assert abs(slopes[name].value - true) < 4 * slopes[name].standard_error
     assert found.held_out.extended_rmse == pytest.approx(SIGMA, rel=0.1)
+
+
+def test_a_drive_of_few_periods_is_set_aside_in_as_many_stretches_as_any():
+    drive = 50 + 30 * np.sin(2 * np.pi * 2.5 * TIMES)
+    solved, preparation = fitted(CREEP.block, drive, response(drive), white(), np.zeros(SAMPLES))
+    assert preparation.takes[0].recording.drive_period() is not None
+    folds = predict_stretches(solved, preparation).fold_of_sample
+    # Its period is exactly a fifth of the record.
+    assert np.count_nonzero(np.diff(folds)) == 21

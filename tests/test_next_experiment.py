@@ -8,13 +8,16 @@ import fracjax as fj
 from fracjax._blocks import DriveLag
 from fracjax._blocks.delay import Delay
 from fracjax._diagnose._next_experiment import (
+    Drive,
     Limits,
+    _Trial,
     drives,
     parse_limits,
     propose,
     recorded_limits,
 )
 from fracjax._fit import Noise, prepare
+from fracjax._parameters import set_values
 
 STEP = 1e-3
 TIMES = STEP * np.arange(4000)
@@ -119,3 +122,16 @@ def test_a_lag_and_a_delay_part_on_a_fast_drive():
     rate = np.abs(np.diff(fast.drive.values)).max() / STEP
     assert rate > 10 * np.abs(np.diff(slow.drive.values)).max() / STEP
     assert "choosing the next experiment" in said[0]
+
+
+def test_what_a_drive_would_show_is_told_in_units_of_the_noise():
+    """Of a delay and none: the rms of their difference over the noise's, whatever the grid."""
+    drive = Drive("sine", 50 + 40 * np.sin(2 * np.pi * 5 * TIMES), STEP)
+    sigma, lag = 0.01, 2e-3
+    noise = Noise(sigma, "um", "specification", np.ones(1), sigma)
+    with jax.enable_x64(True):
+        block = Delay(lag, longest=0.1)
+        late, punctual = (set_values(block, {"delay": d}) for d in (lag, 0.0))
+        found = _Trial(drive, noise, 2).gap([late, punctual])
+    wanted = 0.5 * (40 * 2 * np.sin(np.pi * 5 * lag) / sigma) ** 2
+    assert found == pytest.approx(wanted, rel=0.02)

@@ -132,3 +132,13 @@ def test_a_rest_whose_code_never_changes_tells_no_noise():
     assert found is None or found.sigma > 1e-3 * SIGMA
     held = Recording(drive, drive.copy(), STEP, "V", "um")
     assert measured_noise(held) is None
+
+
+def test_a_repeat_recording_tells_the_noise_of_one():
+    drive = staircase()
+    noises = SIGMA * np.random.default_rng(12).standard_normal((2, drive.size))
+    first, second = (recorded(drive, noise) for noise in noises)
+    found = measured_noise(first, second)
+    assert found is not None
+    assert found.method == "repeats"
+    assert found.sigma == pytest.approx(SIGMA, rel=0.05)

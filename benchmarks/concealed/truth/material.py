@@ -66,7 +66,9 @@ def viscoelastic_layer(
     g, c = np.array(arms), 1 / (1 + softness)
     # d = c (softness y - sum f); f' = g d' - f/tau becomes  m f' = g c softness y' - f/tau
     m = np.eye(len(g)) + np.outer(g, np.full(len(g), c))
-    poles, vectors = np.linalg.eig(np.linalg.solve(m, -np.diag(1 / np.array(taus))))
+    # Relaxations do not ring; NumPy from 2.5 on tells real eigenvalues as complex numbers too.
+    found = np.linalg.eig(np.linalg.solve(m, -np.diag(1 / np.array(taus))))
+    poles, vectors = np.real(found.eigenvalues), np.real(found.eigenvectors)
     enter = np.linalg.solve(vectors, np.linalg.solve(m, g * c * softness))
     modes = zip(poles, vectors.sum(axis=0) * enter, strict=True)
     force = sum(w * follow(y, t[1] - t[0], p, of_rate=True) for p, w in modes)

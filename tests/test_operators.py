@@ -227,7 +227,9 @@ def test_gradient_in_the_signal_is_the_difference(order, history):
 def test_jit_is_eager(history):
     for order in (-0.4, 0.0, 0.8):
         eager = derivative(order, jnp.asarray(WALK), Grid(STEP, history))
-        close(operate(order, jnp.asarray(WALK), Grid(STEP, history)), eager, 1e-12)
+        found = operate(order, jnp.asarray(WALK), Grid(STEP, history))
+        # At the end of the record the transform is divided by 1e-5, and so is its rounding.
+        close(found, eager, np.finfo(float).eps / 1e-5)
 
 
 @pytest.mark.parametrize("history", HISTORIES)

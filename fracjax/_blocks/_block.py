@@ -53,7 +53,7 @@ class AbstractBlock(eqx.Module):
         if names:
             columns, response = map(np.asarray, _columns(self, tuple(names), drive, grid))
         else:
-            columns, response = np.zeros((0, 0)), AbstractBlock.respond(self, drive, grid)
+            columns, response = np.zeros((0, 0)), self.respond(drive, grid)
         parameters, found, at = named_parameters(self), {}, 0
         for name in names:
             size = jnp.size(parameters[name].value)

@@ -11,6 +11,7 @@ import numpy as np
 from .._fit import Preparation, Problem, Solved, Take, layout_of, sensitivity_of, solve_from
 from .._parameters import named_parameters
 from .._recording import Recording
+from ._residual import errors_of
 
 _FOLDS, _WILLING = 5, 0.8
 # Of a drive given twice no fold holds the same phase of both times.
@@ -110,8 +111,11 @@ def predict_stretches(solved: Solved, preparation: Preparation) -> Prediction:
     Stretches are whole periods where the drive has them; five folds of interleaved stretches.
     """
     seen = _seen(solved, preparation)
-    folds = [_fold_of_sample(take.recording, size) for take, size in _sizes(preparation)]
     weights = [np.asarray(problem.weights) > 0 for problem in preparation.problems()]
+    folds = [
+        _fold_of_sample(take.recording, w.size)
+        for take, w in zip(preparation.takes, weights, strict=True)
+    ]
     counted, fold = np.concatenate(weights), np.concatenate(folds)
     predicted, predicted_white = seen.error.copy(), seen.white.copy()
     spread = np.zeros_like(seen.derivative)
@@ -145,22 +149,10 @@ class _Seen(NamedTuple):
 
 
 def _seen(solved: Solved, preparation: Preparation) -> _Seen:
-    errors, white = [], []
-    sizes, problems = _sizes(preparation), preparation.problems()
-    for (take, size), problem, simulation in zip(sizes, problems, solved.simulations, strict=True):
-        error = np.zeros(size)
-        error[: len(take.recording)] = take.recording.response - simulation
-        errors.append(error)
-        white.append(problem.whiten(error))
+    error, white = errors_of(solved, preparation)
     _, raw, whitened = sensitivity_of(solved, preparation)
     scale = np.linalg.norm(whitened, axis=0) + 1e-300
-    return _Seen(np.concatenate(errors), np.concatenate(white), raw / scale, whitened / scale)
-
-
-def _sizes(preparation: Preparation) -> list[tuple[Take, int]]:
-    """Every recording with its length when padded."""
-    sizes = [problem.response.shape[0] for problem in preparation.problems()]
-    return list(zip(preparation.takes, sizes, strict=True))
+    return _Seen(error, white, raw / scale, whitened / scale)
 
 
 def _fold_of_sample(recording: Recording, size: int) -> np.ndarray:

@@ -182,10 +182,15 @@ def _detect(stage: Stage, seed: int, progress: Progress) -> Detection:
     found = Detection(scores, axes, min(1.0, min(tests) * len(tests)))
     if found.p_value < SIGNIFICANCE or stage.layers or not stage.displaced:
         return found
+    within = _scored_within(stage, progress)
+    return replace(found, hidden=min(1.0, 2 * family_wise_p(within, freedom, seed)))
+
+
+def _scored_within(stage: Stage, progress: Progress) -> list[EffectScore]:
+    """Every effect not yet adopted, scored about the best fit within the usual ranges."""
     progress(f"testing what {stage.name} leaves within its usual ranges")
     kept = stage.undisplaced
-    scores = _scored(stage, kept, residual_of(kept, stage.preparation))
-    return replace(found, hidden=min(1.0, 2 * family_wise_p(scores, freedom, seed)))
+    return _scored(stage, kept, residual_of(kept, stage.preparation))
 
 
 def _scored(stage: Stage, solved: Solved, residual: Residual) -> list[EffectScore]:
@@ -207,10 +212,8 @@ def _candidates(
     listed, blocks = _shortlist(scores, least), [stage.solved.block]
     if not stage.displaced:
         return listed, blocks
-    progress(f"testing what {stage.name} leaves within its usual ranges")
-    kept = stage.undisplaced
-    more = _shortlist(_scored(stage, kept, residual_of(kept, stage.preparation)), least)
-    values = {name: p.value for name, p in named_parameters(kept.block).items()}
+    more = _shortlist(_scored_within(stage, progress), least)
+    values = {name: p.value for name, p in named_parameters(stage.undisplaced.block).items()}
     blocks.append(set_values(stage.solved.block, values))
     together = [*listed[:_SHORTLIST], *more[:_SHORTLIST], *listed[_SHORTLIST:]]
     return list({score.effect.name: score for score in reversed(together)}.values())[::-1], blocks

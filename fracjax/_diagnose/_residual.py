@@ -8,16 +8,21 @@ from .._fit import Preparation, Solved, orthonormal, sensitivity_of
 from ._score import Residual
 
 
-def residual_of(solved: Solved, preparation: Preparation) -> Residual:
-    """Whitened residual and basis of a solved block."""
-    problems = preparation.problems()
-    whitened = []
+def errors_of(solved: Solved, preparation: Preparation) -> tuple[np.ndarray, np.ndarray]:
+    """What a fit leaves (ΣL,) at the padded recordings' samples, as it is and whitened."""
+    problems, errors = preparation.problems(), []
     for take, problem, simulation in zip(
         preparation.takes, problems, solved.simulations, strict=True
     ):
         error = np.zeros(problem.response.shape[0])
         error[: len(take.recording)] = take.recording.response - simulation
-        whitened.append(problem.whiten(error))
+        errors.append(error)
+    whitened = [problem.whiten(error) for problem, error in zip(problems, errors, strict=True)]
+    return np.concatenate(errors), np.concatenate(whitened)
+
+
+def residual_of(solved: Solved, preparation: Preparation) -> Residual:
+    """Whitened residual and basis of a solved block."""
     basis = orthonormal(sensitivity_of(solved, preparation).whitened)
-    residual = np.concatenate(whitened)
+    residual = errors_of(solved, preparation)[1]
     return Residual(residual - basis @ (basis.T @ residual), basis)

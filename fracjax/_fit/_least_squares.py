@@ -55,14 +55,8 @@ def simulate_all(
 def jacobian(block: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[np.ndarray, np.ndarray]:
     """Derivative (ΣL, shapes + gains + own) of the simulation in physical values: as it is, and
     whitened with left-out samples zero."""
-    layout = layout_of(block)
-    names = [name for name, _ in layout.shapes + layout.gains]
-    raw = [
-        np.concatenate([problem.linearised(block, names)[1], own], axis=1)
-        for problem, own in zip(problems, own_columns(problems), strict=True)
-    ]
-    whitened = [p.whiten(columns) for p, columns in zip(problems, raw, strict=True)]
-    return np.concatenate(raw), np.concatenate(whitened)
+    numbers = numbers_of(block, len(problems), Conditions())
+    return sensitivity([block] * len(problems), problems, numbers)
 
 
 def sensitivity(

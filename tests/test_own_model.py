@@ -108,3 +108,33 @@ def test_a_drive_lag_is_found_on_an_own_law_without_memory(fine):
     assert "drive_lag" in {diagnosis.effects[0].name, *diagnosis.effects[0].confusable_with}
     assert diagnosis.held_out.extended_rmse is not None
     assert diagnosis.held_out.extended_rmse < 0.5 * diagnosis.held_out.base_rmse
+
+
+class Loose(fj.AbstractBlock):
+    """A gain, a curvature, and a number that moves nothing, or next to it: of no source."""
+
+    k: fj.Parameter = fj.Parameter(0.1, "response/drive", gain=True)
+    c: fj.Parameter = fj.Parameter(1e-3, "1/drive", lower=-0.1, upper=0.1)
+    idle: fj.Parameter = fj.Parameter(0.5, lower=0.0, upper=1.0)
+    effect: float = 0.0
+
+    @property
+    def linear(self) -> bool:
+        return False
+
+    def __call__(self, drive: Array, grid: fj.Grid) -> Array:
+        moved = self.c.value * drive + self.effect * self.idle.value
+        return self.k.value * drive * (1 + moved)
+
+
+@pytest.mark.parametrize("effect", [0.0, 1e-160, 1e-308])
+def test_a_number_that_moves_nothing_is_not_identified(fine, effect):
+    drive = fine[1]
+    recording = recorded(0.1 * drive * (1 + 2e-3 * drive), drive)
+    fit = fj.fit(fj.Model(Loose(effect=effect), name="loose"), recording)
+    found = {estimate.name: estimate for estimate in fit.estimates}
+    idle, curvature = found["idle"], found["c"]
+    assert not idle.identified
+    assert idle.standard_error > 1e30
+    assert curvature.identified
+    assert curvature.value == pytest.approx(2e-3, abs=4 * curvature.standard_error)

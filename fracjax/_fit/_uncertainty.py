@@ -18,6 +18,8 @@ from ._noise import autoregression
 
 _CLOSE = 0.995
 _SHARE_OF_RESPONSE = 0.05
+_LEAST_LENGTH = 1e-100
+"""Of a parameter that moves nothing the error is as large as can still be squared."""
 
 
 @dataclass(frozen=True)
@@ -111,7 +113,7 @@ def uncertainty_of(
     nothing = np.zeros((len(priors.means), derivative.shape[1] - len(numbers.labels)))
     rows = np.concatenate([priors.shapes, priors.gains, nothing], axis=1)
     stacked = np.concatenate([derivative, (rows.T / priors.sds).T])
-    lengths = np.linalg.norm(stacked, axis=0) + 1e-300
+    lengths = np.maximum(np.linalg.norm(stacked, axis=0), _LEAST_LENGTH)
     left, singular, right = np.linalg.svd(stacked / lengths, full_matrices=False)
     spread = right.T / np.maximum(singular, 1e-12)
     counted = [np.asarray(p.weights) > 0 for p in problems]

@@ -10,7 +10,7 @@ import jax
 
 from ._blocks import EFFECTS, FOH, LFDH, AbstractBlock, BoucWen, Creep, PEADynamics, Setting
 from ._parameters import Parameter, named_parameters, set_values
-from ._recording import InputError
+from ._recording import InputError, require_kind
 
 
 class Model(eqx.Module):
@@ -104,12 +104,21 @@ ORDINARY = Setting(
 )
 
 
+def understood(given: Model | str, setting: Setting | None = None) -> Model:
+    """A model, or that of a name.  Raises InputError where it is neither."""
+    if isinstance(given, str):
+        return parse_model(given, setting)
+    require_kind(given, Model, "model", 'give one, or its name such as "foh"')
+    return given
+
+
 def parse_model(text: str, setting: Setting | None = None) -> Model:
     """A model from its name, or from names joined by `>>` (series) and `+` (parallel).
 
     `+` binds tighter; parentheses group.  A name alone is a model; in a composition an effect of
     that name comes first, at its typical size for `setting`.  Raises InputError for unknown names.
     """
+    require_kind(text, str, "model", 'give a name such as "foh >> creep"')
 
     def refuse(found: str) -> InputError:
         return InputError(

@@ -4,7 +4,8 @@ import math
 import re
 import threading
 from dataclasses import dataclass, replace
-from typing import NamedTuple, Self
+from numbers import Number
+from typing import Any, NamedTuple, Self
 
 import numpy as np
 import pint
@@ -176,6 +177,21 @@ def parse_quantity(text: str | float, default: str, where: str = "quantity") -> 
 
 
 # Validation -------------------------------------------------------------------------------------
+
+
+def found_in(given: object) -> str:
+    """What was given, in a few words."""
+    if isinstance(given, str):
+        return f'"{given}"'
+    if given is None or isinstance(given, Number):
+        return f"{given}"
+    return f"a {type(given).__name__}"
+
+
+def require_kind(given: Any, kind: type, where: str, remedy: str) -> None:
+    """Raise `InputError` where something is not of its kind."""
+    if not isinstance(given, kind):
+        raise InputError.at(where, f"a {kind.__name__}", found_in(given), remedy)
 
 
 def require_samples(count: int, where: str) -> None:

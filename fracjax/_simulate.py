@@ -9,7 +9,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 
-from ._models import Model
+from ._models import Model, understood
 from ._operators import Grid, refine
 from ._operators._grid import HISTORIES, History
 from ._recording import InputError
@@ -29,14 +29,15 @@ class Simulation(NamedTuple):
 
 
 def simulate(
-    model: Model, drive: np.ndarray, step: float, history: History = "constant"
+    model: Model | str, drive: np.ndarray, step: float, history: History = "constant"
 ) -> Simulation:
-    """The model's response (N,) to a drive (N,) sampled every `step` [s].
+    """The response (N,) of a model, or that of a name, to a drive (N,) sampled every `step` [s].
 
     The grid is refined until halving it changes the response by less than 1e-4 of its span, or to
     32 steps per sample.  Units: the response's, as the model was fitted or written.
     Raises InputError for a drive that is no finite real channel, or an unknown history.
     """
+    model = understood(model)
     drive = np.asarray(drive)
     if drive.ndim != 1 or drive.size < 5 or drive.dtype.kind not in "iuf":
         raise InputError.at(

@@ -132,7 +132,7 @@ def written() -> set[str]:
         ("fit LOOP --model creep --out results --fix nu=1", '"nu": expected one of k_c, mu'),
         ("fit LOOP --model creep --out results --mask 8s..9s", "expected times within 0 to 3.99"),
         ("fit LOOP --model foh --out results --input 7", 'expected a column "7"'),
-        ("diagnose LOOP --model foh --out results --noise -1um", "expected a level above 0"),
+        ("diagnose LOOP --model foh --out results --noise -1um", "noise: expected a number above 0, in um"),
         ("diagnose LOOP --model foh --out results --noise 1V", "expected a value in um"),
         ("diagnose LOOP --model foh --out results --holdout x.csv", "x.csv: expected a file"),
         ("simulate LOOP --out s.csv", "Give either --model or --fit"),
@@ -375,7 +375,7 @@ def test_diagnose(loop, quick, capsys):
     options = ["--holdout", loop, "--repeat", loop, "--noise", "70 nm", "--settle", "0"]
     assert run(["diagnose", loop, "--model", "foh", "--out", "results", *options]) == 0
     (told,) = quick
-    assert told["noise"] == pytest.approx(0.07)
+    assert told["noise"] == "70 nm"
     assert told["settling"] == 0
     assert told["history"] is None
     assert told["holdout"].source == told["repeat"].source == loop

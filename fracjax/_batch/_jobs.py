@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from .._io import SUFFIXES, read
-from .._recording import InputError, Recording
+from .._recording import InputError, Recording, found_in
 
 Given = Recording | str | PathLike[str]
 
@@ -80,13 +80,17 @@ def jobs_of(given: Given | Iterable[Given], own: Path) -> dict[str, Job]:
 
     **Raises:** `InputError` where a folder or pattern, or all of it, leads to no file.
     """
-    listed = [given] if isinstance(given, Recording | str | PathLike) else list(given)
+    listed = list(given) if isinstance(given, Iterable) and not isinstance(given, str) else [given]
     found: list[Job] = []
     for one in listed:
         if isinstance(one, Recording):
             found.append(Held(one))
-        else:
+        elif isinstance(one, str | PathLike):
             found += map(File, _files(fspath(one), own.resolve()))
+        else:
+            raise InputError.at(
+                "recordings", "Recordings, files, folders or patterns", found_in(one), "give these"
+            )
     if not found:
         raise InputError("recordings: expected at least one, found none; give a file or a folder.")
     return {job.key: job for job in found}

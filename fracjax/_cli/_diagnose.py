@@ -45,26 +45,14 @@ def diagnose_command(
     Writes diagnosis.json, report.html and fit.json, the model with what was found; and
     next_experiment.csv, the drive that would tell look-alikes apart, where there are any.
     """
-    from .._diagnose import parse_limits
-
     taken, (model,) = given.understood(recordings, [name])
     wishes: dict[str, Any] = {
         "holdout": holdout and given.read(holdout),
         "repeat": repeat and given.read(repeat),
-        "noise": noise and _specification(noise, taken[0].response_unit),
-        "limits": limits and parse_limits(limits, taken),
+        "noise": noise,
+        "limits": limits,
     }
     how = given.how(taken)
     with folder(out), stages(results.quiet) as progress:
         diagnosis = diagnosed(model, taken, out, results, progress, **wishes, **how)
     return concluded(diagnosis, out, results)
-
-
-def _specification(noise: str, unit: str) -> float:
-    """The sensor's noise in the response's unit."""
-    from .._recording import InputError, parse_quantity
-
-    sigma = parse_quantity(noise, unit, "--noise")
-    if sigma <= 0:
-        raise InputError.at("--noise", "a level above 0", f'"{noise}"', "give the rms noise")
-    return sigma

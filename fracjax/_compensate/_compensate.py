@@ -14,11 +14,11 @@ from jax import Array
 from .._blocks import AbstractBlock, QuasiStaticForce
 from .._computing import computing
 from .._fit import Progress, layout_of, silent, split
-from .._models import Model
+from .._models import Model, understood
 from .._operators import interpolate
 from .._operators._grid import HISTORIES, History
 from .._parameters import set_values
-from .._recording import InputError, Recording, unit
+from .._recording import InputError, Recording, require_kind, unit
 from ._bounded import Bounds, best_within
 from ._inverse import inverse_of, without_disturbances
 from ._plant import Plant
@@ -32,7 +32,7 @@ _SMOOTH = ("akima", "cubic")
 
 
 def compensate(
-    model: Model,
+    model: Model | str,
     trajectory: Trajectory,
     *,
     limits: tuple[float, float] | None = None,
@@ -67,6 +67,8 @@ def compensate(
     **Raises:** `InputError` for limits out of order, an unknown history or unit, draws that lack a
     parameter, or a model that does not respond to its drive.
     """
+    model = understood(model)
+    require_kind(trajectory, Trajectory, "trajectory", "make one: Trajectory(response, dt, unit)")
     bounds = _bounds(limits, slew, trajectory.dt)
     if not 0 <= regularisation < np.inf:
         raise _refusal("regularisation", "a time of 0 s or more", f"{regularisation}")

@@ -28,6 +28,15 @@ from .._fit import (
     take_of,
     too_coarse,
 )
+from .._fit._border import (
+    model_of,
+    past_of,
+    recording_of,
+    recordings_of,
+    settling_of,
+    sigma_of,
+    whole,
+)
 from .._models import Model
 from .._recording import Recording, require_units_of
 from ._codes import seen_in_codes
@@ -46,7 +55,7 @@ from ._judgement import (
     rivals_of,
 )
 from ._locate import frequency
-from ._next_experiment import Limits, propose, recorded_limits
+from ._next_experiment import Limits, parse_limits, propose, recorded_limits
 from ._procedure import Course, Round, run, with_noise_beyond_mismatch
 from ._residual import residual_of
 from ._result import (
@@ -69,32 +78,46 @@ _MOST_RIVALS = 4
 
 
 def diagnose(
-    model: Model,
+    model: Model | str,
     recordings: Recording | Sequence[Recording],
     *,
     holdout: Recording | None = None,
     repeat: Recording | None = None,
-    noise: float | None = None,
+    noise: float | str | None = None,
     history: Past | None = None,
     settling: int | None = None,
-    limits: Limits | None = None,
+    limits: Limits | str | None = None,
     seed: int = 0,
     progress: Progress = silent,
 ) -> Diagnosis:
-    """Say whether, where and why a model and recordings differ beyond noise.
+    """Say whether, where and why a model, or that of a name, and recordings differ beyond noise.
 
     `holdout` is a recording that no fit sees; without one, stretches are set aside in turn.
     `repeat` holds the drive a second time, for the noise floor; `noise` is the sensor's
-    specification [response unit, rms], used where neither repeats nor rests show the noise.
-    `limits` of the drive bound the next experiment; without them the range that was recorded and
-    ten times its fastest change do.
+    specification, rms, a number in the response's unit or a text such as "0.07 um", used where
+    neither repeats nor rests show the noise.
+    `limits` of the drive, "0..100 V, 50 V/ms", bound the next experiment; without them the range
+    that was recorded and ten times its fastest change do.
     Raises InputError where the recordings do not fit together.
     """
-    listed = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    listed = recordings_of(recordings)
+    model = model_of(model, listed)
+    for other, where in ((holdout, "holdout"), (repeat, "repeat")):
+        if other is not None:
+            recording_of(other, where)
+    if isinstance(limits, str):
+        limits = parse_limits(limits, listed)
+    past_of(history)
+    seed = whole(seed, "seed", 0)
+    specification = sigma_of(noise, listed[0].response_unit)
     with computing():
         progress("reading the noise floor")
         preparation = prepare(
-            listed, repeat=repeat, specification=noise, history=history, settling=settling
+            listed,
+            repeat=repeat,
+            specification=specification,
+            history=history,
+            settling=settling_of(settling, listed),
         )
         progress(f"fitting {model.name} from {_STARTS} starts")
         solved, preparation = settle(
@@ -290,11 +313,11 @@ class _Conclusion:
             return HeldOut(method, base.rmse, None, base.folds, (), source)
         extended = self.predict(stage.solved, stage.preparation)
         found = gain(base, extended)
-        if take is not None or not any(found.heard):
+        if take is not None or not any(found.foretold):
             return HeldOut(method, base.rmse, extended.rmse, base.folds, extended.folds, source)
         # A stretch that the others do not foretell says nothing of either model.
         before, after = (
-            tuple(itertools.compress(prediction.folds, found.heard))
+            tuple(itertools.compress(prediction.folds, found.foretold))
             for prediction in (base, extended)
         )
         return HeldOut(method, found.base_rmse, found.extended_rmse, before, after, source)

@@ -93,7 +93,7 @@ class Comparison:
 
 
 def compare(
-    models: Sequence[Model],
+    models: Sequence[Model | str],
     recordings: Recording | Sequence[Recording],
     *,
     holdout: Recording | Sequence[Recording] | None = None,

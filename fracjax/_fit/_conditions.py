@@ -19,7 +19,7 @@ from jax.typing import ArrayLike
 
 from .._blocks import AbstractBlock, linear_gains
 from .._parameters import Parameter, named_parameters, replace_parameters, set_values
-from .._recording import InputError
+from .._recording import InputError, require_kind
 from ._layout import layout_of, split
 from ._normal import Normal
 
@@ -264,6 +264,7 @@ def conditions_of(
                 "two of like size", "others", "tie others",
             )  # fmt: skip
     for name, prior in priors.items():
+        require_kind(prior, Normal, f'prior of "{name}"', "write Normal(mean, sd)")
         size = max(prior.mean.size, prior.sd.size)
         fits = size in (1, parameters[name].value.size)
         if not (fits and np.all(np.isfinite(prior.mean)) and np.all(prior.sd > 0)):

@@ -19,6 +19,7 @@ from .._models import Model
 from .._parameters import named_parameters
 from .._recording import InputError, Recording
 from ._asked import Sought
+from ._border import model_of, recordings_of, whole
 from ._bounded import bounded, require_jaxopt
 from ._box import Found, dimension, objective, with_bounded_gains, with_bounded_shapes
 from ._conditions import numbers_of
@@ -105,10 +106,10 @@ class Crosscheck:
 
 
 def crosscheck(
-    model: Model,
+    model: Model | str,
     recordings: Recording | Sequence[Recording],
     *,
-    noise: Noise | None = None,
+    noise: Noise | float | str | None = None,
     history: Past | None = None,
     settling: int | None = None,
     starts: int = 8,
@@ -128,7 +129,11 @@ def crosscheck(
     and mask.  Errors are in the response's unit.  Raises InputError for others, where jaxopt is not
     installed, and as `fit` does.
     """
-    listed = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    listed = recordings_of(recordings)
+    model = model_of(model, listed)
+    starts, seed = whole(starts, "starts", 1), whole(seed, "seed", 0)
+    whole(population, "population", 1)
+    whole(iterations, "iterations", 1)
     require_jaxopt()  # before minutes are spent
     with computing():
         block, preparation = ready(

@@ -15,6 +15,7 @@ from .._computing import computing
 from .._models import Model, parse_model
 from .._recording import InputError, Recording, require_units_of
 from ._asked import Asked, OfParameters, conditioned
+from ._border import model_of, past_of, recordings_of, settling_of, sigma_of, whole
 from ._combinations import Combination
 from ._conditions import PLAIN, Conditions
 from ._noise import Noise, cleared, measured_noise, residual_noise
@@ -385,7 +386,7 @@ def ready(
     model: Model,
     recordings: Sequence[Recording],
     *,
-    noise: Noise | None = None,
+    noise: Noise | float | str | None = None,
     history: Past | None = None,
     settling: int | None = None,
     weights: Weights = None,
@@ -394,11 +395,17 @@ def ready(
 ) -> tuple[AbstractBlock, Preparation]:
     """The block and the recordings as a call asks for them.  Raises InputError."""
     block, conditions = conditioned(model, **asked)
+    known, specification = None, None
+    if isinstance(noise, Noise):
+        known = noise
+    else:
+        specification = sigma_of(noise, recordings[0].response_unit)
     return block, prepare(
         recordings,
-        noise=noise,
-        history=history,
-        settling=settling,
+        noise=known,
+        specification=specification,
+        history=past_of(history),
+        settling=settling_of(settling, recordings),
         weights=weights,
         mask=mask,
         conditions=conditions,
@@ -406,10 +413,10 @@ def ready(
 
 
 def fit(
-    model: Model,
+    model: Model | str,
     recordings: Recording | Sequence[Recording],
     *,
-    noise: Noise | None = None,
+    noise: Noise | float | str | None = None,
     settling: int | None = None,
     history: Past | None = None,
     loss: Loss = "least_squares",
@@ -420,7 +427,9 @@ def fit(
 ) -> Fit:
     """Fit a model to one recording, or to several with shared parameters and own offsets.
 
-    Least squares, whitened by the noise's own colour, gains eliminated, from `starts` points.
+    Least squares, whitened by the noise's own colour, gains eliminated, from `starts` points.  A
+    model is also given by its name, "foh >> creep".  `noise`: the sensor's, as specified, such as
+    "0.07 um", used where neither repeats nor rests show it; or a Noise, used as it is.
     `history` and `settling` [samples] are decided from the data where not given; the history
     "estimated" fits what the drive before the first sample still adds.  `loss`: "huber", "soft_l1"
     or "student_t" let outliers weigh less.
@@ -434,10 +443,13 @@ def fit(
 
     The simulation's step is halved until that no longer matters beside the noise, or to 16 steps
     per sample; where it still matters then, a warning says so.
-    Raises InputError where names are unknown.  A fit that did not converge says so in `converged`.
+    Raises InputError where names are unknown, and for what does not fit together.  A fit that did
+    not converge says so in `converged`.
     """
-    listed = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    listed = recordings_of(recordings)
+    model = model_of(model, listed)
     shape_of(loss)
+    starts, seed = whole(starts, "starts", 1), whole(seed, "seed", 0)
     with computing():
         progress(f"fitting {model.name}")
         block, preparation = ready(

@@ -26,10 +26,11 @@ from jax.flatten_util import ravel_pytree
 
 from .._blocks import AbstractBlock, AbstractLinearBlock
 from .._computing import computing
-from .._models import Model
+from .._models import Model, understood
 from .._parameters import named_parameters, set_values
-from .._recording import InputError
+from .._recording import InputError, require_kind
 from ._asked import OfModel, conditioned
+from ._border import whole
 from ._combinations import Combination
 from ._conditions import Conditions
 from ._fit import SCHEMA
@@ -154,7 +155,7 @@ class FrequencyFit:
 
 
 def fit_frequency_response(
-    model: Model,
+    model: Model | str,
     table: FrequencyTable,
     *,
     starts: int = 16,
@@ -168,6 +169,9 @@ def fit_frequency_response(
     `asked` of the model is as in `fit`.  Raises InputError for a model that has no transfer
     function, for unknown names, and for fewer numbers in the table than the model has parameters.
     """
+    model = understood(model)
+    require_kind(table, FrequencyTable, "table", "make one by frequency_table(...)")
+    starts, seed = whole(starts, "starts", 1), whole(seed, "seed", 0)
     with computing():
         progress(f"fitting {model.name}")
         if not isinstance(model.block, AbstractLinearBlock):

@@ -18,7 +18,7 @@ from scipy.stats import norm
 from .._blocks import AbstractBlock
 from .._computing import computing
 from .._parameters import Parameter, named_parameters, replace_parameters
-from .._recording import InputError
+from .._recording import InputError, require_kind
 from ._conditions import Conditions
 from ._fit import Fit
 from ._preparation import Preparation
@@ -100,6 +100,7 @@ def profile(fit: Fit, name: str) -> Profile:
     Its values are in the parameter's unit.  Of a robust loss the weights are held.  Raises
     InputError where the name is none of the fit's single numbers that all recordings share.
     """
+    require_kind(fit, Fit, "fit", "fit a model first")
     labels = [estimate.name for estimate in fit.estimates]
     parameters = named_parameters(fit.model.block)
     if name not in labels or name not in parameters:

@@ -21,6 +21,7 @@ import numpy as np
 from scipy.stats import chi2, kurtosis, levene, normaltest, skew
 
 from .._computing import computing
+from .._recording import require_kind
 from ._fit import Fit
 
 SCHEMA = "fracjax.residuals/1"
@@ -113,6 +114,7 @@ def analyse_residuals(fit: Fit) -> tuple[ResidualAnalysis, ...]:
 
     They see the residual whitened by the noise, dimensionless: 1 is one standard deviation.
     """
+    require_kind(fit, Fit, "fit", "fit a model first")
     with computing():
         problems = fit.preparation.problems()
         found = []

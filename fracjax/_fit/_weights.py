@@ -3,11 +3,12 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._recording import MINIMUM_SAMPLES, InputError, Recording
+from .._recording import MINIMUM_SAMPLES, InputError, Recording, found_in
 
 Weights = ArrayLike | Sequence[ArrayLike] | None
 Mask = Sequence[tuple[float, float]]
@@ -45,7 +46,7 @@ def weights_of(
                 f"shape {values.shape}" if values.shape != (len(recording),) else "others",
                 "correct them",
             )
-        for start, stop in mask:
+        for start, stop in map(_times, mask):
             slack = 1e-6 * recording.dt  # for the rounding of k·dt
             inside = (recording.times >= start - slack) & (recording.times <= stop + slack)
             if not start <= stop or not inside.any():
@@ -65,3 +66,13 @@ def weights_of(
             )
         found.append(values)
     return found
+
+
+def _times(given: Any) -> tuple[float, float]:
+    try:
+        start, stop = map(float, given)
+    except (TypeError, ValueError):
+        raise InputError.at(
+            "mask", "pairs of times [s]", found_in(given), "write [(3.0, 4.0), ...]"
+        ) from None
+    return start, stop

@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 
 from .._computing import computing
 from .._fit import Fit, numbers_of
-from .._recording import InputError
+from .._recording import InputError, require_kind
 from ._discrepancy import discrepancy_of
 from ._doubt import doubt_of
 from ._laplace import Laplace
@@ -76,6 +76,7 @@ def sample_posterior(
     Source: Foreman-Mackey et al., Publ. Astron. Soc. Pac. 125 (2013) 306; Goodman & Weare, Commun.
     Appl. Math. Comput. Sci. 5 (2010) 65.
     """
+    require_kind(fit, Fit, "posterior", "fit the model first: sample_posterior(fit(...))")
     asked = fit.preparation.conditions
     own = numbers_of(fit.model.block, len(fit.preparation.takes), asked).own
     if asked.ties or own:

@@ -16,6 +16,7 @@ from .._compensate import Compensation
 from .._diagnose import Candidate, Diagnosis
 from .._fit import Comparison, Crosscheck, Fit, FrequencyFit, analyse_residuals
 from .._posterior import Posterior
+from .._recording import InputError, found_in
 from . import _figures, _fit_figures
 from ._compensation_page import of_compensation
 from ._posterior_page import of_posterior
@@ -75,8 +76,11 @@ def write_report(result: Reported, path: str | Path) -> None:
     elif isinstance(result, Fit):
         content = _of_fits([result])
     else:
-        tables = [fit for fit in result if isinstance(fit, FrequencyFit)]
-        recordings = [fit for fit in result if isinstance(fit, Fit)]
+        listed = result if isinstance(result, Sequence) else []
+        tables = [fit for fit in listed if isinstance(fit, FrequencyFit)]
+        recordings = [fit for fit in listed if isinstance(fit, Fit)]
+        if not (tables or recordings):
+            raise InputError.at("report", "a result of fracjax", found_in(result), "give one")
         content = _of_frequency_fits(tables) if tables else _of_fits(recordings)
     page = _environment().get_template(template).render(content)
     Path(path).write_text(page, encoding="utf-8")

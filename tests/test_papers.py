@@ -430,6 +430,26 @@ def test_bouc_wen_saturates_after_a_jump():
         np.testing.assert_allclose(state, [0, 1, -1, 1], rtol=0, atol=1e-3)
 
 
+@pytest.mark.parametrize(
+    ("rho", "sigma", "n"), [(64, 12, 2.4), (300, 2, 1.0), (63.648, 11.74, 2.416)]
+)
+def test_bouc_wen_that_turns_within_a_sample_has_finite_derivatives(rho, sigma, n):
+    """Runge–Kutta steps far beyond their stability let them grow to 1e300, and a fit failed."""
+    times = np.arange(3200) / 1600
+    drive = jnp.asarray(20 * np.sin(2 * np.pi * times) + 12 * np.sin(2 * np.pi * 3.7 * times))
+
+    def state(values):
+        shapes = dict(zip(("rho", "sigma", "n"), values, strict=True))
+        return set_values(BoucWen(0.0, 1.0), shapes)(drive, Grid(1 / 1600, "constant"))
+
+    values = jnp.array([rho, sigma, n], float)
+    found, derivative = state(values), jax.jacfwd(state)(values)
+    assert np.abs(found).max() <= 1
+    assert np.median(np.abs(found)) > 0.99  # between two turns it is at its bound
+    assert np.all(np.isfinite(derivative))
+    assert np.abs(derivative * values).max() < 10
+
+
 def test_table_2_as_printed_runs_against_the_drive():
     """k_u + ρ k_h < 0: a rising drive lowers the response at first, from rest and (2σ times as
     fast) after each turn.  Another unit of the drive scales k_u and ρ alike, so none mends it; the

@@ -12,6 +12,8 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
+_HALF_WIDTH = 1.96  # of 95 % of a normal distribution, in its sd
+
 
 def _array(value: ArrayLike) -> Any:
     return np.asarray(value, dtype=np.float64)
@@ -141,6 +143,14 @@ class Parameter:
         """Whether the value lies in the range expected from the literature."""
         low, high = self.plausible
         return bool(np.all(self.value >= low) and np.all(self.value <= high))
+
+    @property
+    def expected_sd(self) -> np.ndarray:
+        """The sd of which the plausible range holds 95 %, at the present value; infinite without a
+        range."""
+        low, high = (np.asarray(end) for end in self.plausible)
+        width = np.log(high / low) * self.value if self.logarithmic else high - low
+        return width / (2 * _HALF_WIDTH) + np.zeros(np.shape(self.value))
 
     def with_value(self, value: ArrayLike) -> Parameter:
         """The same parameter at another value."""

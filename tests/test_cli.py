@@ -132,7 +132,10 @@ def written() -> set[str]:
         ("fit LOOP --model creep --out results --fix nu=1", '"nu": expected one of k_c, mu'),
         ("fit LOOP --model creep --out results --mask 8s..9s", "expected times within 0 to 3.99"),
         ("fit LOOP --model foh --out results --input 7", 'expected a column "7"'),
-        ("diagnose LOOP --model foh --out results --noise -1um", "noise: expected a number above 0, in um"),
+        (
+            "diagnose LOOP --model foh --out results --noise -1um",
+            "noise: expected a number above",
+        ),
         ("diagnose LOOP --model foh --out results --noise 1V", "expected a value in um"),
         ("diagnose LOOP --model foh --out results --holdout x.csv", "x.csv: expected a file"),
         ("simulate LOOP --out s.csv", "Give either --model or --fit"),

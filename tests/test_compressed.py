@@ -13,7 +13,7 @@ from fracjax._fit import _solve as fitting
 from fracjax._fit import compress, layout_of, prepare
 from fracjax._fit._asked import constrained
 from fracjax._fit._box import with_gradient
-from fracjax._fit._chains import transfer
+from fracjax._fit._chains import chains_of, transfer
 from fracjax._fit._compressed import columns_at
 from fracjax._fit._interpolation import (
     ChebyshevSeries,
@@ -27,7 +27,7 @@ from fracjax._fit._least_squares import Objective
 from fracjax._fit._problem import AbstractProblem, Problem
 from fracjax._fit._search import search
 from fracjax._fit._solve import fit_block, solve_from, starts_of
-from fracjax._parameters import replace_parameters
+from fracjax._parameters import named_parameters, replace_parameters, set_values
 from fracjax._posterior import Normal, compressed, log_posteriors_of, target_of
 from fracjax._posterior._posterior import _starts
 
@@ -393,3 +393,31 @@ def test_coordinates_are_those_of_the_law(law, kind, error, history):
         found = chosen.coordinates(there, grid)
         combined = (rows[0] @ found + 1j * (rows[1] @ found)) * weights
         assert np.linalg.norm(combined - values) < error * np.linalg.norm(values)
+
+
+@pytest.mark.parametrize("history", ["rest", "constant", "periodic"])
+@pytest.mark.parametrize("samples", [399, 400])
+def test_responses_of_the_chosen_laws_are_those_of_the_laws(samples, history):
+    """For an even and an odd number of samples, of which a cycle has another highest line."""
+    turns = 2 * np.pi * np.arange(samples) / samples
+    drive = (40 + 20 * np.sin(3 * turns) + 5 * np.cos(70 * turns))[:, None]
+    drive = drive - drive.mean() if history == "periodic" else drive
+    grid = fj.Grid(np.asarray(STEP), history)
+    law = fj.blocks.LFDH()
+    chosen = choose(law, drive, grid)
+    assert chosen is not None
+    found = chosen.responses(drive, grid)[:, 0]
+    values = {n: np.ravel(p.value) for n, p in named_parameters(chosen.laws).items()}
+    for k in (0, found.shape[1] // 2, found.shape[1] - 1):
+        one = set_values(law, {name: v[k % v.size] for name, v in values.items()})
+        wanted = np.asarray(one(jnp.asarray(drive[:, 0]), grid))
+        if history == "constant":  # what the held value adds is left out
+            wanted = wanted - wanted[0]
+        np.testing.assert_allclose(found[:, k], wanted, rtol=0, atol=1e-8 * np.abs(wanted).max())
+
+
+def test_a_law_that_is_not_linear_breaks_a_chain_wherever_it_stands():
+    foh, creep, limit = (fj.parse_model(n).block for n in ("foh", "creep", "foh >> saturation"))
+    assert chains_of(foh >> (creep >> creep)) is not None
+    assert chains_of(foh >> (creep >> limit.second)) is None
+    assert chains_of(foh >> (limit.second >> creep)) is None

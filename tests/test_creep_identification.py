@@ -285,3 +285,15 @@ def test_tones_that_are_not_there_are_refused():
     for wrong in ([0.0], [1000.0], [np.nan]):
         with pytest.raises(fj.InputError, match="expected numbers between 0 and 1000 Hz"):
             fj.amplitude_ratios(record(one_after_another()), wrong)
+
+
+def test_frequencies_are_refined_from_the_drive_to_far_below_a_line_s_width():
+    times = np.arange(40_000) / 2000
+    tones = (1.3717, 7.0913)
+    parts = [30 * np.sin(2 * np.pi * f * times[:20_000]) for f in tones]
+    drive = 50 + np.concatenate(parts)
+    found = fj.amplitude_ratios(fj.Recording(drive, 0.1 * drive, 1 / 2000))
+    assert found.frequencies_Hz == pytest.approx(tones, rel=1e-6)
+    together = 50 + sum(15 * np.sin(2 * np.pi * f * times) for f in tones)
+    found = fj.amplitude_ratios(fj.Recording(together, 0.1 * together, 1 / 2000))
+    assert found.frequencies_Hz == pytest.approx(tones, rel=1e-6)

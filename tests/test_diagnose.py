@@ -26,6 +26,7 @@ from fracjax._diagnose._judgement import (
     is_exhausted,
     leaves_a_pattern,
     probability_of,
+    reason,
     rivals_of,
     share_of_excess,
 )
@@ -227,7 +228,7 @@ def test_a_specification_is_believed():
     assert found.preparation.takes[0].noise == told
 
 
-CONVINCING = Gain(100.0, 1.0, 1.0, heard=(True,), base_rmse=2.0, extended_rmse=1.0)
+CONVINCING = Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0)
 
 
 def judged_of(
@@ -253,40 +254,61 @@ def judged_of(
     )
 
 
-def test_rivals_are_those_within_ten_or_a_fiftieth():
-    best, close, far = judged_of("a", 1000), judged_of("b", 985), judged_of("c", 975)
-    bad = judged_of("d", 1100, plausible=False)
+def test_rivals_are_those_within_25_or_a_hundredth():
+    best, close, far = judged_of("a", 10_000), judged_of("b", 9901), judged_of("c", 9899)
+    bad = judged_of("d", 10_100, plausible=False)
     found = [far, close, best, bad]
     assert best_of(found) is best
     # One outside its usual range is not adopted, but not excluded either.
     assert rivals_of(best, found) == [bad, close]
     # What needs to leave its range and still fits less well only mimics the winner.
-    mimic = judged_of("e", 990, plausible=False)
+    mimic = judged_of("e", 9990, plausible=False)
     assert rivals_of(best, [*found, mimic]) == [bad, close]
     # A gain that held-out data leave open does not exclude a rival; one they refute does.
-    open_ = judged_of("f", 990, gain=replace(CONVINCING, fall=2.0))
+    open_ = judged_of("f", 9990, gain=replace(CONVINCING, fall=2.0))
     refuted = [
-        judged_of("g", 990, gain=replace(CONVINCING, fall=-1.0)),
-        judged_of("h", 990, gain=replace(CONVINCING, improved=0.6)),
+        judged_of("g", 9990, gain=replace(CONVINCING, fall=-1.0)),
+        judged_of("h", 9990, gain=replace(CONVINCING, improved=0.6)),
     ]
     assert not open_.admissible
     assert rivals_of(best, [best, open_, *refuted]) == [open_]
-    small = [judged_of("a", 50), judged_of("b", 41), judged_of("c", 39)]
+    small = [judged_of("a", 50), judged_of("b", 26), judged_of("c", 24)]
     assert [j.name for j in rivals_of(small[0], small)] == ["b"]
-    # Nor do numbers exclude a rival that the data hardly know.
-    loose = judged_of("e", 31, spared=15)
+    # Nor do numbers exclude a rival that the data hardly know, up to 10 in BIC.
+    loose = judged_of("e", 16, spared=15)
     assert rivals_of(small[0], [*small, loose]) == [small[1], loose]
     assert rivals_of(judged_of("a", 50, spared=15), [loose]) == []
-    assert rivals_of(small[0], [judged_of("f", 29, spared=100)]) == []
+    assert rivals_of(small[0], [judged_of("f", 14, spared=100)]) == []
+
+
+SCORED: Any = SimpleNamespace()
+
+
+@pytest.mark.parametrize(
+    ("judged", "p_value", "numerics", "said"),
+    [
+        (judged_of("a", 100), 0.02, 0.0, "nothing in the residual beyond noise"),
+        (judged_of("a", 100), 0.001, 1.5, "not refitted: the discretisation error is 1.5"),
+        (None, 0.001, 0.0, "not refitted: other effects have more evidence"),
+        (judged_of("a", 100), 0.001, 0.0, "adopted: better beyond doubt"),
+        (replace(judged_of("b", 100), numerics=2.0), 0.001, 0.0, "its discretisation error is 2"),
+        (judged_of("b", 9.9), 0.001, 0.0, "rejected: the refit gains only 9.9 in BIC"),
+        (judged_of("b", 100, plausible=False), 0.001, 0.0, "outside their plausible range"),
+        (judged_of("b", 100, gain=replace(CONVINCING, fall=1.9)), 0.001, 0.0, "not predict held-o"),
+        (judged_of("b", 100), 0.001, 0.0, "fits less well than the adopted effect"),
+    ],
+)
+def test_every_candidate_is_told_why(judged, p_value, numerics, said):
+    assert said in reason(SCORED, judged, ["a"], p_value, numerics)
 
 
 def test_a_probability_falls_with_the_rivals():
-    alone = [judged_of("a", 1000), judged_of("b", 900)]
-    assert probability_of(alone[0], alone) == pytest.approx(0.95)
+    alone = [judged_of("a", 1000), judged_of("b", 970)]
+    assert probability_of(alone[0], alone) == pytest.approx(0.96)
     one = [judged_of("a", 1000), judged_of("b", 990)]
-    assert probability_of(one[0], one) == pytest.approx(0.95 * 3 / 4)
+    assert probability_of(one[0], one) == pytest.approx(0.96 * 4 / 5)
     two = [*one, judged_of("c", 985)]
-    assert probability_of(two[0], two) == pytest.approx(0.95 * 3 / 5)
+    assert probability_of(two[0], two) == pytest.approx(0.96 * 4 / 6)
 
 
 def stage_of(cost: float) -> Any:
@@ -408,3 +430,22 @@ def test_a_refit_on_a_fine_and_long_grid_begins_on_a_coarse_one(
     takes: Any = (SimpleNamespace(recording=range(samples)),)
     _refit._searched([], Preparation(takes, oversampling), 0.0)
     assert found == grids
+
+
+def test_look_alikes_are_told_with_the_drive_that_would_part_them():
+    """A lag on a slow sine could be a delay or a sensor's: all are told, and a faster drive."""
+    step, lag = 2e-3, 0.01
+    drive = 50 - 40 * np.cos(2 * np.pi * step * np.arange(3000))
+    keep = np.exp(-step / lag)
+    late = 10 + lfilter([1 - keep], [1, -keep], drive - 10)
+    noise = 1e-3 * np.random.default_rng(2).standard_normal(drive.size)
+    response = fj.simulate("lfdh", late, step).response + noise
+    found = fj.diagnose("lfdh", Recording(drive, response, step), limits="0..100 V, 20 V/ms")
+    assert found.verdict == "confusable"
+    names = {found.effects[0].name, *found.effects[0].confusable_with}
+    assert "drive_lag" in names
+    assert found.next_experiment is not None
+    assert set(found.next_experiment.separates) <= names
+    proposed = found.next_experiment.drive
+    assert 0 <= proposed.values.min() < proposed.values.max() <= 100
+    assert np.abs(np.diff(proposed.values)).max() / proposed.step <= 20e3 * (1 + 1e-9)

@@ -327,3 +327,12 @@ def test_a_derivative_near_overflow_does_not_stop_a_search():
     with jax.enable_x64(True):
         found = solve_from([fj.blocks.Creep() >> Steep()], preparation)
     assert np.isfinite(found.cost)
+
+
+def test_of_steady_cycles_whole_periods_count_and_all_of_them():
+    times = np.arange(1100) * STEP
+    drive = 40 + 30 * np.sin(2 * np.pi * times / 0.4)  # 5.5 periods of 200
+    response = 0.1 * drive + SIGMA * np.random.default_rng(0).standard_normal(1100)
+    taken = prepare([fj.Recording(drive, response, STEP)], history="periodic").takes[0]
+    assert len(taken.recording) == taken.used.size == 1000
+    assert taken.used.all()

@@ -13,8 +13,9 @@ import fracjax as fj
 from fracjax._blocks.mains_interference import MainsInterference
 from fracjax._fit import LOSSES, options_of
 from fracjax._fit._combinations import combinations_of
+from fracjax._fit._conditions import Number
 from fracjax._fit._robust import _SHAPES
-from fracjax._fit._uncertainty import _coloured, uncertainty_of
+from fracjax._fit._uncertainty import _coloured, _estimate, uncertainty_of
 
 STEP, SAMPLES, SIGMA = 2e-3, 600, 0.01
 TIMES = STEP * np.arange(SAMPLES)
@@ -493,3 +494,23 @@ def test_colour_widens_or_narrows_as_theory_says():
     matrix = columns.T @ phi**lags @ columns
     square = _coloured(columns, np.array([1.0, -phi]))
     np.testing.assert_allclose(square.T @ square, matrix, rtol=1e-6, atol=1e-9)
+
+
+@pytest.mark.parametrize("end", [0, 1])
+def test_a_parameter_that_ends_on_either_bound_says_so(end):
+    bounds = ((0.05, 0.06), (0.001, 0.002))[end]
+    found = by_name(fit(record(CLEAN), bounds={"mu": bounds}))["mu"]
+    assert found.value == pytest.approx(bounds[end], rel=1e-3)
+    assert found.at_bound
+
+
+def test_a_parameter_between_its_bounds_is_at_none():
+    assert not by_name(fit(record(CLEAN), bounds={"mu": (0.001, 0.1)}))["mu"].at_bound
+
+
+def test_a_gain_is_identified_to_a_twentieth_of_the_response():
+    block = fj.parse_model("creep").block
+    gain = Number("k_c", "k_c", 0, None)
+    for share, known in ((0.049, True), (0.051, False)):
+        found = _estimate(gain, True, (block,), 0.01, share, ("V", "um"))
+        assert found.identified == known

@@ -222,3 +222,19 @@ def test_calls_that_make_no_sense(on_disk, capsys):
     assert "expected a linear law" in capsys.readouterr().err
     assert run([*call, "--model", "lfdh", "--mask", "1 s..2 s"]) == 2
     assert "takes one table, and neither --mask nor --own" in capsys.readouterr().err
+
+
+@pytest.mark.parametrize(
+    ("column", "factor"),
+    [
+        ("frequency_Hz", 1.0), ("frequency [kHz]", 1e3), ("frequency (mHz)", 1e-3),
+        ("frequency_rad/s", 1 / (2 * np.pi)), ("frequency [rad/s]", 1 / (2 * np.pi)),
+        ("frequency / kHz", 1e3), ("frequency", 1.0),
+    ],
+)  # fmt: skip
+def test_the_unit_of_the_frequency_is_read_however_it_is_written(column, factor, tmp_path):
+    path = tmp_path / "table.csv"
+    rows = "".join(f"{f},{a},{p}\n" for f, a, p in ((1, 0.1, -1), (10, 0.09, -5), (100, 0.05, -40)))
+    path.write_text(f"{column},amplitude [um/V],phase_deg\n{rows}")
+    found = fj.read_frequency_table(path)
+    assert found.frequencies_Hz == pytest.approx(factor * np.array([1, 10, 100]))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from typing import Any
 
 import jax
@@ -189,33 +190,70 @@ def test_a_gain_within_the_noise_is_not_convincing():
     assert gain(base, better).convincing
 
 
-def test_a_fold_that_the_training_leaves_open_speaks_for_nobody():
+def test_each_model_answers_for_what_it_claims_to_know():
+    generator = np.random.default_rng(12)
+    fold = np.arange(200) % 5
+    base, extended = (
+        Prediction(1.0, (1.0,) * 5, size * generator.standard_normal(200), fold,
+                   generator.standard_normal((200, 3)) * [1e-3, 1.0, 30.0])
+        for size in (3.0, 1.0)
+    )  # fmt: skip
+
+    def squares(p: Prediction, inside: np.ndarray) -> float:
+        covariance = np.eye(40) + p.spread[inside] @ p.spread[inside].T
+        return float(p.whitened[inside] @ np.linalg.solve(covariance, p.whitened[inside]))
+
+    found = gain(base, extended)
+    falls = [squares(base, fold == k) - squares(extended, fold == k) for k in range(5)]
+    assert found.fall == pytest.approx(np.sum(falls), rel=1e-9)
+    # By how much the noise of each sample moves the fall.
+    step, slopes = 1e-6, np.zeros(200)
+    for k in range(200):
+        moved = step * (np.arange(200) == k)
+        noisier = [replace(p, whitened=p.whitened + moved) for p in (base, extended)]
+        slopes[k] = (gain(*noisier).fall - found.fall) / step
+    assert found.standard_error == pytest.approx(np.linalg.norm(slopes), rel=1e-3)
+
+
+def test_a_fold_that_the_training_leaves_open_is_no_objection():
     fold = np.arange(1000) % 5
     noise = np.random.default_rng(7).standard_normal(1000)
-    open_ = np.where(fold == 0, 3.0, 0.0)[:, None]
-    worse = noise + np.where(fold == 0, 2.0, 0.0)
-    base = Prediction(1.0, (1.0,) * 5, 3 * noise, fold, np.zeros((1000, 0)))
-    base.whitened[fold == 0] = noise[fold == 0]
-    sure = Prediction(1.0, (1.0,) * 5, worse, fold, np.zeros((1000, 0)))
-    unsure = Prediction(1.0, (1.0,) * 5, worse, fold, open_)
+    certain, open_ = np.zeros((1000, 0)), np.where(fold == 0, 3.0, 0.0)[:, None]
+    off = np.where(fold == 0, 0.5, 0.0)
+    base = Prediction(1.0, (1.0,) * 5, np.where(fold == 0, noise, 3 * noise), fold, certain)
+    sure = Prediction(1.0, (1.0,) * 5, noise + off, fold, certain)
+    unsure = Prediction(1.0, (1.0,) * 5, noise + off, fold, open_)
     assert gain(base, sure).improved == pytest.approx(0.8)
     assert gain(base, unsure).improved == 1.0
 
 
-def test_a_stretch_that_the_others_do_not_foretell_is_not_heard():
+def test_a_fold_speaks_against_an_effect_beyond_its_own_standard_error():
+    fold = np.arange(1000) % 5
+    noise = np.random.default_rng(8).standard_normal(1000)
+    certain = np.zeros((1000, 0))
+    base = Prediction(1.0, (1.0,) * 5, noise, fold, certain)
+    # An error that has nothing to do with the noise, of 1.9 and of 2.1 standard errors.
+    for size, said in ((1.9, 1.0), (2.1, 0.8)):
+        wrong = np.where(fold == 0, np.roll(noise, 100), 0.0)
+        wrong -= np.where(fold == 0, noise * (wrong @ noise) / np.sum(noise[fold == 0] ** 2), 0.0)
+        wrong *= size / np.linalg.norm(wrong)
+        found = gain(base, Prediction(1.0, (1.0,) * 5, noise + wrong, fold, certain))
+        assert found.standard_error == pytest.approx(2 * size)
+        assert found.fall == pytest.approx(-(size**2))
+        assert found.improved == pytest.approx(said)
+
+
+def test_a_stretch_that_the_others_do_not_foretell_does_not_count_in_the_rmse():
     fold = np.arange(1000) % 5
     noise = np.random.default_rng(11).standard_normal(1000)
     spread = np.where(fold == 2, 1e3, 0.0)[:, None]
     wild = Prediction(9.0, (1.0, 1.0, 1e3, 1.0, 1.0), noise + spread[:, 0], fold, spread)
     base = Prediction(2.0, (2.0,) * 5, 3 * noise, fold, np.zeros((1000, 0)))
     found = gain(base, wild)
-    assert found.heard == (True, True, False, True, True)
+    assert found.foretold == (True, True, False, True, True)
     assert found.convincing
     assert found.extended_rmse == pytest.approx(1.0)
     assert found.share_of_rmse == pytest.approx(0.5)
-    nothing = gain(base, Prediction(2.0, (2.0,) * 5, 3 * noise, fold, np.ones((1000, 1))))
-    assert not any(nothing.heard)
-    assert not nothing.convincing
 
 
 def test_a_drift_that_two_recordings_have_each_for_itself_is_named():

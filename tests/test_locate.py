@@ -3,10 +3,10 @@
 import jax
 import numpy as np
 import pytest
-from scipy.stats import kstest
+from scipy.stats import kstest, norm
 
 import fracjax as fj
-from fracjax._diagnose._locate import frequency, locate
+from fracjax._diagnose._locate import _map, frequency, locate
 from fracjax._diagnose._residual import residual_of
 from fracjax._diagnose._result import Axis
 from fracjax._diagnose._score import Residual
@@ -155,3 +155,43 @@ def test_of_noise_alone_no_axis_has_too_small_a_p_value():
     for name in found[0]:
         p_values = np.array([axes[name].p_value for axes in found])
         assert kstest(p_values, "uniform", alternative="greater").pvalue > 1e-3, name
+
+
+def test_recordings_of_which_one_has_no_period_share_no_phase():
+    chirp = 50 - 50 * np.cos(2 * np.pi * (0.2 + 0.05 * TIMES) * TIMES)
+    recordings = [fj.Recording(u, 0.1 * u, STEP, "V", "um") for u in (DRIVE, chirp)]
+    taken = prepare(recordings, noise=KNOWN, history="constant", settling=0)
+    problems = taken.problems()
+    size = sum(p.response.shape[0] for p in problems)
+    noise = np.random.default_rng(0).standard_normal(size)
+    found = locate(taken, problems, Residual(noise, np.zeros((size, 0))), 1e9)
+    assert {"phase", "harmonics"}.isdisjoint(axis.axis for axis in found)
+    assert "reversal" in {axis.axis for axis in found}
+
+
+def test_a_ripple_on_a_held_drive_is_no_reversal():
+    held = np.where(PHASE < 180, DRIVE, 100 + 1e-4 * np.sin(2 * np.pi * 20 * TIMES))
+    taken = prepare(
+        [fj.Recording(held, 0.1 * held, STEP, "V", "um")],
+        noise=KNOWN, history="constant", settling=0,
+    )  # fmt: skip
+    problems = taken.problems()
+    noise = np.zeros(problems[0].response.shape[0])
+    noise[: TIMES.size] = white(4)
+    found = locate(taken, problems, Residual(noise, np.zeros((noise.size, 0))), 1e9)
+    edges = next(axis.edges for axis in found if axis.axis == "reversal")
+    # The hold alone lasts half a period.
+    assert edges[-1] > 0.5 * PERIOD * STEP
+
+
+def test_a_stretch_stands_out_that_is_half_as_strong_as_the_strongest():
+    edges = np.arange(6.0)
+    p_values = 2 * norm.sf(np.array([1.0, 10.0, 5.2, 4.8, 1.0]))
+    found = _map("time", "s", edges, p_values, 1e-9)
+    assert found.strength == pytest.approx([1.0, 10.0, 5.2, 4.8, 1.0])
+    assert found.intervals == ((1.0, 3.0),)
+    # But only where it is significant itself, among as many bins.
+    faint = _map("time", "s", edges, 2 * norm.sf(np.array([0.5, 3.5, 1.0, 3.2, 2.5])), 1.0)
+    assert faint.threshold == pytest.approx(norm.isf(0.01 / 10))
+    assert faint.intervals == ((1.0, 2.0), (3.0, 4.0))
+    assert faint.p_value == pytest.approx(2 * 5 * 2 * norm.sf(3.5))

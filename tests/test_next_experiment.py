@@ -135,3 +135,15 @@ def test_what_a_drive_would_show_is_told_in_units_of_the_noise():
         found = _Trial(drive, noise, 2).gap([late, punctual])
     wanted = 0.5 * (40 * 2 * np.sin(np.pi * 5 * lag) / sigma) ** 2
     assert found == pytest.approx(wanted, rel=0.02)
+
+
+def test_the_fastest_full_tone_takes_the_slew_that_there_is():
+    limits = Limits(-10.0, 70.0, 2e3)
+    found = {d.description: d.values for d in drives(limits, STEP, "V")}
+    full = [v for name, v in found.items() if name.startswith("a sine") and "over 80 V" in name]
+    rates = sorted(np.abs(np.diff(values)).max() / STEP for values in full)
+    assert rates[-1] == pytest.approx(limits.slew, rel=0.02)
+    # Evenly in their logarithm, from two periods in all on.
+    assert len(rates) == 6
+    steps = np.diff(np.log(rates))
+    assert steps == pytest.approx(np.full(5, steps.mean()), rel=0.05)

@@ -7,7 +7,8 @@ import pytest
 
 import fracjax as fj
 from fracjax._fit import measured_noise, residual_noise
-from fracjax._fit._noise import _without_relaxation
+from fracjax._fit._noise import _noise, _Stretch, _without_relaxation
+from fracjax._fit._problem import setting_of
 from fracjax._recording import Recording
 
 STEP = 2e-3
@@ -142,3 +143,57 @@ def test_a_repeat_recording_tells_the_noise_of_one():
     assert found is not None
     assert found.method == "repeats"
     assert found.sigma == pytest.approx(SIGMA, rel=0.05)
+
+
+def test_a_repeat_is_one_only_where_its_drive_is_that_of_the_recording():
+    drive = staircase()
+    noise = SIGMA * np.random.default_rng(5).standard_normal((2, drive.size))
+    first = recorded(drive, noise[0])
+    for off, refused in ((0.5e-2, False), (1.5e-2, True)):
+        other = Recording(drive + off * np.ptp(drive), 0.1 * drive + noise[1], STEP, "V", "um")
+        if refused:
+            with pytest.raises(fj.InputError, match="found another drive"):
+                measured_noise(first, other)
+        else:
+            found = measured_noise(first, other)
+            assert found is not None
+            assert found.sigma == pytest.approx(SIGMA, rel=0.05)
+
+
+def test_the_noise_is_read_from_the_slowest_line_that_nothing_was_taken_from():
+    noise = np.random.default_rng(6).standard_normal(1000)
+    for taken, first in ((0, 1), (1, 2), (4, 3)):
+        found = _noise([_Stretch(noise, 0, taken)], "um", "static")
+        assert found.lines[0].min() == pytest.approx(first / found.lines[0].size / 2, rel=0.01)
+
+
+def test_a_specification_is_believed_where_nothing_shows_the_noise():
+    times = STEP * np.arange(800)
+    drive = 50 + 20 * np.sin(2 * np.pi * (0.5 + times) * times)
+    moving = recorded(drive, np.zeros(800))
+    assert measured_noise(moving) is None
+    told = measured_noise(moving, specification=0.07)
+    assert told is not None
+    assert (told.sigma, told.method, told.unit) == (0.07, "specification", "um")
+    assert told.whitening == pytest.approx([1 / 0.07])
+    rest = recorded(staircase(), SIGMA * np.random.default_rng(7).standard_normal(staircase().size))
+    shown = measured_noise(rest, specification=0.07)
+    assert shown is not None
+    assert (shown.method, shown.sigma) == ("static", pytest.approx(SIGMA, rel=0.08))
+
+
+def test_several_recordings_are_as_large_as_the_largest_of_each():
+    small, large = (
+        Recording(c + a * np.sin(2 * np.pi * f * STEP * np.arange(n)), a * np.cos(np.arange(n)), h)
+        for c, a, f, n, h in ((10, 5, 3, 600, STEP), (50, 40, 1, 400, 2 * STEP))
+    )
+    one, other, both = (setting_of(listed) for listed in ([small], [large], [small, large]))
+    assert (one.drive_low, one.drive_high) == pytest.approx((5, 15), abs=0.1)
+    assert both.drive_low == min(one.drive_low, other.drive_low)
+    assert both.drive_high == max(one.drive_high, other.drive_high)
+    for name in ("response_span", "duration", "top_frequency", "top_rate", "rms_rate"):
+        values = [getattr(s, name) for s in (one, other)]
+        assert values[0] != values[1]
+        assert getattr(both, name) == max(values)
+    for name in ("step", "response_low", "resolution"):
+        assert getattr(both, name) == min(getattr(s, name) for s in (one, other))

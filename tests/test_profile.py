@@ -6,9 +6,11 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import fracjax as fj
-from fracjax._fit._compare import Unseen
+from fracjax._fit import prepare
+from fracjax._fit._compare import Unseen, _folds, _memory
 from fracjax._parameters import replace_parameters
 
 STEP, SAMPLES, SIGMA = 2e-3, 600, 0.01
@@ -188,3 +190,25 @@ def test_a_stretch_is_predicted_without_having_been_seen():
 def test_nothing_to_compare_is_refused():
     with pytest.raises(fj.InputError, match="expected at least one model"):
         fj.compare([], CREEP)
+
+
+def test_the_memory_of_a_residual_is_that_of_its_autocorrelation():
+    noise = np.random.default_rng(1).standard_normal(20_000)
+    slow = np.asarray(lfilter([1.0], [1.0, -0.9], noise))
+    # 0.9^k is below a tenth from k = 22 on; an offset is no memory.
+    assert 17 <= _memory(slow) <= 27
+    assert _memory(noise + 50) <= 2
+
+
+def test_stretches_set_aside_are_whole_periods_from_two_in_each_fold_on():
+    def changes(periods: int) -> np.ndarray:
+        drive = 50 + 40 * np.sin(2 * np.pi * periods * np.arange(1200) / 1200)
+        take = prepare([fj.Recording(drive, drive, STEP)], history="constant").takes[0]
+        assert take.recording.drive_period() is not None
+        of, near = _folds(take, np.random.default_rng(0).standard_normal(1200))
+        assert near.shape == (5, 1200)
+        return np.flatnonzero(np.diff(of)) + 1
+
+    assert np.all(changes(10) % 120 == 0)
+    assert np.all(changes(12) % 100 == 0)
+    assert np.array_equal(changes(8), np.arange(60, 1200, 60))

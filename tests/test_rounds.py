@@ -52,7 +52,7 @@ def judged(stage: Stage, name: str) -> Judged:
         spared=0.0,
         explained=1.0,
         numerics=0.0,
-        gain=Gain(100.0, 1.0, 1.0, heard=(True,), base_rmse=2.0, extended_rmse=1.0),
+        gain=Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0),
         prediction=SimpleNamespace(),  # type: ignore[arg-type]
         plausible=True,
     )
@@ -157,3 +157,72 @@ def test_a_fit_outside_its_usual_ranges_is_also_seen_from_within(
     found = _procedure._detect(stage, 0, lambda message: None)
     assert (found.p_value, found.hidden) == (p_value, hidden)
     assert found.least == min(p_value, hidden)
+
+
+def cost_of(cost: float) -> Any:
+    return SimpleNamespace(cost=cost, samples=1000, kurtosis=3.0)
+
+
+def known(doubt: float) -> Any:
+    noise = SimpleNamespace(doubt=lambda _: doubt)
+    return SimpleNamespace(takes=[SimpleNamespace(noise=noise)])
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "worth"),
+    [
+        (1800.0, 1700.0, True),  # a tenth of the base's excess, after nothing was explained
+        (1800.0, 1790.0, True),
+        (1350.0, 1240.0, True),  # what is left is under the noise: a tenth is asked
+        (1350.0, 1260.0, False),
+        (1350.0, 1030.0, True),  # a twentieth where it completes the fit
+    ],
+)
+def test_a_further_effect_takes_a_share_that_counts(before, after, worth):
+    base: Any = SimpleNamespace(
+        solved=cost_of(2000.0), excess=1000.0, layers=(), preparation=known(0.0)
+    )
+    stage: Any = SimpleNamespace(
+        solved=cost_of(before), excess=before - 1000, layers=(1,), preparation=known(0.0)
+    )
+    winner: Any = SimpleNamespace(solved=cost_of(after), preparation=known(0.0))
+    assert _procedure._is_worth_naming(base, stage, winner) == worth
+
+
+@pytest.mark.parametrize(
+    ("before", "after", "worth"), [(1600.0, 1040.0, True), (1440.0, 1010.0, False)]
+)
+def test_a_remainder_is_completed_only_where_it_is_more_than_its_own_doubt(before, after, worth):
+    """Of 1000 samples of a noise known to 6 %, 448 in χ² are no mismatch to be completed."""
+    doubted = known(0.06)
+    base: Any = SimpleNamespace(
+        solved=cost_of(9000.0), excess=8000.0, layers=(), preparation=doubted
+    )
+    stage: Any = SimpleNamespace(
+        solved=cost_of(before), excess=before - 1000, layers=(1,), preparation=doubted
+    )
+    winner: Any = SimpleNamespace(solved=cost_of(after), preparation=doubted)
+    assert _procedure._is_worth_naming(base, stage, winner) == worth
+
+
+def test_what_a_refit_gains_where_each_noise_is_what_it_leaves_itself(monkeypatch):
+    """-2 ln of the likelihood falls by 2 N ln of the noise's, and each number costs ln n."""
+
+    def noise(sigma: float) -> Any:
+        return SimpleNamespace(is_leftover=True, innovation=sigma, sigma=sigma)
+
+    take = SimpleNamespace(
+        noise=noise(2.0),
+        recording=SimpleNamespace(response=np.zeros(100)),
+        used=np.arange(100) >= 20,
+    )
+    preparation = SimpleNamespace(takes=[take], with_noises=lambda noises: noises)
+    base: Any = SimpleNamespace(solved=SimpleNamespace(free=5), preparation=preparation)
+    solved: Any = SimpleNamespace(free=8, samples=80, simulations=[np.zeros(100)])
+    for left, gained in ((1.0, 160 * np.log(2) - 3 * np.log(80)), (2.0, -3 * np.log(80))):
+        monkeypatch.setattr(_procedure, "residual_noise", lambda *_, left=left: noise(left))
+        found, noises = _procedure._seen_past(base, solved)
+        assert found == pytest.approx(gained)
+        assert [n.sigma for n in noises] == [left]
+    monkeypatch.setattr(_procedure, "residual_noise", lambda *_: noise(2.5))
+    assert _procedure._seen_past(base, solved) == (-np.inf, preparation)

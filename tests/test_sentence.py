@@ -40,12 +40,12 @@ def test_the_first_place_that_stands_out_is_told():
     assert where_of(AXES[1:2], "missing") == nowhere
 
 
-def said(verdict, effects=(), adopted=(), axes=AXES, noise=KNOWN) -> str:
+def said(verdict, effects=(), adopted=(), axes=AXES, noise=KNOWN, held_out=HELD_OUT) -> str:
     candidates = [
         Candidate("creep", "series", 1.0, 0.0, 0.25, 0.9, ""),
         Candidate("resonance", "series", 1.0, 0.0, 0.5, 0.3, ""),
     ]
-    return sentence_of(verdict, effects, adopted, candidates, axes, BASE, noise, HELD_OUT)
+    return sentence_of(verdict, effects, adopted, candidates, axes, BASE, noise, held_out)
 
 
 def named(*confusable_with: str) -> NamedEffect:
@@ -78,6 +78,13 @@ def test_what_is_missing_is_told_with_what_it_brings():
     )
     assert said("unexplained", axes=AXES[1:2]) == (
         f"{beyond} all over, nowhere in particular, {unknown}"
+    )
+
+
+def test_an_error_on_held_out_data_that_rises_is_not_said_to_fall():
+    worse = HeldOut("recording", 0.3, 0.31, (0.3,), (0.31,), "b.csv")
+    assert "on data held out rises from 0.3 to 0.31 um" in said(
+        "missing", [named()], held_out=worse
     )
 
 

@@ -133,3 +133,13 @@ def test_a_start_that_would_overtake_the_best_is_followed(setting, monkeypatch):
     recording = fj.Recording(DRIVE, 0.1 * DRIVE, TIMES[1], "V", "um")
     starts: list = ["near", "far", "idle"]
     assert _solve.solve_from(starts, prepare([recording], history="constant")) == "far"
+
+
+def test_the_kurtosis_of_a_fit_is_that_of_the_samples_that_count(setting):
+    noise = np.random.default_rng(0).standard_normal(TIMES.size)
+    recording = fj.Recording(DRIVE, 0.1 * DRIVE + 0.01 * noise, TIMES[1], "V", "um")
+    half = prepare([recording], history="constant", mask=[(0.0, 1.0)])
+    with jax.enable_x64(True):
+        solved = solve_from([fj.parse_model("foh", setting).block], half)
+    # Zeros for what does not count would make twice of it.
+    assert solved.kurtosis == pytest.approx(3, abs=0.8)

@@ -37,8 +37,9 @@ class Saturation(AbstractBlock):
 def _trials(setting: Setting) -> list:
     low, high = setting.drive_low, setting.drive_high
     block = Saturation(0.5 * (low + high), low=low, high=high)
-    shares = (0.6, 0.7, 0.8, 0.9, 0.95, 0.98)
-    return at_values(block, [{"threshold": low + share * (high - low)} for share in shares])
+    # Of a threshold just below the highest drive little is cut, and only that shows it.
+    cut = (0.4, 0.2, 0.1, 0.05, 0.02, 0.008, 0.003, 0.001, 4e-4, 1.5e-4)
+    return at_values(block, [{"threshold": high - share * (high - low)} for share in cut])
 
 
 EFFECT = Effect(

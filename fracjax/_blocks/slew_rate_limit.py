@@ -59,7 +59,7 @@ class SlewRateLimit(AbstractBlock):
 
 def _trials(setting: Setting) -> list:
     top = setting.top_rate
-    shares = (0.6, 0.75, 0.85, 0.92, 0.97)
+    shares = (0.6, 0.75, 0.85, 0.92, 0.97, 0.99, 0.997)
     return at_values(SlewRateLimit(top, top=top), [{"rate": share * top} for share in shares])
 
 

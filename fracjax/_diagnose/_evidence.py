@@ -18,8 +18,6 @@ from .._fit import Preparation, Solved, sensitivity_of
 from .._parameters import Parameter
 from ._stage import Layer
 
-_HALF_WIDTH = 1.96
-
 
 def spared(solved: Solved, preparation: Preparation, layer: Layer) -> float:
     """How much less than BIC's k ln n the outermost effect's own numbers cost, in units of what is
@@ -27,7 +25,7 @@ def spared(solved: Solved, preparation: Preparation, layer: Layer) -> float:
     parameters, known = layer.own(solved.block), sensitivity_of(solved, preparation)
     derivative = known.whitened
     own = np.flatnonzero([number.name in parameters for number in known.numbers])
-    expected = {n: np.ravel(_expected(p) + np.zeros(p.value.shape)) for n, p in parameters.items()}
+    expected = {name: np.ravel(_expected(p)) for name, p in parameters.items()}
     sizes = [expected[known.numbers[k].name][known.numbers[k].component] for k in own]
     others = np.delete(derivative, own, axis=1)
     basis = np.linalg.qr(others / (np.linalg.norm(others, axis=0) + 1e-300))[0]
@@ -38,10 +36,6 @@ def spared(solved: Solved, preparation: Preparation, layer: Layer) -> float:
 
 
 def _expected(parameter: Parameter) -> np.ndarray:
-    """The sd that was expected of a number, from its usual range; without one its own size."""
-    low, high = (np.asarray(end) for end in parameter.plausible)
-    if not np.all(np.isfinite(high - low)):
-        return np.abs(parameter.value)
-    if parameter.logarithmic:
-        return np.log(high / low) / (2 * _HALF_WIDTH) * parameter.value
-    return (high - low) / (2 * _HALF_WIDTH)
+    """The sd that was expected of a number; where none was, its own size."""
+    sd = parameter.expected_sd
+    return np.where(np.isfinite(sd), sd, np.abs(parameter.value))

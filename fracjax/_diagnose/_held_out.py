@@ -99,7 +99,11 @@ def _spread(
     ]
     names = list(dict.fromkeys(known.numbers[k].name for k in taken))
     derivative = problem.linearised(solved.block, names)[1]
-    return derivative @ _Read(known.whitened).errors[taken]
+    # Of a number that the training says nothing of, its usual range is known.
+    parameters = named_parameters(solved.block)
+    sds = [np.ravel(parameters[n.name].expected_sd)[n.component] for n in known.numbers]
+    usual = np.eye(len(sds), known.whitened.shape[1]) / np.array(sds)[:, None]
+    return derivative @ _Read(np.concatenate([known.whitened, usual])).errors[taken]
 
 
 def predict_stretches(solved: Solved, preparation: Preparation) -> Prediction:
@@ -179,13 +183,13 @@ def _prediction(
 @dataclass(frozen=True)
 class Gain:
     """Base against extended on held-out data: fall of χ² and its standard error, the share of folds
-    that do not speak against the effect, which folds are heard at all, and the RMSE of both in
-    them, in the response's unit."""
+    that do not speak against the effect, which folds the extended model foretells at all, and the
+    RMSE of both in them, in the response's unit."""
 
     fall: float
     standard_error: float
     improved: float
-    heard: tuple[bool, ...]
+    foretold: tuple[bool, ...]
     base_rmse: float
     extended_rmse: float
 
@@ -206,28 +210,47 @@ class Gain:
 
 
 def gain(base: Prediction, extended: Prediction) -> Gain:
-    """The noise makes the fall of χ² uncertain by 2 ‖difference of the predictions‖.
+    r"""What the effect gains on held-out data, where each model answers for what it claims to know.
 
-    A fold is not heard where what the training leaves open of the parameters matters more in it
-    than the effect.
+    Of a right model the whitened errors e of a fold have the covariance V = I + S Sᵀ, S the spread:
+    what the training leaves open of its parameters is no error of the model.
+
+        fall = Σ_folds (eᵀV⁻¹e)_base - (eᵀV⁻¹e)_extended
+
+    The noise makes a fold's uncertain by 2 ‖(V⁻¹e)_base - (V⁻¹e)_extended‖; one that is negative by
+    more than that speaks against the effect.  For the RMSE, which knows no V, a fold counts where
+    what is left open of the extended model changes it less than the effect does.
     """
-    difference = base.whitened - extended.whitened
     folds = [base.fold_of_sample == k for k in np.unique(base.fold_of_sample)]
-    falls = np.array([np.sum(base.whitened[k] ** 2 - extended.whitened[k] ** 2) for k in folds])
-    doubts = np.array([2 * np.linalg.norm(difference[k] @ extended.spread[k]) for k in folds])
-    heard = np.abs(falls) > doubts
-    fall = float(np.sum(falls, where=heard))
-    spoken = difference[np.any(np.array(folds)[heard], axis=0)]
-    sizes = np.array([np.count_nonzero(k) for k in folds]) * (heard if heard.any() else 1)
+    before, after = ([_weighed(p, k) for k in folds] for p in (base, extended))
+    pairs = list(zip(folds, before, after, strict=True))
+    falls = np.array([base.whitened[k] @ b - extended.whitened[k] @ a for k, b, a in pairs])
+    unsure = np.array([2 * np.linalg.norm(b - a) for _, b, a in pairs])
+    foretold = np.array([_is_foretold(base, extended, k) for k in folds])
+    sizes = np.array([np.count_nonzero(k) for k in folds])
+    sizes = sizes * (foretold if foretold.any() else 1)
 
     def rmse(prediction: Prediction) -> float:
         return float(np.sqrt(np.average(np.square(prediction.folds), weights=sizes)))
 
     return Gain(
-        fall=fall,
-        standard_error=2 * float(np.linalg.norm(spoken)),
-        improved=1 - float(np.mean(heard & (falls < -1e-3 * abs(fall)))),
-        heard=tuple(heard.tolist()),
+        fall=float(np.sum(falls)),
+        standard_error=float(np.linalg.norm(unsure)),
+        improved=1 - float(np.mean(falls < -unsure)),
+        foretold=tuple(foretold.tolist()),
         base_rmse=rmse(base),
         extended_rmse=rmse(extended),
     )
+
+
+def _weighed(prediction: Prediction, fold: np.ndarray) -> np.ndarray:
+    """V⁻¹e of a fold's errors."""
+    error = prediction.whitened[fold]
+    basis, sizes, _ = np.linalg.svd(prediction.spread[fold], full_matrices=False)
+    return error - basis @ (sizes**2 / (1 + sizes**2) * (basis.T @ error))
+
+
+def _is_foretold(base: Prediction, extended: Prediction, fold: np.ndarray) -> bool:
+    before, after = base.whitened[fold], extended.whitened[fold]
+    open_ = np.linalg.norm((before - after) @ extended.spread[fold])
+    return bool(abs(before @ before - after @ after) > 2 * open_)

@@ -70,7 +70,7 @@ def _of_one_kind(
     starts = [
         *(effect.insert(fits[0], trial) for trial in promising),
         *(effect.insert(fitted, best) for fitted in fits[1:]),
-        effect.insert(nominal, best),
+        *(effect.insert(nominal, trial) for trial in promising),
         effect.insert(drawn(nominal), score.trials[int(generator.integers(len(score.trials)))]),
     ]
     return Refit(score, _searched(starts, stage.preparation, hopeless))

@@ -54,8 +54,9 @@ def sentence_of(
         )
     improvement = ""
     if held_out.extended_rmse is not None:
+        falls = "falls" if held_out.extended_rmse <= held_out.base_rmse else "rises"
         improvement = (
-            f" With it the error on data held out falls from {held_out.base_rmse:.3g} to "
+            f" With it the error on data held out {falls} from {held_out.base_rmse:.3g} to "
             f"{held_out.extended_rmse:.3g} {unit} (noise floor {noise.sigma:.3g} {unit})."
         )
     if verdict == "unexplained":

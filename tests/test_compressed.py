@@ -9,6 +9,7 @@ import numpy as np
 import pytest
 
 import fracjax as fj
+from fracjax._blocks import Saturation
 from fracjax._fit import _solve as fitting
 from fracjax._fit import compress, layout_of, prepare
 from fracjax._fit._asked import constrained
@@ -417,7 +418,8 @@ def test_responses_of_the_chosen_laws_are_those_of_the_laws(samples, history):
 
 
 def test_a_law_that_is_not_linear_breaks_a_chain_wherever_it_stands():
-    foh, creep, limit = (fj.parse_model(n).block for n in ("foh", "creep", "foh >> saturation"))
+    foh, creep = (fj.parse_model(name).block for name in ("foh", "creep"))
+    limit = Saturation(80.0, low=0.0, high=100.0)
     assert chains_of(foh >> (creep >> creep)) is not None
-    assert chains_of(foh >> (creep >> limit.second)) is None
-    assert chains_of(foh >> (limit.second >> creep)) is None
+    assert chains_of(foh >> (creep >> limit)) is None
+    assert chains_of(foh >> (limit >> creep)) is None

@@ -294,6 +294,6 @@ def test_frequencies_are_refined_from_the_drive_to_far_below_a_line_s_width():
     drive = 50 + np.concatenate(parts)
     found = fj.amplitude_ratios(fj.Recording(drive, 0.1 * drive, 1 / 2000))
     assert found.frequencies_Hz == pytest.approx(tones, rel=1e-6)
-    together = 50 + sum(15 * np.sin(2 * np.pi * f * times) for f in tones)
+    together = 50 + 15 * np.sum([np.sin(2 * np.pi * f * times) for f in tones], axis=0)
     found = fj.amplitude_ratios(fj.Recording(together, 0.1 * together, 1 / 2000))
     assert found.frequencies_Hz == pytest.approx(tones, rel=1e-6)

@@ -437,7 +437,7 @@ def test_look_alikes_are_told_with_the_drive_that_would_part_them():
     step, lag = 2e-3, 0.01
     drive = 50 - 40 * np.cos(2 * np.pi * step * np.arange(3000))
     keep = np.exp(-step / lag)
-    late = 10 + lfilter([1 - keep], [1, -keep], drive - 10)
+    late = 10 + np.asarray(lfilter([1 - keep], [1, -keep], drive - 10))
     noise = 1e-3 * np.random.default_rng(2).standard_normal(drive.size)
     response = fj.simulate("lfdh", late, step).response + noise
     found = fj.diagnose("lfdh", Recording(drive, response, step), limits="0..100 V, 20 V/ms")

@@ -439,7 +439,7 @@ def test_bouc_wen_that_turns_within_a_sample_has_finite_derivatives(rho, sigma, 
     drive = jnp.asarray(20 * np.sin(2 * np.pi * times) + 12 * np.sin(2 * np.pi * 3.7 * times))
 
     def state(values):
-        shapes = dict(zip(("rho", "sigma", "n"), values, strict=True))
+        shapes: dict = dict(zip(("rho", "sigma", "n"), values, strict=True))
         return set_values(BoucWen(0.0, 1.0), shapes)(drive, Grid(1 / 1600, "constant"))
 
     values = jnp.array([rho, sigma, n], float)

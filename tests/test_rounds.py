@@ -221,7 +221,8 @@ def test_what_a_refit_gains_where_each_noise_is_what_it_leaves_itself(monkeypatc
     solved: Any = SimpleNamespace(free=8, samples=80, simulations=[np.zeros(100)])
     for left, gained in ((1.0, 160 * np.log(2) - 3 * np.log(80)), (2.0, -3 * np.log(80))):
         monkeypatch.setattr(_procedure, "residual_noise", lambda *_, left=left: noise(left))
-        found, noises = _procedure._seen_past(base, solved)
+        found, seen = _procedure._seen_past(base, solved)
+        noises: Any = seen
         assert found == pytest.approx(gained)
         assert [n.sigma for n in noises] == [left]
     monkeypatch.setattr(_procedure, "residual_noise", lambda *_: noise(2.5))

@@ -11,6 +11,7 @@ import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
 
+import fracjax as fj
 from fracjax._blocks import (
     EFFECTS,
     FOH,
@@ -55,6 +56,7 @@ from fracjax._blocks._effect import Site
 from fracjax._blocks.creep import KelvinVoigtCreep, LogarithmicCreep
 from fracjax._blocks.minor_loop_memory import play
 from fracjax._blocks.viscoelastic_layer import MaxwellLayer
+from fracjax._fit import prepare
 from fracjax._operators import Grid, direct_convolution, kernel
 from fracjax._parameters import named_parameters, set_values
 
@@ -667,3 +669,18 @@ def test_long_chains_join():
     grid = Grid(STEP, "periodic")
     chain = reduce(lambda a, b: a >> b, [Creep(1.0, 0.01)] * 10)
     close(respond(chain, DRIVE, grid), respond(Creep(1.0, 0.1), DRIVE, grid), 1e-11)
+
+
+@pytest.mark.parametrize(
+    ("rate", "counts"), [(2000, (5, 5)), (250, (2, 2)), (330, (3, 2)), (90, (1, 1))]
+)
+def test_the_mains_has_the_harmonics_that_the_rate_can_show(rate, counts):
+    """One folded down from above it, such as 250.1 Hz at 250 Hz, would follow any slow drift."""
+    times = np.arange(600) / rate
+    drive = 50 - 40 * np.cos(2 * np.pi * 0.01 * rate * times)
+    setting = prepare([fj.Recording(drive, 0.1 * drive, 1 / rate)]).setting
+    found = {}
+    for trial in EFFECTS["mains_interference"].trials(setting):
+        known = named_parameters(trial)
+        found[round(float(known["frequency"].value), -1)] = known["cosines"].value.size
+    assert found == dict(zip((50.0, 60.0), counts, strict=True))

@@ -227,3 +227,39 @@ def test_what_a_refit_gains_where_each_noise_is_what_it_leaves_itself(monkeypatc
         assert [n.sigma for n in noises] == [left]
     monkeypatch.setattr(_procedure, "residual_noise", lambda *_: noise(2.5))
     assert _procedure._seen_past(base, solved) == (-np.inf, preparation)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "refined"), [(100, 60, "ab"), (100, 40, "a"), (8, 6, "")]
+)
+def test_a_fit_that_only_the_grid_makes_implausible_is_refined(first, second, refined, monkeypatch):
+    """Nothing is admissible, yet the grid of those that gain most is checked: a mode on a coarse
+    one is damped by it, and ends at the bound of its own damping."""
+
+    class Question:
+        def __init__(self, name: str):
+            self.name = name
+
+        def answered(self, solved: Any, preparation: Any, numerics: float) -> Judged:
+            return fine_judged(self.name, solved, plausible=True)
+
+    def fine_judged(name: str, gained: float, plausible: bool) -> Judged:
+        gain = Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0)
+        refit: Any = SimpleNamespace(name=name, solved=gained)
+        unseen: Any = None
+        return Judged(refit, unseen, gained, 0.0, 1.0, 0.0, gain, unseen, plausible)
+
+    asked = []
+
+    def fine_enough(solved: float, preparation: Any, _: Any) -> tuple[float, Any, float]:
+        asked.append(solved)
+        return solved, preparation, 0.1
+
+    monkeypatch.setattr(_procedure, "fine_enough", fine_enough)
+    found: Any = [
+        (Question(name), fine_judged(name, gained, plausible=False))
+        for name, gained in (("a", first), ("b", second), ("c", 3))
+    ]
+    judged = _procedure._contenders_refined(found, silent)
+    assert asked == [{"a": first, "b": second}[name] for name in refined]
+    assert [j.name for j in judged if j.plausible] == list(refined)

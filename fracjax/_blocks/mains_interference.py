@@ -11,18 +11,19 @@ from .._parameters import Parameter
 from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
 
-_LINES = np.arange(1, 6)
+_LINES = 5
 _WANDER = 0.002
 _MOST_TRIED = 6
 
 
 class MainsInterference(AbstractBlock):
-    r"""The mains' fundamental and its 2nd to 5th harmonics, in no relation to the drive:
+    r"""The mains' fundamental and its harmonics to the 5th, in no relation to the drive:
 
-        d(t) = Σ_{k=1}^{5} a_k cos(2πk f t) + b_k sin(2πk f t)
+        d(t) = Σ_{k=1}^{lines} a_k cos(2πk f t) + b_k sin(2πk f t)
 
-    a, b [response], f within 1 % of 50 or 60 Hz.  Lines above half the sampling rate appear
-    aliased, as in the recording.  Phases and f are each recording's own.
+    a, b [response], f within 1 % of 50 or 60 Hz.  Harmonics above half the recording's rate are
+    left out, as by the filter before a converter: folded down, one would follow any slow drift.
+    Phases and f are each recording's own.
     Source: Ott, Electromagnetic Compatibility Engineering (2009), chapter 3.
     """
 
@@ -30,10 +31,10 @@ class MainsInterference(AbstractBlock):
     sines: Parameter
     frequency: Parameter
 
-    def __init__(self, frequency: float):
-        lines = np.zeros(_LINES.size)
-        self.cosines = Parameter(lines, "response", gain=True, per_recording=True)
-        self.sines = Parameter(lines, "response", gain=True, per_recording=True)
+    def __init__(self, frequency: float, lines: int = _LINES):
+        none = np.zeros(lines)
+        self.cosines = Parameter(none, "response", gain=True, per_recording=True)
+        self.sines = Parameter(none, "response", gain=True, per_recording=True)
         self.frequency = Parameter(
             frequency,
             "Hz",
@@ -49,15 +50,17 @@ class MainsInterference(AbstractBlock):
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
         time = jnp.arange(drive.shape[0]) * grid.step
-        angles = 2 * np.pi * self.frequency.value * time[:, None] * _LINES
+        orders = np.arange(1, self.cosines.value.size + 1)
+        angles = 2 * np.pi * self.frequency.value * time[:, None] * orders
         return jnp.cos(angles) @ self.cosines.value + jnp.sin(angles) @ self.sines.value
 
 
 def _trials(setting: Setting) -> list:
     size = 0.001 * setting.response_span
-    lines = size * np.eye(_LINES.size)
     trials = []
     for mains in (50.0, 60.0):
+        count = int(np.clip(0.5 / setting.step // (mains * (1 + _WANDER)), 1, _LINES))
+        lines = size * np.eye(count)
         # A recording T long tells frequencies 1/T apart, and a search does not cross from one to
         # the next.
         either_side = min(round(_WANDER * mains * setting.duration), _MOST_TRIED)
@@ -69,7 +72,7 @@ def _trials(setting: Setting) -> list:
             for name in ("cosines", "sines")
             for line in lines
         ]
-        trials += at_values(MainsInterference(mains), shapes)
+        trials += at_values(MainsInterference(mains, count), shapes)
     return trials
 
 

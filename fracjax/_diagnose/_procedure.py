@@ -314,12 +314,20 @@ class _Question:
 
 
 def _contenders_refined(found: list[tuple[_Question, Judged]], progress: Progress) -> list[Judged]:
-    """The judged, their numerics checked where it matters: of the best and of its rivals."""
+    """The judged, their numerics checked where it matters: of the best and of its rivals.
+
+    Where none is admissible, of those that gain most: on too coarse a grid a mode seems damped, and
+    the number that makes up for it implausible.
+    """
     judged = [answer for _, answer in found]
+    foremost = [] if best_of(judged) else _foremost(judged)
     checked: set[int] = set()
-    while (best := best_of(judged)) is not None:
-        near = [best, *rivals_of(best, judged)]
-        todo = [k for k, j in enumerate(judged) if k not in checked and j in near]
+    while True:
+        best = best_of(judged)
+        near = [] if best is None else [best, *rivals_of(best, judged)]
+        todo = [
+            k for k, j in enumerate(judged) if k not in checked and (j in near or k in foremost)
+        ]
         if not todo:
             break
         k = todo[0]
@@ -329,6 +337,12 @@ def _contenders_refined(found: list[tuple[_Question, Judged]], progress: Progres
         judged[k] = found[k][0].answered(solved, preparation, numerics)
         checked.add(k)
     return judged
+
+
+def _foremost(judged: list[Judged]) -> list[int]:
+    """Which of them gain at least half of what any gains."""
+    most = max((j.delta_bic for j in judged), default=0.0)
+    return [k for k, j in enumerate(judged) if j.delta_bic >= max(_HALF * most, DELTA_BIC)]
 
 
 def _reconsidered(

@@ -333,6 +333,11 @@ def test_of_steady_cycles_whole_periods_count_and_all_of_them():
     times = np.arange(1100) * STEP
     drive = 40 + 30 * np.sin(2 * np.pi * times / 0.4)  # 5.5 periods of 200
     response = 0.1 * drive + SIGMA * np.random.default_rng(0).standard_normal(1100)
-    taken = prepare([fj.Recording(drive, response, STEP)], history="periodic").takes[0]
+    recording = fj.Recording(drive, response, STEP)
+    taken = prepare([recording], history="periodic").takes[0]
     assert len(taken.recording) == taken.used.size == 1000
     assert taken.used.all()
+    weighed = prepare([recording], history="periodic", weights=times > 0.1).takes[0]
+    assert weighed.roots is not None
+    assert weighed.used.size == weighed.roots.size == 1000
+    assert np.count_nonzero(~weighed.used) == 51

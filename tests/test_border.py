@@ -63,7 +63,7 @@ CALLS: dict[str, tuple[Callable, str]] = {
     "repeat": (lambda: loose.diagnose(FOH, RECORDING, repeat=1), "repeat: expected a Recording"),
     "limits": (lambda: loose.diagnose(FOH, RECORDING, limits="high"), "expected a range and"),
     "less noise": (lambda: loose.diagnose(FOH, RECORDING, noise="-1 um"), "noise: expected"),
-    "crosscheck": (lambda: loose.crosscheck(FOH, RECORDING, population=0), "population: expected"),
+    "crosscheck": (lambda: loose.crosscheck(FOH, RECORDING, population=0), "a population of at"),
     "compare": (lambda: loose.compare(["foh", 3], RECORDING), "expected a Model, found 3"),
     "table": (lambda: loose.fit_frequency_response("lfdh", RECORDING), "expected a FrequencyTable"),
     "posterior": (lambda: loose.sample_posterior(RECORDING), "expected a Fit, found a Recording"),

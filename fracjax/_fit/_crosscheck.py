@@ -132,8 +132,6 @@ def crosscheck(
     listed = recordings_of(recordings)
     model = model_of(model, listed)
     starts, seed = whole(starts, "starts", 1), whole(seed, "seed", 0)
-    whole(population, "population", 1)
-    whole(iterations, "iterations", 1)
     require_jaxopt()  # before minutes are spent
     with computing():
         block, preparation = ready(

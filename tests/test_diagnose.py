@@ -15,6 +15,7 @@ import fracjax as fj
 from benchmarks.concealed.cases import make_case
 from fracjax._blocks import EFFECTS
 from fracjax._diagnose import _procedure, _refit
+from fracjax._diagnose._diagnose import _Conclusion
 from fracjax._diagnose._held_out import Gain
 from fracjax._diagnose._judgement import (
     Judged,
@@ -449,3 +450,20 @@ def test_look_alikes_are_told_with_the_drive_that_would_part_them():
     proposed = found.next_experiment.drive
     assert 0 <= proposed.values.min() < proposed.values.max() <= 100
     assert np.abs(np.diff(proposed.values)).max() / proposed.step <= 20e3 * (1 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("gained", "p_value", "verdict"),
+    [
+        (20, 0.005, "unexplained"),
+        (20, 0.02, "none"),
+        (5, 0.005, "none"),
+        (5, 5e-5, "unexplained"),
+    ],
+)
+def test_places_alone_must_be_surer(gained, p_value, verdict):
+    course = SimpleNamespace(
+        judged={"a": judged_of("a", gained)}, first=SimpleNamespace(p_value=p_value)
+    )
+    conclusion: Any = SimpleNamespace(course=course)
+    assert _Conclusion._verdict(conclusion, ()) == verdict

@@ -43,7 +43,7 @@ _FILES = {
     "_profile": ("profile",),
     "_residuals": ("residuals",),
     "_search": _SEARCHES,
-    "_solve": (*_FITS, "compressed"),
+    "_solve": ("stage", *_FITS, "compressed"),
     "_span": _SEARCHES,
     "_spelling": ("fit_options", "cli"),
     "_swarm": ("crosscheck",),

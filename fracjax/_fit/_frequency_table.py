@@ -143,10 +143,7 @@ def read_frequency_table(
     table = table_of(source)
     found: dict[str, tuple[np.ndarray, str]] = {}
     for column, full in enumerate(table.names):
-        parts = _UNITS.fullmatch(full)
-        name, written = (
-            (parts[1], next(filter(None, parts.groups()[1:]), "")) if parts else (full, "")
-        )
+        name, written = _split(full)
         role = _role_of(name)
         if role is None:
             continue

@@ -194,6 +194,15 @@ def require_kind(given: Any, kind: type, where: str, remedy: str) -> None:
         raise InputError.at(where, f"a {kind.__name__}", found_in(given), remedy)
 
 
+def pair_of(given: Any, where: str, expected: str, remedy: str) -> tuple[float, float]:
+    """Two numbers.  Raises `InputError` where something is none such."""
+    try:
+        first, second = map(float, given)
+    except (TypeError, ValueError):
+        raise InputError.at(where, expected, found_in(given), remedy) from None
+    return first, second
+
+
 def require_samples(count: int, where: str) -> None:
     """Raise `InputError` where there are too few samples to fit anything."""
     if count < MINIMUM_SAMPLES:

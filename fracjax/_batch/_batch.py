@@ -25,7 +25,7 @@ from .._fit import Loss, Past
 from .._fit._asked import OfModel
 from .._fit._border import past_of, whole
 from .._fit._weights import Mask
-from .._models import Model, understood
+from .._models import Model
 from .._recording import parse_quantity
 from ._cluster import on_cluster
 from ._jobs import Given, Job, jobs_of
@@ -83,7 +83,6 @@ def fit_batch(
     **Raises:** `InputError` for an unknown model or parameter, for paths that lead to no file, for
     an `out` with rows of other settings, and for a cluster that cannot be reached.
     """
-    understood(model)
     for given, name, least in ((starts, "starts", 1), (seed, "seed", 0), (chunk, "chunk", 1)):
         whole(given, name, least)
     past_of(history)

@@ -16,10 +16,10 @@ import pyarrow as pa
 
 from .._fit import Fit, Past, fit, settling_samples
 from .._fit._asked import OfModel, conditioned
+from .._fit._border import model_of
 from .._fit._conditions import numbers_of
-from .._fit._problem import setting_of
 from .._fit._robust import shape_of
-from .._models import Model, parse_model
+from .._models import Model, understood
 from .._recording import InputError, Recording
 from ._jobs import Job
 
@@ -53,12 +53,10 @@ class Work:
 
     def typical(self) -> Model:
         """The model, or one of its name for a stack of common size."""
-        return parse_model(self.model) if isinstance(self.model, str) else self.model
+        return understood(self.model)
 
     def model_for(self, recording: Recording) -> Model:
-        if isinstance(self.model, str):
-            return parse_model(self.model, setting_of([recording]))
-        return self.model
+        return model_of(self.model, [recording])
 
     def settings(self) -> dict[str, str]:
         """All that a row depends on beside its recording, as text, by name."""

@@ -28,15 +28,7 @@ from .._fit import (
     take_of,
     too_coarse,
 )
-from .._fit._border import (
-    model_of,
-    past_of,
-    recording_of,
-    recordings_of,
-    settling_of,
-    sigma_of,
-    whole,
-)
+from .._fit._border import model_of, recordings_of, require_recording, whole
 from .._models import Model
 from .._recording import Recording, require_units_of
 from ._codes import seen_in_codes
@@ -104,20 +96,14 @@ def diagnose(
     model = model_of(model, listed)
     for other, where in ((holdout, "holdout"), (repeat, "repeat")):
         if other is not None:
-            recording_of(other, where)
+            require_recording(other, where)
     if isinstance(limits, str):
         limits = parse_limits(limits, listed)
-    past_of(history)
     seed = whole(seed, "seed", 0)
-    specification = sigma_of(noise, listed[0].response_unit)
     with computing():
         progress("reading the noise floor")
         preparation = prepare(
-            listed,
-            repeat=repeat,
-            specification=specification,
-            history=history,
-            settling=settling_of(settling, listed),
+            listed, repeat=repeat, specification=noise, history=history, settling=settling
         )
         progress(f"fitting {model.name} from {_STARTS} starts")
         solved, preparation = settle(

@@ -3,14 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import Any, TypedDict
+from typing import TypedDict
 
 import numpy as np
 
 from .._blocks import AbstractBlock
 from .._models import Model
 from .._parameters import Parameter, replace_parameters
-from .._recording import InputError, found_in
+from .._recording import InputError, pair_of
 from ._conditions import Conditions, Tied, conditions_of
 from ._normal import Normal
 from ._weights import Mask, Weights
@@ -83,7 +83,10 @@ def constrained(
     changed = {}
     for name in {*fixed, *bounds}:
         p = parameters[name]
-        low, high = _ends(name, bounds[name]) if name in bounds else (p.lower, p.upper)
+        low, high = p.lower, p.upper
+        if name in bounds:
+            where = f'bounds of "{name}"'
+            low, high = pair_of(bounds[name], where, "a lower and an upper one", "write (0.1, 0.2)")
         if name in bounds and not np.isfinite(np.subtract(high, low)):
             raise InputError(
                 f'parameter "{name}": expected two finite bounds, found {low} and {high}; '
@@ -104,13 +107,3 @@ def constrained(
         except ValueError as error:
             raise InputError(f'parameter "{name}": {error}.') from None
     return changed
-
-
-def _ends(name: str, given: Any) -> tuple[float, float]:
-    try:
-        low, high = map(float, given)
-    except (TypeError, ValueError):
-        raise InputError.at(
-            f'bounds of "{name}"', "a lower and an upper one", found_in(given), "write (0.1, 0.2)"
-        ) from None
-    return low, high

@@ -26,7 +26,7 @@ def recordings_of(given: Recording | Iterable[Recording]) -> list[Recording]:
     """One recording or several, as a list.  Raises InputError."""
     listed = [given] if isinstance(given, Recording | str) else _listed(given)
     for k, recording in enumerate(listed):
-        recording_of(recording, f"recording {k + 1}" if len(listed) > 1 else "recording")
+        require_recording(recording, f"recording {k + 1}" if len(listed) > 1 else "recording")
     if not listed:
         raise InputError("expected at least one recording, found none; give one")
     return listed
@@ -39,10 +39,9 @@ def _listed(given: Any) -> list:
         return [given]
 
 
-def recording_of(given: Recording, where: str) -> Recording:
-    """The recording itself.  Raises InputError where it is none."""
+def require_recording(given: Recording, where: str) -> None:
+    """Raise InputError where something is no recording."""
     require_kind(given, Recording, where, "read a file by fracjax.read(path) first")
-    return given
 
 
 def model_of(given: Model | str, recordings: list[Recording]) -> Model:

@@ -172,7 +172,7 @@ def prepare(
     *,
     noise: Noise | None = None,
     repeat: Recording | None = None,
-    specification: float | None = None,
+    specification: float | str | None = None,
     history: Past | None = None,
     settling: int | None = None,
     weights: Weights = None,
@@ -184,10 +184,13 @@ def prepare(
         raise InputError("expected at least one recording, found none; give one")
     for other in recordings[1:]:
         require_units_of(recordings[0], other)
+    past_of(history)
+    settling = settling_of(settling, recordings)
+    sigma = sigma_of(specification, recordings[0].response_unit)
     takes = tuple(
         take_of(
             recording,
-            noise or measured_noise(recording, repeat, specification, counts),
+            noise or measured_noise(recording, repeat, sigma, counts),
             history,
             settling,
             counts,
@@ -395,17 +398,12 @@ def ready(
 ) -> tuple[AbstractBlock, Preparation]:
     """The block and the recordings as a call asks for them.  Raises InputError."""
     block, conditions = conditioned(model, **asked)
-    known, specification = None, None
-    if isinstance(noise, Noise):
-        known = noise
-    else:
-        specification = sigma_of(noise, recordings[0].response_unit)
     return block, prepare(
         recordings,
-        noise=known,
-        specification=specification,
-        history=past_of(history),
-        settling=settling_of(settling, recordings),
+        noise=noise if isinstance(noise, Noise) else None,
+        specification=None if isinstance(noise, Noise) else noise,
+        history=history,
+        settling=settling,
         weights=weights,
         mask=mask,
         conditions=conditions,

@@ -3,12 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Any
 
 import numpy as np
 from numpy.typing import ArrayLike
 
-from .._recording import MINIMUM_SAMPLES, InputError, Recording, found_in
+from .._recording import MINIMUM_SAMPLES, InputError, Recording, pair_of
 
 Weights = ArrayLike | Sequence[ArrayLike] | None
 Mask = Sequence[tuple[float, float]]
@@ -46,7 +45,8 @@ def weights_of(
                 f"shape {values.shape}" if values.shape != (len(recording),) else "others",
                 "correct them",
             )
-        for start, stop in map(_times, mask):
+        for times in mask:
+            start, stop = pair_of(times, "mask", "pairs of times [s]", "write [(3.0, 4.0), ...]")
             slack = 1e-6 * recording.dt  # for the rounding of k·dt
             inside = (recording.times >= start - slack) & (recording.times <= stop + slack)
             if not start <= stop or not inside.any():
@@ -66,13 +66,3 @@ def weights_of(
             )
         found.append(values)
     return found
-
-
-def _times(given: Any) -> tuple[float, float]:
-    try:
-        start, stop = map(float, given)
-    except (TypeError, ValueError):
-        raise InputError.at(
-            "mask", "pairs of times [s]", found_in(given), "write [(3.0, 4.0), ...]"
-        ) from None
-    return start, stop

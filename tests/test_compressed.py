@@ -401,7 +401,8 @@ def test_coordinates_are_those_of_the_law(law, kind, error, history):
 def test_responses_of_the_chosen_laws_are_those_of_the_laws(samples, history):
     """For an even and an odd number of samples, of which a cycle has another highest line."""
     turns = 2 * np.pi * np.arange(samples) / samples
-    drive = (40 + 20 * np.sin(3 * turns) + 5 * np.cos(70 * turns))[:, None]
+    highest = np.cos(samples // 2 * turns)
+    drive = (40 + 20 * np.sin(3 * turns) + 5 * np.cos(70 * turns) + 2 * highest)[:, None]
     drive = drive - drive.mean() if history == "periodic" else drive
     grid = fj.Grid(np.asarray(STEP), history)
     law = fj.blocks.LFDH()

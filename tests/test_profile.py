@@ -200,6 +200,18 @@ def test_the_memory_of_a_residual_is_that_of_its_autocorrelation():
     assert _memory(noise + 50) <= 2
 
 
+def test_beside_a_stretch_set_aside_as_much_is_left_out_as_the_residual_remembers():
+    drive = np.random.default_rng(2).standard_normal(1200)
+    take = prepare([fj.Recording(drive, drive, STEP)], history="constant").takes[0]
+    slow = np.asarray(lfilter([1.0], [1.0, -0.8], np.random.default_rng(3).standard_normal(1200)))
+    gap = _memory(slow)
+    assert 5 < gap < 20
+    of, near = _folds(take, slow)
+    for fold, left_out in enumerate(near):
+        distances = np.abs(np.arange(1200)[:, None] - np.flatnonzero(of == fold)).min(axis=1)
+        assert np.array_equal(left_out, distances <= gap)
+
+
 def test_stretches_set_aside_are_whole_periods_from_two_in_each_fold_on():
     def changes(periods: int) -> np.ndarray:
         drive = 50 + 40 * np.sin(2 * np.pi * periods * np.arange(1200) / 1200)

@@ -134,7 +134,7 @@ class Chosen(NamedTuple):
         """
         samples = len(drives)
         if grid.history == "periodic":
-            zeta = np.exp(-2j * np.pi * np.arange(1, (samples - 1) // 2 + 1) / samples)
+            zeta = np.exp(-2j * np.pi * np.arange(1, samples // 2 + 1) / samples)
             transform = _forward(drives, samples)[:, 1 : zeta.size + 1]
             length, damping = samples, np.ones(samples)
         else:
@@ -269,7 +269,7 @@ def _points(signals: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
     """Points ζ (F,) and the root of the signals' power about each, that of all being 1."""
     samples = len(signals)
     if grid.history == "periodic":
-        power = np.abs(_forward(signals, samples)[:, 1 : (samples - 1) // 2 + 1]) ** 2
+        power = np.abs(_forward(signals, samples)[:, 1 : samples // 2 + 1]) ** 2
         at = _spread(power.shape[1])
         zeta = np.exp(-2j * np.pi * (at + 1) / samples)
     else:

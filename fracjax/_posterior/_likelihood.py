@@ -35,15 +35,21 @@ _FARTHEST, _ROUNDING = 8.0, 1e-9
 
 
 class Prediction(eqx.Module):
-    """Physical parameters (d,), shapes and then gains as in `layout_of` → the response of every
-    recording, without its own terms: in samples (L,), or in coordinates (m,) where compressed."""
+    """Shapes (p,) and gains (g,), physical and as in `layout_of` → the response of every recording,
+    without its own terms: in samples (L,), or in coordinates (m,) where compressed."""
 
     block: AbstractBlock
     problems: tuple[AbstractProblem, ...]
 
-    def __call__(self, values: Array) -> tuple[Array, ...]:
-        layout = layout_of(self.block)
-        moved = set_values(self.block, split(self.block, layout.shapes + layout.gains, values))
+    @property
+    def shapes(self) -> int:
+        """p."""
+        return sum(size for _, size in layout_of(self.block).shapes)
+
+    def __call__(self, shapes: Array, gains: Array) -> tuple[Array, ...]:
+        block, layout = self.block, layout_of(self.block)
+        named = split(block, layout.shapes, shapes) | split(block, layout.gains, gains)
+        moved = set_values(block, named)
         return tuple(problem.simulate(moved) for problem in self.problems)
 
 
@@ -83,10 +89,16 @@ class Target(eqx.Module):
         """Physical values (D,) at standard coordinates (D,)."""
         return values_of(self.priors, standard)
 
-    def residuals(self, values: Array) -> Signals:
+    def gains(self, values: Array) -> Array:
+        """The model's gains, and the discrepancy's size, out of all."""
+        return values[self.predict.shapes : self.size]
+
+    def residuals(self, values: Array, gains: Array | None = None) -> Signals:
         """Measured minus predicted (L,), the recordings' own terms still in them; of values
-        without coefficients the discrepancy too."""
-        predictions = self.predict(values[: self.size])
+        without coefficients the discrepancy too.  `gains` stand for those among the values: apart
+        from the shapes, so that vmap over gains simulates each shape once."""
+        gains = self.gains(values) if gains is None else gains
+        predictions = self.predict(values[: self.predict.shapes], gains)
         coefficients = values[len(self.priors) :]
         trios = zip(self.problems, predictions, self.discrepancy, strict=True)
         if not coefficients.size:
@@ -165,10 +177,8 @@ def target_of(
         model, columns = (*model, discrepancy.term), discrepancy.columns
     predict = Prediction(fit.model.block, problems)
     values = jnp.array([term.start for term in model])
-    left = tuple(
-        p.response - prediction
-        for p, prediction in zip(problems, eqx.filter_jit(predict)(values), strict=True)
-    )
+    predicted = eqx.filter_jit(predict)(values[: predict.shapes], values[predict.shapes :])
+    left = tuple(p.response - prediction for p, prediction in zip(problems, predicted, strict=True))
     terms = (*model, *noise.terms(fit, left, problems))
     names = [term.name for term in terms]
     for name in priors:

@@ -106,14 +106,15 @@ class Marginal(eqx.Module):
         return values.at[np.array(self.sampled)].set(self.values(standard))
 
     def _eliminated(self, values: Array) -> Eliminated:
-        target, gains = self.target, len(self.integrated)
+        target, count = self.target, len(self.integrated)
+        gains, at = target.gains(values), self._at - target.predict.shapes
 
         def residuals(moved: Array) -> Signals:
-            return target.residuals(values.at[self._at].add(self.linear.sd * moved))
+            return target.residuals(values, gains.at[at].add(self.linear.sd * moved))
 
         # An affine map by its values: what depends on the shapes alone is computed once under vmap,
         # and second derivatives cost half as much to compile as with tangents.
-        corners = jax.vmap(residuals)(jnp.eye(gains + 1, gains, -1))
+        corners = jax.vmap(residuals)(jnp.eye(count + 1, count, -1))
         centred = tuple(corner[0] for corner in corners)
         columns = tuple(
             jnp.concatenate([values[target.size - 1] * beside, (corner[0] - corner[1:]).T], axis=1)

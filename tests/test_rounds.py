@@ -12,7 +12,7 @@ import fracjax as fj
 from fracjax._blocks import EFFECTS
 from fracjax._diagnose import _procedure, _refit
 from fracjax._diagnose._held_out import Gain
-from fracjax._diagnose._judgement import Judged
+from fracjax._diagnose._judgement import Judged, best_of
 from fracjax._diagnose._refit import Refit, within_usual_ranges
 from fracjax._diagnose._stage import Layer, Stage, wrapped
 from fracjax._fit import prepare, silent, solve_from
@@ -229,37 +229,57 @@ def test_what_a_refit_gains_where_each_noise_is_what_it_leaves_itself(monkeypatc
     assert _procedure._seen_past(base, solved) == (-np.inf, preparation)
 
 
-@pytest.mark.parametrize(
-    ("first", "second", "refined"), [(100, 60, "ab"), (100, 40, "a"), (8, 6, "")]
-)
-def test_a_fit_that_only_the_grid_makes_implausible_is_refined(first, second, refined, monkeypatch):
-    """Nothing is admissible, yet the grid of those that gain most is checked: a mode on a coarse
-    one is damped by it, and ends at the bound of its own damping."""
+def fine_judged(name: str, gained: float, plausible: bool) -> Judged:
+    gain = Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0)
+    refit: Any = SimpleNamespace(name=name, solved=gained)
+    unseen: Any = None
+    return Judged(refit, unseen, gained, 0.0, 1.0, 0.0, gain, unseen, plausible)
+
+
+def refined_contenders(
+    found: list[Judged], finer: dict[str, float], monkeypatch
+) -> tuple[list[str], list[Judged]]:
+    """Who was judged on a finer grid, in order, and all as they are judged then; `finer` holds what
+    some gain there."""
+    asked = []
 
     class Question:
         def __init__(self, name: str):
             self.name = name
 
         def answered(self, solved: Any, preparation: Any, numerics: float) -> Judged:
-            return fine_judged(self.name, solved, plausible=True)
-
-    def fine_judged(name: str, gained: float, plausible: bool) -> Judged:
-        gain = Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0)
-        refit: Any = SimpleNamespace(name=name, solved=gained)
-        unseen: Any = None
-        return Judged(refit, unseen, gained, 0.0, 1.0, 0.0, gain, unseen, plausible)
-
-    asked = []
+            asked.append(self.name)
+            return fine_judged(self.name, finer.get(self.name, solved), plausible=True)
 
     def fine_enough(solved: float, preparation: Any, _: Any) -> tuple[float, Any, float]:
-        asked.append(solved)
         return solved, preparation, 0.1
 
     monkeypatch.setattr(_procedure, "fine_enough", fine_enough)
-    found: Any = [
-        (Question(name), fine_judged(name, gained, plausible=False))
-        for name, gained in (("a", first), ("b", second), ("c", 3))
-    ]
-    judged = _procedure._contenders_refined(found, silent)
-    assert asked == [{"a": first, "b": second}[name] for name in refined]
+    questions: Any = [(Question(judged.name), judged) for judged in found]
+    return asked, _procedure._contenders_refined(questions, silent)
+
+
+@pytest.mark.parametrize(
+    ("first", "second", "refined"), [(100, 60, "ab"), (100, 40, "a"), (8, 6, "")]
+)
+def test_a_fit_that_only_the_grid_makes_implausible_is_refined(first, second, refined, monkeypatch):
+    """Nothing is admissible, yet the grid of those that gain most is checked: a mode on a coarse
+    one is damped by it, and ends at the bound of its own damping."""
+    gained = {"a": first, "b": second, "c": 3}
+    found = [fine_judged(name, gain, plausible=False) for name, gain in gained.items()]
+    asked, judged = refined_contenders(found, {}, monkeypatch)
+    assert asked == list(refined)
     assert [j.name for j in judged if j.plausible] == list(refined)
+
+
+@pytest.mark.parametrize(("second", "best"), [(930, "b"), (850, "a")])
+def test_what_gains_nearly_as_much_is_judged_on_a_fine_grid_too(second, best, monkeypatch):
+    """Beyond any margin, yet only since its grid was left coarse: a mode there rings at another
+    frequency, and two modes whose grid was refined fitted better."""
+    gained = {"a": 1000, "b": second, "c": 700}
+    found = [fine_judged(name, gain, plausible=True) for name, gain in gained.items()]
+    asked, judged = refined_contenders(found, {"b": 1100}, monkeypatch)
+    winner = best_of(judged)
+    assert winner is not None
+    assert winner.name == best
+    assert asked == (["a", "b"] if best == "b" else ["a"])

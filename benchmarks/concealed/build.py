@@ -184,7 +184,7 @@ def _truth(s: Scaled, actuator: Actuator, chord: Chord, spec: Spec, sd: float) -
     # a diagnosis starts from the refit: take out the tangent space there
     residual = Off(own, spec.noise, sd)(whiten(spec.noise, s.left, sd))
     name = name_of(s.key)
-    apart = separation(residual, actuator.bank(), own, spec.noise, sd, name, spec.seed)
+    apart = separation(residual, s.clean, actuator.bank(), own, spec.noise, sd, name, spec.seed)
     closest = min(apart, key=apart.__getitem__)
     change, power = rms(s.clean - actuator.plain), float(residual @ residual)
     return {

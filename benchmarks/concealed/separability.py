@@ -10,9 +10,10 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.optimize import minimize_scalar
 
 from .drives import Array, Signal
-from .refit import Chord
+from .refit import Absorber, Chord
 from .truth import EFFECTS, Base, Params, Scene, drive_side, name_of, response_side, whiten
 
 DRAWS = {
@@ -42,6 +43,7 @@ class Bank:
         self.base, self.law, self.signal, self.t, self.keep = base, law, signal, t, keep
         self.scene = scene
         self.plain = base.response(signal(t), t[1] - t[0], law)
+        self.recorded = self.plain[::keep]
 
     def change(self, key: str, amplitude: float, shape: dict) -> Array:
         """What one effect changes at the recorded samples, in um, without noise."""
@@ -70,6 +72,24 @@ class Other:
             columns.append(chord.left(chord.prediction + bank.change(key, a, shape)))
         return np.column_stack(columns)
 
+    def nearest(self, clean: Array, bank: Bank, law: Off, noise: str, sd: float, times: float,
+                ) -> float:  # fmt: skip
+        """|clean less a recording with this effect|^2 at its best amplitude, within a factor of
+        four of `times` the typical one, less what a change of the law takes up."""
+
+        def left(log_amplitude: float, key: str, shape: dict) -> float:
+            changed = bank.recorded + bank.change(key, float(np.exp(log_amplitude)), shape)
+            remainder = law(whiten(noise, clean - changed, sd))
+            return float(remainder @ remainder)
+
+        found = []
+        for key, shape in self.draws:
+            middle = times * EFFECTS[key].typical
+            ends = np.log([min(k * middle, EFFECTS[key].cap) for k in (0.25, 4.0)])
+            best = minimize_scalar(left, bounds=ends, args=(key, shape), method="bounded")
+            found.append(float(best.fun))
+        return min(found)
+
 
 def others(seed: int) -> list[Other]:
     """Every catalogued effect that displaces (quantisation only makes noise)."""
@@ -88,6 +108,13 @@ class Off:
     def __init__(self, chord: Chord, noise: str, sd: float) -> None:
         self.q = np.linalg.qr(whiten(noise, chord.jacobian, sd))[0]
 
+    @classmethod
+    def law(cls, bank: Bank, absorber: Absorber, noise: str, sd: float) -> Off:
+        """Off the tangent space at the actuator's own law, where a right diagnosis ends."""
+        shape = np.array([bank.law[name] for name in bank.base.shapes])
+        gains = absorber.project(shape, bank.recorded)[1]
+        return cls(Chord(absorber, shape, gains), noise, sd)
+
     def __call__(self, r: Array) -> Array:
         return r - self.q @ (self.q.T @ r)
 
@@ -102,14 +129,17 @@ def unexplained(truth: Array, columns: Array) -> float:
     return float(truth @ truth - np.sum((u.T @ truth) ** 2))
 
 
-def separation(truth: Array, bank: Bank, chord: Chord, noise: str, sd: float, own: str,
-               seed: int) -> dict[str, float]:  # fmt: skip
+def separation(truth: Array, clean: Array, bank: Bank, chord: Chord, noise: str, sd: float,
+               own: str, seed: int) -> dict[str, float]:  # fmt: skip
     """λ of a truth's whitened residual from every effect but its own.
 
-    Each is taken at its typical amplitude, and those that come near, also at the amplitude that
-    leaves as much as the truth does (large changes bend).
+    Each is taken at its typical amplitude about the refit; those that come near, also at the
+    amplitude that leaves as much as the truth does (large changes bend), and about the actuator's
+    own law: of a concealed effect the refit has gone far, and a fit of another effect with the base
+    together need not go there.  `clean` is the recording with the truth, without noise [um].
     """
     off, power, out = Off(chord, noise, sd), float(truth @ truth), {}
+    law = Off.law(bank, chord.absorber, noise, sd)
     for other in others(seed):
         if other.name == own:
             continue
@@ -118,5 +148,6 @@ def separation(truth: Array, bank: Bank, chord: Chord, noise: str, sd: float, ow
         if out[other.name] < 0.5 * power:
             times = float(np.sqrt(power / np.mean(np.sum(columns**2, axis=0))))
             matched = off(whiten(noise, other.left(bank, chord, times), sd))
-            out[other.name] = min(out[other.name], unexplained(truth, matched))
+            nearest = other.nearest(clean, bank, law, noise, sd, times)
+            out[other.name] = min(out[other.name], unexplained(truth, matched), nearest)
     return out

@@ -42,7 +42,7 @@ _LIKE = 0.9
 _ROUNDS = 3
 _MOST_JUDGED_AGAIN = 4
 _CLEARLY_LESS = 0.03
-_HALF = 0.5
+_HALF, _NEARLY = 0.5, 0.9
 
 Predict = Callable[[Solved, Preparation], Prediction]
 
@@ -314,20 +314,20 @@ class _Question:
 
 
 def _contenders_refined(found: list[tuple[_Question, Judged]], progress: Progress) -> list[Judged]:
-    """The judged, their numerics checked where it matters: of the best and of its rivals.
+    """The judged, their numerics checked where it matters: of the best, of its rivals and of what
+    gains nearly as much, for of two modes that one would fall behind whose grid stays coarse.
 
-    Where none is admissible, of those that gain most: on too coarse a grid a mode seems damped, and
-    the number that makes up for it implausible.
+    Where none is admissible, of those that gain at least half of what any does: on too coarse a
+    grid a mode seems damped, and the number that makes up for it implausible.
     """
     judged = [answer for _, answer in found]
-    foremost = [] if best_of(judged) else _foremost(judged)
+    share = _NEARLY if best_of(judged) else _HALF
     checked: set[int] = set()
     while True:
         best = best_of(judged)
         near = [] if best is None else [best, *rivals_of(best, judged)]
-        todo = [
-            k for k, j in enumerate(judged) if k not in checked and (j in near or k in foremost)
-        ]
+        asked = _gaining(judged, share) | {k for k, j in enumerate(judged) if j in near}
+        todo = sorted(asked - checked)
         if not todo:
             break
         k = todo[0]
@@ -339,10 +339,10 @@ def _contenders_refined(found: list[tuple[_Question, Judged]], progress: Progres
     return judged
 
 
-def _foremost(judged: list[Judged]) -> list[int]:
-    """Which of them gain at least half of what any gains."""
+def _gaining(judged: list[Judged], share: float) -> set[int]:
+    """Which of them gain at least a share of what any gains."""
     most = max((j.delta_bic for j in judged), default=0.0)
-    return [k for k, j in enumerate(judged) if j.delta_bic >= max(_HALF * most, DELTA_BIC)]
+    return {k for k, j in enumerate(judged) if j.delta_bic >= max(share * most, DELTA_BIC)}
 
 
 def _reconsidered(

@@ -249,7 +249,8 @@ def refined_contenders(
 
         def answered(self, solved: Any, preparation: Any, numerics: float) -> Judged:
             asked.append(self.name)
-            return fine_judged(self.name, finer.get(self.name, solved), plausible=True)
+            gained: Any = finer.get(self.name, solved)
+            return fine_judged(self.name, gained, plausible=True)
 
     def fine_enough(solved: float, preparation: Any, _: Any) -> tuple[float, Any, float]:
         return solved, preparation, 0.1

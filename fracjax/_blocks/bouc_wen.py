@@ -32,6 +32,10 @@ _SHARES = _HALVES * _WEIGHTS * np.exp(-_INNER)
 _LEVELS = np.concatenate([np.expm1(-_DEPTHS[:0:-1]), -np.expm1(-_DEPTHS)])
 
 
+# The travel, the one that a turn here would lead to, and the direction.
+_State = tuple[Array, Array, Array]
+
+
 class _Branch(NamedTuple):
     """y between two turns, y' = 1 - yⁿ where y > 0 and 1 + (2σ - 1) |y|ⁿ where y < 0, y(0) = 0.
 
@@ -122,7 +126,7 @@ class BoucWen(AbstractBlock):
         branch = _Branch.of(self.sigma.value, self.n.value)
         farthest = branch.travels[-1]
 
-        def step(state, increment):
+        def step(state: _State, increment: Array) -> tuple[_State, Array]:
             travel, turned, direction = state
             travel = jnp.where(increment * direction < 0, turned, travel)
             travel = jnp.minimum(travel + rho * jnp.abs(increment), farthest)

@@ -103,12 +103,32 @@ def exam() -> str:
     return "\n".join(lines)
 
 
+def posteriors() -> str:
+    """How evenly truths are ranked among their posteriors' draws, by model and noise."""
+    rows = rows_of("posterior/calibration.csv")
+    heads = "truths", "numbers", "least p", "95 % intervals hold", "not converged"
+    lines = [_line("model, noise", *heads), "|---" * (1 + len(heads)) + "|"]
+    for model, noise in dict.fromkeys((row["model"], row["noise"]) for row in rows):
+        those = [row for row in rows if (row["model"], row["noise"]) == (model, noise)]
+        held = sum(float(row["coverage_95"]) for row in those) / len(those)
+        cells = (
+            those[0]["draws"],
+            str(len(those)),
+            f"{min(float(row['chi_squared_p']) for row in those):.2f}",
+            f"{100 * held:.1f} %",
+            those[0]["unconverged"],
+        )
+        lines.append(_line(f"`{model}`, {noise}", *cells))
+    return "\n".join(lines)
+
+
 def _line(*cells: str) -> str:
     return f"| {' | '.join(cells)} |"
 
 
 TABLES = {
     "exam": exam,
+    "posteriors": posteriors,
     "operators": operators,
     "fits": fits,
     "peers": peers,

@@ -6,8 +6,10 @@ import signal
 import subprocess
 import sys
 import time
+from collections.abc import Iterator
 from dataclasses import replace
 from pathlib import Path
+from typing import Any
 
 import arviz
 import equinox as eqx
@@ -405,6 +407,27 @@ def test_the_marginal_density_times_the_gains_is_the_joint_one(cubic, noise, num
         given = stats.norm.logpdf(normals).sum() + np.log(np.diag(factor)).sum()
         found = float(marginal.log_posterior(standard)) + given
         assert found == pytest.approx(float(joint), abs=1e-8)
+
+
+def test_shapes_are_simulated_once_for_all_gains():
+    """A recursion does not run once more for every gain beside it."""
+    block = fj.blocks.BoucWen(0.1, -0.1)
+    fit = fit_of(block, recording_of(block, 0.02), 0.02)
+    target, terms = target_of(fit, fj.WhiteNoise(), {})
+    marginal, _ = marginal_of(target, _starts(terms))
+    assert len(marginal.integrated) == 2
+
+    def recursions(jaxpr: Any) -> Iterator[Any]:
+        for equation in jaxpr.eqns:
+            if equation.primitive.name == "scan":
+                yield equation
+            for inner in jax.tree_util.tree_leaves(list(equation.params.values())):
+                yield from recursions(inner.jaxpr) if hasattr(inner, "jaxpr") else ()
+
+    traced = jax.make_jaxpr(marginal.log_posterior)(jnp.zeros(len(marginal.sampled)))
+    longest = max(recursions(traced.jaxpr), key=lambda found: found.params["length"])
+    assert longest.params["length"] >= DRIVE.size - 1
+    assert all(out.aval.ndim <= 1 for out in longest.outvars)
 
 
 def test_gains_near_a_bound_stay_in_the_chain(cubic):

@@ -23,7 +23,7 @@ from typing import Any
 from .build import Spec, build
 from .design import CI, design, subset
 
-SEED = 20281123
+SEED = 20280317
 
 
 def canonical(labels: Sequence[dict]) -> str:

@@ -54,7 +54,7 @@ class Bank:
             y = self.base.response(u, h, self.law, self.keep)
         else:
             y = response_side(pair, self.signal, self.t, self.plain)[:: self.keep]
-        return y - self.plain[:: self.keep]
+        return y - self.recorded
 
 
 @dataclass(frozen=True)

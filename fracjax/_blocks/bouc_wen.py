@@ -29,6 +29,7 @@ _DEPTHS = _FARTHEST * np.linspace(0, 1, _CELLS + 1) ** 2
 _HALVES = np.diff(_DEPTHS)[:, None] / 2
 _INNER = _DEPTHS[:-1, None] + _HALVES * (1 + _NODES)
 _SHARES = _HALVES * _WEIGHTS * np.exp(-_INNER)
+_LOG_INNER, _LOG_NODES = _log_level(_INNER), _log_level(_DEPTHS)
 _LEVELS = np.concatenate([np.expm1(-_DEPTHS[:0:-1]), -np.expm1(-_DEPTHS)])
 
 
@@ -54,8 +55,8 @@ class _Branch(NamedTuple):
             powers = n * log_levels
             return 1 + (2 * sigma - 1) * jnp.exp(powers), -jnp.expm1(powers)
 
-        below, above = (jnp.cumsum(jnp.sum(_SHARES / s, 1)) for s in slopes(_log_level(_INNER)))
-        falling, rising = slopes(_log_level(_DEPTHS))
+        below, above = (jnp.cumsum(jnp.sum(_SHARES / s, 1)) for s in slopes(_LOG_INNER))
+        falling, rising = slopes(_LOG_NODES)
         slope = jnp.concatenate([falling[:0:-1], rising])
         travels = jnp.concatenate([-below[::-1], jnp.zeros(1), above])
         level = jnp.asarray(_LEVELS, slope.dtype)

@@ -43,7 +43,7 @@ class Prediction(eqx.Module):
 
     @property
     def shapes(self) -> int:
-        """p."""
+        """p, how many numbers the shapes are."""
         return sum(size for _, size in layout_of(self.block).shapes)
 
     def __call__(self, shapes: Array, gains: Array) -> tuple[Array, ...]:

@@ -25,7 +25,6 @@ import numpy as np
 from jax import Array
 from jax.scipy.linalg import solve_triangular
 
-from .._fit import layout_of
 from ._laplace import Laplace, laplace
 from ._likelihood import Target
 from ._noise_models import AbstractGaussianNoise, Eliminated, Signals
@@ -151,9 +150,10 @@ def marginal_of(target: Target, start: np.ndarray) -> tuple[Marginal, Laplace]:
 def _candidates(target: Target) -> tuple[int, ...]:
     if not isinstance(target.noise, AbstractGaussianNoise):
         return ()
-    first = sum(size for _, size in layout_of(target.predict.block).shapes)
     kinds = Normal, TruncatedNormal, Uniform
-    return tuple(k for k in range(first, target.size) if isinstance(target.priors[k], kinds))
+    return tuple(
+        k for k in range(target.predict.shapes, target.size) if isinstance(target.priors[k], kinds)
+    )
 
 
 def _linear(target: Target, positions: Sequence[int]) -> _Linear:

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import Any
 
 import jax
@@ -186,20 +187,26 @@ def is_parameter(node: object) -> bool:
 
 def named_parameters(tree: Any) -> dict[str, Parameter]:
     """All parameters of a block or model by dotted path, in tree order."""
-    leaves = jax.tree_util.tree_leaves_with_path(tree, is_leaf=is_parameter)
-    return {
-        ".".join(str(getattr(key, "name", getattr(key, "idx", key))) for key in path): leaf
-        for path, leaf in leaves
-        if is_parameter(leaf)
-    }
+    leaves, structure = jax.tree_util.tree_flatten(tree, is_leaf=is_parameter)
+    pairs = zip(_paths(structure), leaves, strict=True)
+    return {path: leaf for path, leaf in pairs if is_parameter(leaf)}
+
+
+@lru_cache(maxsize=1024)
+def _paths(structure: jax.tree_util.PyTreeDef) -> tuple[str, ...]:
+    """Dotted paths of a structure's leaves; to find them takes as long as a short simulation."""
+    numbered = structure.unflatten(range(structure.num_leaves))
+    return tuple(
+        ".".join(str(getattr(key, "name", getattr(key, "idx", key))) for key in path)
+        for path, _ in jax.tree_util.tree_leaves_with_path(numbered)
+    )
 
 
 def replace_parameters(tree: Any, parameters: Mapping[str, Parameter]) -> Any:
     """The same tree with parameters exchanged by dotted path."""
-    replacements = iter(parameters.get(n, p) for n, p in named_parameters(tree).items())
-    return jax.tree_util.tree_map(
-        lambda node: next(replacements) if is_parameter(node) else node, tree, is_leaf=is_parameter
-    )
+    leaves, structure = jax.tree_util.tree_flatten(tree, is_leaf=is_parameter)
+    pairs = zip(_paths(structure), leaves, strict=True)
+    return structure.unflatten([parameters.get(path, leaf) for path, leaf in pairs])
 
 
 def set_values(tree: Any, values: Mapping[str, ArrayLike]) -> Any:

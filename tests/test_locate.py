@@ -76,6 +76,17 @@ def test_on_noise_no_place_stands_out():
         assert 0.15 < np.median(p_values) < 1, name
 
 
+def test_on_noise_with_outliers_no_band_of_frequency_stands_out():
+    """Where one sample in fifty is six times as large as the others, their number decides how large
+    the noise is, in all bands at once."""
+    p_values = []
+    for seed in range(100):
+        generator = np.random.default_rng(seed)
+        noise = white(seed) * np.where(generator.random(TIMES.size) < 0.02, 6.0, 1.0)
+        p_values.append(axes_of(noise / np.sqrt(0.98 + 0.02 * 36))["frequency"].p_value)
+    assert np.mean(np.array(p_values) < 0.01) <= 0.04
+
+
 # What a fit leaves --------------------------------------------------------------------------------
 
 TONE_STEP = 4e-3

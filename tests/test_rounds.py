@@ -168,6 +168,14 @@ def known(doubt: float) -> Any:
     return SimpleNamespace(takes=[SimpleNamespace(noise=noise)])
 
 
+def worth_naming(base: Any, stage: Any, winner: Any, gained: float = 0.0) -> bool:
+    """Whether an effect is worth naming that gains so much of 1000 in χ² on data held out."""
+    winner.gain, winner.prediction = SimpleNamespace(fall=gained), 1000.0
+    with pytest.MonkeyPatch.context() as patch:
+        patch.setattr(_procedure, "gain", lambda _, fall: SimpleNamespace(fall=fall))
+        return _procedure._is_worth_naming(base, stage, winner, lambda *_: None)  # type: ignore
+
+
 @pytest.mark.parametrize(
     ("before", "after", "worth"),
     [
@@ -186,7 +194,20 @@ def test_a_further_effect_takes_a_share_that_counts(before, after, worth):
         solved=cost_of(before), excess=before - 1000, layers=(1,), preparation=known(0.0)
     )
     winner: Any = SimpleNamespace(solved=cost_of(after), preparation=known(0.0))
-    assert _procedure._is_worth_naming(base, stage, winner) == worth
+    assert worth_naming(base, stage, winner) == worth
+
+
+@pytest.mark.parametrize(("gained", "worth"), [(150.0, True), (90.0, False)])
+def test_a_further_effect_may_take_its_share_of_data_held_out(gained, worth):
+    """Of 1000 in χ² that both effects together gain there."""
+    base: Any = SimpleNamespace(
+        solved=cost_of(2000.0), excess=1000.0, layers=(), preparation=known(0.0)
+    )
+    stage: Any = SimpleNamespace(
+        solved=cost_of(1300.0), excess=300.0, layers=(1,), preparation=known(0.0)
+    )
+    winner: Any = SimpleNamespace(solved=cost_of(1280.0), preparation=known(0.0))
+    assert worth_naming(base, stage, winner, gained) == worth
 
 
 @pytest.mark.parametrize(
@@ -202,7 +223,18 @@ def test_a_remainder_is_completed_only_where_it_is_more_than_its_own_doubt(befor
         solved=cost_of(before), excess=before - 1000, layers=(1,), preparation=doubted
     )
     winner: Any = SimpleNamespace(solved=cost_of(after), preparation=doubted)
-    assert _procedure._is_worth_naming(base, stage, winner) == worth
+    assert worth_naming(base, stage, winner) == worth
+
+
+def test_what_a_later_effect_makes_superfluous_is_found():
+    stage = stage_of(("delay", "electrostriction", "drive_lag"))
+    found = _procedure._superfluous(stage, silent)
+    assert found is not None
+    dropped, less = found
+    assert dropped == 0
+    assert less.adopted == ("electrostriction", "drive_lag")
+    assert less.solved.bic < stage.solved.bic
+    assert _procedure._superfluous(less, silent) is None
 
 
 def test_what_a_refit_gains_where_each_noise_is_what_it_leaves_itself(monkeypatch):

@@ -35,6 +35,9 @@ def test_the_first_place_that_stands_out_is_told():
     assert where_of(AXES[2:], "missing") == (
         "The mismatch stands out along harmonics, at 1.5 to 2.5."
     )
+    assert where_of([axis("frequency", "Hz", 1e-4)], "missing") == (
+        "The mismatch stands out along frequency as a whole."
+    )
     nowhere = "Nowhere does the residual stand out from the noise."
     assert where_of(AXES, "none") == nowhere
     assert where_of(AXES[1:2], "missing") == nowhere

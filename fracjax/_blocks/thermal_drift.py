@@ -3,12 +3,18 @@
 from __future__ import annotations
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from .._operators import Grid
 from .._parameters import Parameter
 from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
+
+
+def usual_from(duration: float) -> float:
+    """The least usual time constant [s] in a recording of so many seconds."""
+    return max(0.02 * duration, min(1.0, duration))
 
 
 class ThermalDrift(AbstractBlock):
@@ -18,6 +24,8 @@ class ThermalDrift(AbstractBlock):
 
     a [response], b [response/s], τ [s].  Independent of the drive: how far the frame has warmed
     when a recording begins is another thing every time, so that a and b are that recording's own.
+    No frame warms up in less than a second: of τ that, or a fiftieth of the recording, to three
+    times the recording is usual.
     Source: Slocum, Precision Machine Design (1992), section 2.3.
     """
 
@@ -33,7 +41,7 @@ class ThermalDrift(AbstractBlock):
             "s",
             lower=1e-3 * longest,
             upper=3 * longest,
-            plausible=(0.02 * longest, 3 * longest),
+            plausible=(usual_from(longest), 3 * longest),
             logarithmic=True,
         )
 
@@ -49,8 +57,9 @@ class ThermalDrift(AbstractBlock):
 
 def _trials(setting: Setting) -> list:
     duration, size = setting.duration, 0.01 * setting.response_span
-    block = ThermalDrift(0.3 * duration, longest=duration)
-    shapes = [{"amplitude": size, "time_constant": share * duration} for share in (0.03, 0.1, 0.3)]
+    constants = np.maximum(np.array([0.03, 0.1, 0.3]) * duration, usual_from(duration))
+    block = ThermalDrift(constants[-1], longest=duration)
+    shapes = [{"amplitude": size, "time_constant": one} for one in np.unique(constants)]
     return at_values(block, [*shapes, {"slope": size / duration}])
 
 

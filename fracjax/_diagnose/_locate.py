@@ -201,7 +201,8 @@ class _Places:
         gain or phase, and how its whole power compares with that of the noise.
 
         The power by an F test of the residual's lines against those that the noise was read from,
-        where it was read at all; a band that a short rest does not resolve tells nothing.
+        where it was read at all; a band that a short rest does not resolve tells nothing.  What
+        scatters with heavy tails is the size of the whole noise, and so of all bands at once.
         """
         kept = self.residual.whitened[self.counted]
         power = np.abs(np.fft.rfft(kept)) ** 2 / kept.size
@@ -233,14 +234,17 @@ class _Places:
         """P(so much power in a band) from the noise's own lines there."""
         if power.size == 0:
             return 1.0
+        tails = self.kurtosis - 3
+        freedom = 2 / (1 / power.size + tails / np.count_nonzero(self.counted))
         if self.noise.lines[0].size == 0:
-            return float(f.sf(power.mean(), 2 * power.size, self.freedom))
+            return float(f.sf(power.mean(), freedom, self.freedom))
         if noise.size == 0:
             return 1.0
         # A band whose noise is one tall line has the freedoms of one, however many lie in it.
         alike = min(1.0, 2 * noise.mean() ** 2 / np.mean(noise**2))
-        freedom = 2 * noise.size * alike / self.noise.shared
-        return float(f.sf(power.mean() / noise.mean(), min(2 * power.size, freedom), freedom))
+        others = noise.size * alike / self.noise.shared
+        known = 2 / (1 / others + tails / self.noise.effective)
+        return float(f.sf(power.mean() / noise.mean(), min(freedom, known), known))
 
 
 def _map(

@@ -95,10 +95,18 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
         found = _judge(base, stage, detection.scores, predict, seed, progress)
         judged = {**{j.name: j for j in found}, **judged}
         winner = best_of(found)
-        if winner is None or not _is_worth_naming(base, stage, winner):
+        if winner is None:
             break
+        extended = stage.extended(winner.layer, winner.solved, winner.preparation)
+        if not _is_worth_naming(base, stage, winner, predict):
+            # Too small to stand beside what was adopted, it may yet be what that stood in for.
+            superfluous = _superfluous(extended, progress)
+            if superfluous is None:
+                break
+            k, extended = superfluous
+            rounds.pop(k)
         rounds.append(Round(winner, found))
-        stage = stage.extended(winner.layer, winner.solved, winner.preparation)
+        stage = extended
         detection = _detect(stage, seed, progress)
         if len(rounds) == _ROUNDS:
             break
@@ -115,14 +123,29 @@ def _least_share(base: Stage, stage: Stage) -> float:
     return WORTH_NAMING if stage.layers and is_exhausted(base, stage) else 0.0
 
 
-def _is_worth_naming(base: Stage, stage: Stage, winner: Judged) -> bool:
-    """Whether a further effect takes a share that counts, or else all that was left where that is
-    more than what the adopted effects' own laws may differ from ours."""
+def _superfluous(stage: Stage, progress: Progress) -> tuple[int, Stage] | None:
+    """Which of the effects before the last that one has made superfluous, and the stage without
+    it."""
+    for k, layer in enumerate(stage.layers[:-1]):
+        progress(f"fitting without {layer.effect.name}")
+        less = stage.without(k)
+        if delta_bic(less.solved, stage.solved) < DELTA_BIC:
+            return k, less
+    return None
+
+
+def _is_worth_naming(base: Stage, stage: Stage, winner: Judged, predict: Predict) -> bool:
+    """Whether a further effect takes a share that counts, of the recordings or of data held out
+    where the base conceals less of it, or else all that was left where that is more than what the
+    adopted effects' own laws may differ from ours."""
     before, after = stage.excess, winner.solved.cost - winner.solved.samples
     doubt = excess_doubt(winner.preparation, winner.solved) * winner.solved.samples
     completes = after <= (1 - EXPLAINED) * before + doubt and before > 2 * doubt
     least = _least_share(base, stage)
-    return share_of_excess(base, stage, winner) >= (min(least, INEXACT) if completes else least)
+    if share_of_excess(base, stage, winner) >= (min(least, INEXACT) if completes else least):
+        return True
+    held_out = gain(predict(base.solved, base.preparation), winner.prediction)
+    return winner.gain.fall >= least * held_out.fall
 
 
 def with_noise_beyond_mismatch(base: Stage, course: Course) -> Preparation | None:

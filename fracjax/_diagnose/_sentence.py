@@ -23,7 +23,8 @@ def where_of(axes: Sequence[Axis], verdict: Verdict) -> str:
     unit = "" if axis.unit == "1" else f" {axis.unit}"
     others = ", ".join(other.axis for other in standing_out[1:4])
     also = f"; it also shows along {others}" if others else ""
-    return f"The mismatch stands out along {axis.axis}, at {stretches}{unit}{also}."
+    place = f", at {stretches}{unit}" if axis.intervals else " as a whole"
+    return f"The mismatch stands out along {axis.axis}{place}{also}."
 
 
 def sentence_of(

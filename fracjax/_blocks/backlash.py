@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import numpy as np
 from jax import Array
 
 from .._operators import Grid
@@ -52,9 +53,8 @@ class Backlash(AbstractBlock):
 
 def _trials(setting: Setting) -> list:
     span = setting.response_span
-    shares = (0.002, 0.006, 0.02, 0.05)
     block = Backlash(0.5, 0.01 * span, span=span)
-    return at_values(block, [{"radius": share * span} for share in shares])
+    return at_values(block, [{"radius": share * span} for share in np.geomspace(0.002, 0.05, 8)])
 
 
 EFFECT = Effect(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from .._operators import Grid
@@ -57,7 +58,8 @@ class CoulombFriction(AbstractBlock):
 def _trials(setting: Setting) -> list:
     span = setting.response_span
     block = CoulombFriction(0.01 * span, 0.05 * span, span=span)
-    return at_values(block, [{"presliding": share * span} for share in (0.004, 0.02, 0.1, 0.4)])
+    shares = np.geomspace(0.004, 0.4, 8)
+    return at_values(block, [{"presliding": share * span} for share in shares])
 
 
 EFFECT = Effect(

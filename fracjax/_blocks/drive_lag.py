@@ -35,7 +35,7 @@ class DriveLag(AbstractLinearBlock):
 
 def _trials(setting: Setting) -> list:
     slowest = 1 / (2 * np.pi * setting.top_frequency)
-    constants = np.clip(slowest * np.geomspace(0.02, 2, 5), 1e-5, 0.05)
+    constants = np.clip(slowest * np.geomspace(0.02, 2, 9), 1e-5, 0.05)
     return at_values(DriveLag(), [{"time_constant": c} for c in np.unique(constants)])
 
 

@@ -68,9 +68,9 @@ class LostContact(AbstractBlock):
 def _trials(setting: Setting) -> list:
     low, span = setting.response_low, setting.response_span
     block = LostContact(0.1, low + 0.2 * span, low=low, span=span)
-    shares = (0.003, 0.01, 0.03, 0.08, 0.15, 0.25, 0.4, 0.6)
-    shapes = [{"threshold": low + share * span} for share in shares]
-    return at_values(block, [*shapes, shapes[3] | {"compliance": 0.02}])
+    shapes = [{"threshold": low + share * span} for share in np.geomspace(0.003, 0.6, 14)]
+    pressed = {"threshold": low + 0.08 * span, "compliance": 0.02}
+    return at_values(block, [*shapes, pressed])
 
 
 EFFECT = Effect(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from .._operators import Grid
@@ -37,8 +38,9 @@ class Saturation(AbstractBlock):
 def _trials(setting: Setting) -> list:
     low, high = setting.drive_low, setting.drive_high
     block = Saturation(0.5 * (low + high), low=low, high=high)
-    # Of a threshold just below the highest drive little is cut, and only that shows it.
-    cut = (0.4, 0.2, 0.1, 0.05, 0.02, 0.008, 0.003, 0.001, 4e-4, 1.5e-4)
+    # Of a threshold just below the highest drive little is cut, and only that shows it; one half as
+    # far below shows half of it.
+    cut = np.geomspace(0.4, 1.5e-4, 20)
     return at_values(block, [{"threshold": high - share * (high - low)} for share in cut])
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from .._operators import Grid
@@ -59,7 +60,7 @@ class SlewRateLimit(AbstractBlock):
 
 def _trials(setting: Setting) -> list:
     top = setting.top_rate
-    shares = (0.6, 0.75, 0.85, 0.92, 0.97, 0.99, 0.997)
+    shares = 1 - np.geomspace(0.4, 0.003, 13)
     return at_values(SlewRateLimit(top, top=top), [{"rate": share * top} for share in shares])
 
 

@@ -38,8 +38,8 @@ class Saturation(AbstractBlock):
 def _trials(setting: Setting) -> list:
     low, high = setting.drive_low, setting.drive_high
     block = Saturation(0.5 * (low + high), low=low, high=high)
-    # Of a threshold just below the highest drive little is cut, and only that shows it; one half as
-    # far below shows half of it.
+    # Of a threshold just below the highest drive little is cut, and only that shows it; what lies
+    # between two trials a factor of three apart shows half of itself in either.
     cut = np.geomspace(0.4, 1.5e-4, 20)
     return at_values(block, [{"threshold": high - share * (high - low)} for share in cut])
 

@@ -12,7 +12,7 @@ from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
 
 
-def usual_from(duration: float) -> float:
+def _usual_from(duration: float) -> float:
     """The least usual time constant [s] in a recording of so many seconds."""
     return max(0.02 * duration, min(1.0, duration))
 
@@ -41,7 +41,7 @@ class ThermalDrift(AbstractBlock):
             "s",
             lower=1e-3 * longest,
             upper=3 * longest,
-            plausible=(usual_from(longest), 3 * longest),
+            plausible=(_usual_from(longest), 3 * longest),
             logarithmic=True,
         )
 
@@ -57,7 +57,7 @@ class ThermalDrift(AbstractBlock):
 
 def _trials(setting: Setting) -> list:
     duration, size = setting.duration, 0.01 * setting.response_span
-    constants = np.maximum(np.array([0.03, 0.1, 0.3]) * duration, usual_from(duration))
+    constants = np.maximum(np.array([0.03, 0.1, 0.3]) * duration, _usual_from(duration))
     block = ThermalDrift(constants[-1], longest=duration)
     shapes = [{"amplitude": size, "time_constant": one} for one in np.unique(constants)]
     return at_values(block, [*shapes, {"slope": size / duration}])

@@ -193,7 +193,7 @@ def named_parameters(tree: Any) -> dict[str, Parameter]:
 
 
 @lru_cache(maxsize=1024)
-def _paths(structure: jax.tree_util.PyTreeDef) -> tuple[str, ...]:
+def _paths(structure: Any) -> tuple[str, ...]:
     """Dotted paths of a structure's leaves; to find them takes as long as a short simulation."""
     numbered = structure.unflatten(range(structure.num_leaves))
     return tuple(

@@ -47,21 +47,21 @@ class TextTable:
     def numbers(self, column: int) -> np.ndarray:
         """Column `column`, shape (N,), float64; `InputError` where a cell is no finite number."""
         # Beside a column of text the others are read one by one.
-        values = self._parsed([column])[:, 0] if self._all is None else self._all[:, column]
-        return values if (np.abs(values) < LARGEST).all() else self._cell_by_cell(column)
+        values = self._parsed([column]) if self._all is None else self._all[:, [column]]
+        if values is None or not (np.abs(values) < LARGEST).all():
+            return self._cell_by_cell(column)
+        return values[:, 0]
 
     @cached_property
     def _all(self) -> np.ndarray | None:
-        """All columns (N, width) at once; None where one holds text."""
-        values = self._parsed(list(range(self.width)))
-        return None if np.isnan(values).any() else values
+        """All columns (N, width) at once."""
+        return self._parsed(list(range(self.width)))
 
-    def _parsed(self, columns: list[int]) -> np.ndarray:
-        """Columns (N, …); not a number throughout where there are quotes or a cell is text."""
+    def _parsed(self, columns: list[int]) -> np.ndarray | None:
+        """Columns (N, …); None where there are quotes or a cell is text."""
         text = "\n".join(self.rows)
-        nothing = np.full((len(self.rows), len(columns)), np.nan)
         if '"' in text:
-            return nothing
+            return None
         try:
             frame = pd.read_csv(
                 io.StringIO(text),
@@ -75,7 +75,7 @@ class TextTable:
                 na_filter=False,
             )
         except ValueError:
-            return nothing
+            return None
         return frame.to_numpy()
 
     def place(self, row: int, column: int) -> str:

@@ -126,12 +126,18 @@ def _least_share(base: Stage, stage: Stage) -> float:
 def _superfluous(stage: Stage, progress: Progress) -> tuple[int, Stage] | None:
     """Which of the effects before the last that one has made superfluous, and the stage without
     it."""
-    for k, layer in enumerate(stage.layers[:-1]):
-        progress(f"fitting without {layer.effect.name}")
-        less = stage.without(k)
-        if delta_bic(less.solved, stage.solved) < DELTA_BIC:
+    for k in range(len(stage.layers) - 1):
+        less, is_missed = _deleted(stage, k, progress)
+        if not is_missed:
             return k, less
     return None
+
+
+def _deleted(stage: Stage, k: int, progress: Progress) -> tuple[Stage, bool]:
+    """The stage without one of its effects, and whether its fit is the worse for it."""
+    progress(f"fitting without {stage.layers[k].effect.name}")
+    less = stage.without(k)
+    return less, delta_bic(less.solved, stage.solved) >= DELTA_BIC
 
 
 def _is_worth_naming(base: Stage, stage: Stage, winner: Judged, predict: Predict) -> bool:
@@ -388,9 +394,9 @@ def _reconsidered(
             break
         round_ = waiting.pop(0)
         k = rounds.index(round_)
-        progress(f"fitting without {round_.winner.name}")
-        less, others = stage.without(k), [*rounds[:k], *rounds[k + 1 :]]
-        if delta_bic(less.solved, stage.solved) < DELTA_BIC:
+        others = [*rounds[:k], *rounds[k + 1 :]]
+        less, is_missed = _deleted(stage, k, progress)
+        if not is_missed:
             stage, rounds = less, others
             continue
         scores = _scored(less, less.solved, residual_of(less.solved, less.preparation))

@@ -38,8 +38,14 @@ class Laplace:
 
 @eqx.filter_jit
 def _derivatives(target: Density, standard: Array) -> tuple[Array, Array]:
-    gradient = jax.grad(target.log_posterior)
-    return gradient(standard), jax.jacfwd(gradient)(standard)
+    """Gradient (D,) and Hessian (D, D), both by tangents: no transposition is to be compiled."""
+
+    def gradient(point: Array) -> tuple[Array, Array]:
+        found = jax.jacfwd(target.log_posterior)(point)
+        return found, found
+
+    hessian, found = jax.jacfwd(gradient, has_aux=True)(standard)
+    return found, hessian
 
 
 def _newton(target: Density, mode: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

@@ -293,8 +293,8 @@ def _keeps(u: np.ndarray, period: int) -> bool:
     """Whether all repeats of `period` in u, shape (N,), follow one pattern that is no hold."""
     repeats = u[: len(u) // period * period].reshape(-1, period)
     pattern = repeats.mean(axis=0)
-    departure = np.sqrt(np.mean((repeats - pattern) ** 2))
-    return len(repeats) >= 3 and pattern.std() > 0.01 and departure <= _PATTERN * pattern.std()
+    departure, size = float(np.sqrt(np.mean((repeats - pattern) ** 2))), float(pattern.std())
+    return len(repeats) >= 3 and size > 0.01 and departure <= _PATTERN * size
 
 
 def _stretch(u: np.ndarray, period: int) -> Repeats | None:

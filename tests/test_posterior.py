@@ -349,7 +349,7 @@ def test_arviz_reads_it(sampled, tmp_path):
     found = groups["posterior"]["a"]
     assert found.dims == ("chain", "draw")
     assert found.attrs["units"] == "um/V"
-    assert float(found.mean()) == pytest.approx(by_name(sampled)["a"].mean, rel=1e-12)
+    assert np.asarray(found).mean() == pytest.approx(by_name(sampled)["a"].mean, rel=1e-12)
     groups.close()  # type: ignore[call-arg]
 
 

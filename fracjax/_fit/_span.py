@@ -80,7 +80,8 @@ def _kept(asked: _Asked) -> Span | None:
     chains, problem = chains_of(asked.block), asked.problem
     assert chains is not None  # span_of has seen to it
     drive, grid = np.asarray(problem.drive), problem.grid
-    found, chosen = [np.zeros((drive.size, 0))], []
+    found: list[np.ndarray] = [np.zeros((drive.size, 0))]
+    chosen = []
     for chain in chains:
         first = choose(chain.before, drive[:, None], grid)
         if first is None:

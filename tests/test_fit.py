@@ -9,8 +9,9 @@ import pytest
 
 import fracjax as fj
 from benchmarks.concealed.truth import BASES, OVER
-from fracjax._fit import _programs, prepare, solve_from
+from fracjax._fit import _programs, other_histories, prepare, solve_from, take_of
 from fracjax._fit._programs import make_room
+from fracjax._operators._grid import History
 
 STEP = 2e-3
 SAMPLES = 1200
@@ -341,3 +342,41 @@ def test_of_steady_cycles_whole_periods_count_and_all_of_them():
     assert weighed.roots is not None
     assert weighed.used.size == weighed.roots.size == 1000
     assert np.count_nonzero(~weighed.used) == 51
+
+
+# One period of steady motion ----------------------------------------------------------------------
+
+
+def one_period(history: History, seed: int = 0) -> fj.Recording:
+    """FOH under ten tones of random phase, one period long, with noise."""
+    generator = np.random.default_rng(seed)
+    times = np.arange(512) * STEP
+    tones = np.arange(1, 11)[:, None]
+    phases = generator.uniform(0, 2 * np.pi, (10, 1))
+    drive = 40 + 8 * np.sum(np.cos(2 * np.pi * tones * times / (512 * STEP) + phases), axis=0)
+    response = fj.simulate("foh", drive, STEP, history).response
+    return fj.Recording(drive, response + SIGMA * generator.standard_normal(512), STEP)
+
+
+@pytest.mark.parametrize("history", ["periodic", "constant"])
+def test_one_period_tells_whether_it_had_run_before(history):
+    """Its drive ends where it began either way; its response only where it had."""
+    fit = fit_foh(one_period(history))
+    assert fit.to_dict()["assumptions"][0]["history"] == history
+    assert fit.scores.rmse == pytest.approx(SIGMA, rel=0.1)
+
+
+def test_one_period_of_steady_motion_may_be_told():
+    recording = one_period("periodic")
+    taken = prepare([recording], history="periodic").takes[0]
+    assert (taken.history, taken.used.sum()) == ("periodic", 512)
+    with pytest.raises(fj.InputError, match=r"expected a drive that repeats.*or one period"):
+        prepare([recording.window(0, 400)], history="periodic")
+
+
+def test_a_drive_that_begins_at_rest_is_no_period():
+    recording = one_period("periodic")
+    drive = np.concatenate([np.full(50, recording.drive[0]), recording.drive])
+    response = np.concatenate([np.full(50, recording.response[0]), recording.response])
+    take = take_of(fj.Recording(drive, response, STEP), None, None, None)
+    assert other_histories(take) is None

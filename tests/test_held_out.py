@@ -12,8 +12,10 @@ from scipy.signal import lfilter
 
 import fracjax as fj
 from fracjax._blocks import EFFECTS
+from fracjax._diagnose._diagnose import _Predict
 from fracjax._diagnose._held_out import Prediction, gain, predict_recording, predict_stretches
 from fracjax._fit import Noise, Preparation, Solved, prepare, settle, solve_from, take_of
+from fracjax._operators._grid import History
 from fracjax._parameters import set_values
 
 STEP, SAMPLES = 1e-3, 2000
@@ -279,3 +281,17 @@ def test_a_drive_of_few_periods_is_set_aside_in_as_many_stretches_as_any():
     folds = predict_stretches(solved, preparation).fold_of_sample
     # Its period is exactly a fifth of the record.
     assert np.count_nonzero(np.diff(folds)) == 21
+
+
+def test_what_is_held_out_of_steady_motion_is_itself_steady_where_it_ends_as_it_began():
+    def one_period(tones: list[int], history: History) -> fj.Recording:
+        drive = 40 + 9 * sum(np.cos(np.pi * k * (TIMES + 0.1 * k)) for k in tones)
+        answer = fj.simulate(CREEP.with_values({"k_c": 0.1, "mu": 0.3}), drive, STEP, history)
+        return fj.Recording(drive, answer.response, STEP)
+
+    preparation = prepare([one_period([1, 2, 5], "periodic")], history="periodic", noise=white())
+    steady = _Predict(preparation, one_period([1, 3, 4], "periodic")).take
+    begun = _Predict(preparation, one_period([1, 3, 4], "constant")).take
+    assert steady is not None
+    assert begun is not None
+    assert (steady.history, begun.history) == ("periodic", "constant")

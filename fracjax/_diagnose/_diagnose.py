@@ -21,6 +21,7 @@ from .._fit import (
     fine_enough,
     fit_of,
     measured_noise,
+    other_histories,
     prepare,
     settle,
     silent,
@@ -135,8 +136,12 @@ class _Predict:
     def _take(first: Take, holdout: Recording) -> Take:
         """The held-out recording under the assumptions of the first training recording."""
         require_units_of(first.recording, holdout)
-        history = first.history if first.history != "periodic" else None
-        return take_of(holdout, measured_noise(holdout) or first.noise, history, None)
+        noise = measured_noise(holdout) or first.noise
+        if first.history != "periodic":
+            return take_of(holdout, noise, first.history, None)
+        take = take_of(holdout, noise, None, None)
+        other = other_histories(take)
+        return other if other is not None and other.history == "periodic" else take
 
     def __call__(self, solved: Solved, preparation: Preparation) -> Prediction:
         if self.take is None:

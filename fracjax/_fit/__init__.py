@@ -49,6 +49,7 @@ from ._numerics import too_coarse as too_coarse
 from ._preparation import Past as Past
 from ._preparation import Preparation as Preparation
 from ._preparation import Take as Take
+from ._preparation import other_histories as other_histories
 from ._preparation import settling_samples as settling_samples
 from ._preparation import take_of as take_of
 from ._problem import AbstractProblem as AbstractProblem

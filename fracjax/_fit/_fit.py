@@ -308,12 +308,12 @@ def _error_in_common(
     solved: Solved, preparation: Preparation, others: Sequence[Take | None]
 ) -> float:
     """Mean square residual where both histories are put to the test: of a jump the settling samples
-    too, of steady cycles the whole periods after the first."""
+    too, of steady cycles whole periods, without one that was left out."""
     errors = []
     for take, other, simulation in zip(preparation.takes, others, solved.simulations, strict=True):
         steady = other is not None and other.history == "periodic"
         stop = len(other.recording) if other is not None else len(take.recording)
-        start = stop // 10 if steady else 0
+        start = take.settling if steady else 0
         errors.append((take.recording.response - simulation)[start:stop] ** 2)
     return float(np.mean(np.concatenate(errors)))
 

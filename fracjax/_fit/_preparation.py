@@ -11,7 +11,7 @@ import numpy as np
 
 from .._blocks import Setting
 from .._operators._grid import History
-from .._recording import MINIMUM_SAMPLES, InputError, Recording, Repeats, parse_quantity
+from .._recording import MINIMUM_SAMPLES, InputError, Recording, parse_quantity
 from ._conditions import PLAIN, Conditions
 from ._noise import Noise
 from ._problem import Problem, make_problem, setting_of
@@ -129,17 +129,23 @@ def take_of(
 ) -> Take:
     """A recording under the given history (`constant` where none is given).
 
-    `periodic` cuts it to whole periods.  Of a drive with many periods the first does not count,
-    unless `settling` [samples] says otherwise; nor do samples of weight 0.
+    `periodic` cuts it to whole periods, or takes all of it for one whose drive ends where it began.
+    Of a drive with many periods the first does not count, unless `settling` [samples] says
+    otherwise; nor do samples of weight 0.
     """
     repeats = recording.drive_period()
     if history == "periodic":
-        if repeats is None or repeats.start >= repeats.period:
+        if repeats is not None and repeats.start < repeats.period:
+            whole = repeats.stop // repeats.period * repeats.period
+        elif _closes(recording.drive):
+            whole = len(recording)
+        else:
             raise InputError(
-                f"{recording.source}: expected a drive that repeats from the start for the history "
-                '"periodic", found none; choose "constant" or "rest"'
+                f"{recording.source}: expected a drive that repeats from the start, or one period "
+                'that ends where it began, for the history "periodic", found neither; choose '
+                '"constant" or "rest"'
             )
-        return _steady_take(recording, repeats, noise, weights)
+        return _steady_take(recording, whole, noise, weights)
     if settling is None:
         many = repeats is not None and repeats.stop - repeats.start >= _STEADY_FROM * repeats.period
         moving = repeats is not None and repeats.start < repeats.period
@@ -150,10 +156,15 @@ def take_of(
     return Take(recording, history or "constant", settling, used, noise, weights)
 
 
+def _closes(signal: np.ndarray) -> bool:
+    """Whether the last of (N,) leads to the first as one leads to the next."""
+    return bool(abs(signal[0] - signal[-1]) <= np.abs(np.diff(signal)).max())
+
+
 def _steady_take(
-    recording: Recording, repeats: Repeats, noise: Noise | None, weights: np.ndarray | None
+    recording: Recording, whole: int, noise: Noise | None, weights: np.ndarray | None
 ) -> Take:
-    whole = (repeats.stop // repeats.period) * repeats.period
+    """The first `whole` samples, as steady cycles."""
     weights = None if weights is None else weights[:whole]
     used = np.ones(whole, bool) if weights is None else weights > 0
     return Take(recording.window(0, whole), "periodic", 0, used, noise, weights)
@@ -163,8 +174,8 @@ def other_histories(take: Take) -> Take | None:
     """The other way the recording may have begun, for the fit to choose between; None if clear.
 
     A drive that repeats from its first sample on may have run before (`periodic`), where its first
-    period is like the second; one that jumps to its first value may have been switched on with it
-    (`rest`).
+    period is like the second, and so may one that begins in motion and ends where it began, as does
+    its response; one that jumps to its first value may have been switched on with it (`rest`).
     """
     recording = take.recording
     if take.history != "constant":
@@ -176,10 +187,20 @@ def other_histories(take: Take) -> Take | None:
         and repeats.stop > 0.8 * len(recording)
         and _is_steady(recording, repeats.period)
     ):
-        return _steady_take(recording, repeats, take.noise, take.weights)
+        whole = repeats.stop // repeats.period * repeats.period
+        return _steady_take(recording, whole, take.noise, take.weights)
+    closed = _closes(recording.drive) and _closes(recording.response)
+    if repeats is None and closed and begins_in_motion(recording):
+        return _steady_take(recording, len(recording), take.noise, take.weights)
     if take.settling and abs(recording.drive[0]) > 0.02 * np.ptp(recording.drive):
         return replace(take, history="rest")
     return None
+
+
+def begins_in_motion(recording: Recording) -> bool:
+    """Whether the drive moves from the first samples on."""
+    first = max(4, len(recording) // 200)
+    return bool(np.ptp(recording.drive[:first]) >= 5e-3 * np.ptp(recording.drive))
 
 
 def _is_steady(recording: Recording, period: int) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._fit._preparation import other_histories, take_of
+from .._fit._preparation import begins_in_motion, other_histories, take_of
 from .._recording import Recording
 
 _SIDE = 4
@@ -22,9 +22,7 @@ def _beginning(recording: Recording) -> str | None:
     other = other_histories(take_of(recording, None, None, None))
     if other is not None and other.history == "periodic":
         return None
-    drive = recording.drive
-    first = max(_SIDE, len(recording) // 200)
-    if np.ptp(drive[:first]) < 5e-3 * np.ptp(drive):
+    if not begins_in_motion(recording):
         return None
     return (
         "The recording has no baseline: it begins in motion, neither at rest nor in a steady "

@@ -285,7 +285,7 @@ def test_a_drive_of_few_periods_is_set_aside_in_as_many_stretches_as_any():
 
 def test_what_is_held_out_of_steady_motion_is_itself_steady_where_it_ends_as_it_began():
     def one_period(tones: list[int], history: History) -> fj.Recording:
-        drive = 40 + 9 * sum(np.cos(np.pi * k * (TIMES + 0.1 * k)) for k in tones)
+        drive = 40 + 9 * np.sum([np.cos(np.pi * k * (TIMES + 0.1 * k)) for k in tones], axis=0)
         answer = fj.simulate(CREEP.with_values({"k_c": 0.1, "mu": 0.3}), drive, STEP, history)
         return fj.Recording(drive, answer.response, STEP)
 

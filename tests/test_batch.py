@@ -627,10 +627,12 @@ class QuickFits(WorkerPlugin):
         rows.fit = fit
 
 
-@pytest.fixture(scope="module")
+@pytest.fixture
 def quick_cluster(cluster, fitted) -> LocalCluster:
     with Client(cluster, set_as_default=False) as client:
         client.register_plugin(QuickFits(fitted))
+        # Workers that a test before this one killed start anew, which takes its time.
+        client.wait_for_workers(1)
     return cluster
 
 

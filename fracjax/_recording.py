@@ -31,6 +31,11 @@ class Repeats(NamedTuple):
     start: int
     stop: int
 
+    @property
+    def whole(self) -> int:
+        """How many samples whole periods fill, counted from the recording's first."""
+        return self.stop // self.period * self.period
+
 
 @dataclass(frozen=True, eq=False)
 class Recording:

@@ -21,11 +21,11 @@ from .._fit import (
     fine_enough,
     fit_of,
     measured_noise,
-    other_histories,
     prepare,
     settle,
     silent,
     solve_from,
+    steady_of,
     take_of,
     too_coarse,
 )
@@ -140,8 +140,7 @@ class _Predict:
         if first.history != "periodic":
             return take_of(holdout, noise, first.history, None)
         take = take_of(holdout, noise, None, None)
-        other = other_histories(take)
-        return other if other is not None and other.history == "periodic" else take
+        return steady_of(take) or take
 
     def __call__(self, solved: Solved, preparation: Preparation) -> Prediction:
         if self.take is None:

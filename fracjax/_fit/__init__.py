@@ -51,6 +51,7 @@ from ._preparation import Preparation as Preparation
 from ._preparation import Take as Take
 from ._preparation import other_histories as other_histories
 from ._preparation import settling_samples as settling_samples
+from ._preparation import steady_of as steady_of
 from ._preparation import take_of as take_of
 from ._problem import AbstractProblem as AbstractProblem
 from ._problem import Problem as Problem

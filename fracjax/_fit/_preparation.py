@@ -136,7 +136,7 @@ def take_of(
     repeats = recording.drive_period()
     if history == "periodic":
         if repeats is not None and repeats.start < repeats.period:
-            whole = repeats.stop // repeats.period * repeats.period
+            whole = repeats.whole
         elif _closes(recording.drive):
             whole = len(recording)
         else:
@@ -173,28 +173,36 @@ def _steady_take(
 def other_histories(take: Take) -> Take | None:
     """The other way the recording may have begun, for the fit to choose between; None if clear.
 
-    A drive that repeats from its first sample on may have run before (`periodic`), where its first
-    period is like the second, and so may one that begins in motion and ends where it began, as does
-    its response; one that jumps to its first value may have been switched on with it (`rest`).
+    It may have run before (`steady_of`); a drive that jumps to its first value may have been
+    switched on with it (`rest`).
     """
-    recording = take.recording
     if take.history != "constant":
         return None
-    repeats = recording.drive_period()
-    if (
-        repeats is not None
-        and repeats.start == 0
-        and repeats.stop > 0.8 * len(recording)
-        and _is_steady(recording, repeats.period)
-    ):
-        whole = repeats.stop // repeats.period * repeats.period
-        return _steady_take(recording, whole, take.noise, take.weights)
-    closed = _closes(recording.drive) and _closes(recording.response)
-    if repeats is None and closed and begins_in_motion(recording):
-        return _steady_take(recording, len(recording), take.noise, take.weights)
-    if take.settling and abs(recording.drive[0]) > 0.02 * np.ptp(recording.drive):
+    steady = steady_of(take)
+    if steady is not None:
+        return steady
+    drive = take.recording.drive
+    if take.settling and abs(drive[0]) > 0.02 * np.ptp(drive):
         return replace(take, history="rest")
     return None
+
+
+def steady_of(take: Take) -> Take | None:
+    """The recording as steady cycles (`periodic`), where it may be some.
+
+    Its drive repeats from the first sample on, and the first period of the response is like the
+    second; or it is one period, which begins in motion and ends, drive and response, where it
+    began.
+    """
+    recording = take.recording
+    repeats = recording.drive_period()
+    if repeats is None:
+        closed = _closes(recording.drive) and _closes(recording.response)
+        whole = len(recording) if closed and begins_in_motion(recording) else 0
+    else:
+        kept = repeats.start == 0 and repeats.stop > 0.8 * len(recording)
+        whole = repeats.whole if kept and _is_steady(recording, repeats.period) else 0
+    return _steady_take(recording, whole, take.noise, take.weights) if whole else None
 
 
 def begins_in_motion(recording: Recording) -> bool:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._fit._preparation import begins_in_motion, other_histories, take_of
+from .._fit._preparation import begins_in_motion, steady_of, take_of
 from .._recording import Recording
 
 _SIDE = 4
@@ -19,10 +19,8 @@ def doubts_about(recording: Recording) -> tuple[str, ...]:
 
 def _beginning(recording: Recording) -> str | None:
     """A recording that begins neither at rest nor in a steady cycle: its past is unknown."""
-    other = other_histories(take_of(recording, None, None, None))
-    if other is not None and other.history == "periodic":
-        return None
-    if not begins_in_motion(recording):
+    steady = steady_of(take_of(recording, None, None, None)) is not None
+    if steady or not begins_in_motion(recording):
         return None
     return (
         "The recording has no baseline: it begins in motion, neither at rest nor in a steady "

@@ -70,6 +70,21 @@ def test_lines_of_another_phase_and_size_are_read_from_the_recording_that_has_th
     assert found.base_rmse > 4 * SIGMA
 
 
+def test_what_looks_like_the_offset_in_another_recording_is_read_with_it():
+    generator = np.random.default_rng(7)
+    layered = EFFECTS["mains_interference"]
+    block = layered.insert(CREEP.block, layered.trials(prepare_alone(DRIVE).setting)[0])
+    error = hum(0.3, 0.05) + SIGMA * generator.standard_normal(SAMPLES)
+    solved, preparation = fitted(block, DRIVE, response(DRIVE), white(), error)
+    # One of its two columns is constant to 1e-9 of itself.
+    slow = replace(solved, block=set_values(solved.block, {"second.frequency": 1e-6}))
+    other = response(OTHER) + 0.4 + SIGMA * generator.standard_normal(SAMPLES)
+    take = take_of(fj.Recording(OTHER, other, STEP, "V", "um"), white(), "constant", 0)
+    found = predict_recording(slow, preparation, take)
+    assert found.rmse == pytest.approx(SIGMA, rel=0.1)
+    assert np.isfinite(found.spread).all()
+
+
 def prepare_alone(drive: np.ndarray) -> Preparation:
     return prepare([fj.Recording(drive, 0.1 * drive, STEP, "V", "um")], noise=white())
 

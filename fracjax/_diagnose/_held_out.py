@@ -61,7 +61,8 @@ def predict_recording(solved: Solved, preparation: Preparation, take: Take) -> P
         read = _Read(white_own[others])
         terms[inside] = read.of(white[others])
         of_spread[inside] = white_own[inside] @ read.of(white_spread[others])
-        open_[inside] = white_own[inside] @ read.errors
+        # Of columns that look alike there, fewer directions than columns are known.
+        open_[inside, : read.errors.shape[1]] = white_own[inside] @ read.errors
     error = error - np.sum(own * terms, axis=1)
     return _prediction(
         (error - error[take.baseline].mean())[counted],

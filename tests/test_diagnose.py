@@ -251,6 +251,7 @@ def judged_of(
         numerics=0.0,
         gain=gain,
         prediction=unseen,
+        predict=unseen,
         plausible=plausible,
     )
 

@@ -12,7 +12,7 @@ from scipy.signal import lfilter
 
 import fracjax as fj
 from fracjax._blocks import EFFECTS
-from fracjax._diagnose._diagnose import _Predict
+from fracjax._diagnose._diagnose import held_out_take
 from fracjax._diagnose._held_out import Prediction, gain, predict_recording, predict_stretches
 from fracjax._fit import Noise, Preparation, Solved, prepare, settle, solve_from, take_of
 from fracjax._operators._grid import History
@@ -305,8 +305,6 @@ def test_what_is_held_out_of_steady_motion_is_itself_steady_where_it_ends_as_it_
         return fj.Recording(drive, answer.response, STEP)
 
     preparation = prepare([one_period([1, 2, 5], "periodic")], history="periodic", noise=white())
-    steady = _Predict(preparation, one_period([1, 3, 4], "periodic")).take
-    begun = _Predict(preparation, one_period([1, 3, 4], "constant")).take
-    assert steady is not None
-    assert begun is not None
+    steady = held_out_take(preparation.takes[0], one_period([1, 3, 4], "periodic"))
+    begun = held_out_take(preparation.takes[0], one_period([1, 3, 4], "constant"))
     assert (steady.history, begun.history) == ("periodic", "constant")

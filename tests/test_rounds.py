@@ -11,7 +11,7 @@ import pytest
 import fracjax as fj
 from fracjax._blocks import EFFECTS
 from fracjax._diagnose import _procedure, _refit
-from fracjax._diagnose._held_out import Gain
+from fracjax._diagnose._held_out import Gain, Predict, Prediction
 from fracjax._diagnose._judgement import Judged, best_of
 from fracjax._diagnose._refit import Refit, within_usual_ranges
 from fracjax._diagnose._stage import Layer, Stage, wrapped
@@ -54,6 +54,7 @@ def judged(stage: Stage, name: str) -> Judged:
         numerics=0.0,
         gain=Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0),
         prediction=SimpleNamespace(),  # type: ignore[arg-type]
+        predict=lambda *_: SimpleNamespace(),  # type: ignore[arg-type, return-value]
         plausible=True,
     )
 
@@ -108,6 +109,38 @@ def test_look_alikes_that_the_catalogue_knows_are_refitted_too():
     missed = _procedure._look_alikes_missed([best], scores)
     assert [score.effect.name for score in missed] == ["delay"]
     assert _procedure._look_alikes_missed([], scores) == []
+
+
+@pytest.mark.parametrize(("apart", "fall"), [(3.9, 400.0), (4.1, 4.1**2)])
+def test_a_recording_that_does_not_show_the_effect_leaves_it_to_stretches(apart, fall, monkeypatch):
+    """Predictions of another recording that lie so many noises apart, and of stretches 20."""
+    fold, certain = np.arange(500) % 5, np.zeros((500, 0))
+    noise = np.random.default_rng(1).standard_normal(500)
+
+    def predicting(apart: float) -> Predict:
+        wrong = np.roll(noise, 50)
+        wrong -= noise * (wrong @ noise) / (noise @ noise)
+        wrong *= apart / np.linalg.norm(wrong)
+
+        def predict(solved, _):
+            error = noise + wrong if solved is base.solved else noise
+            return Prediction(1.0, (1.0,) * 5, error, fold, certain)
+
+        return predict
+
+    with jax.enable_x64(True):
+        base = stage_of(())
+        refit = judged(base, "drive_lag").refit
+        stretches = predicting(20.0)
+        monkeypatch.setattr(_procedure, "predict_stretches", stretches)
+
+        def before(predict: Predict) -> Prediction:
+            return predict(base.solved, base.preparation)
+
+        question = _procedure._Question(base, base, refit, before, predicting(apart))
+        found = question.answered(refit.solved, base.preparation, 0.0)
+    assert found.gain.fall == pytest.approx(fall)
+    assert (found.predict is stretches) == (apart < 4)
 
 
 @pytest.mark.parametrize(("loss", "inside"), [(5.0, True), (20.0, False)])
@@ -171,9 +204,10 @@ def known(doubt: float) -> Any:
 def worth_naming(base: Any, stage: Any, winner: Any, gained: float = 0.0) -> bool:
     """Whether an effect is worth naming that gains so much of 1000 in χ² on data held out."""
     winner.gain, winner.prediction = SimpleNamespace(fall=gained), 1000.0
+    winner.predict = lambda *_: None
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_procedure, "gain", lambda _, fall: SimpleNamespace(fall=fall))
-        return _procedure._is_worth_naming(base, stage, winner, lambda *_: None)  # type: ignore
+        return _procedure._is_worth_naming(base, stage, winner)
 
 
 @pytest.mark.parametrize(
@@ -265,7 +299,7 @@ def fine_judged(name: str, gained: float, plausible: bool) -> Judged:
     gain = Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0)
     refit: Any = SimpleNamespace(name=name, solved=gained)
     unseen: Any = None
-    return Judged(refit, unseen, gained, 0.0, 1.0, 0.0, gain, unseen, plausible)
+    return Judged(refit, unseen, gained, 0.0, 1.0, 0.0, gain, unseen, unseen, plausible)
 
 
 def refined_contenders(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Collection, Sequence
 from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -14,9 +15,7 @@ from .._fit import (
     Fit,
     Noise,
     Past,
-    Preparation,
     Progress,
-    Solved,
     Take,
     fine_enough,
     fit_of,
@@ -33,7 +32,7 @@ from .._fit._border import model_of, recordings_of, require_recording, whole
 from .._models import Model
 from .._recording import Recording, require_units_of
 from ._codes import seen_in_codes
-from ._held_out import Prediction, gain, predict_recording, predict_stretches
+from ._held_out import Predict, gain, predict_recording, predict_stretches
 from ._judgement import (
     DELTA_BIC,
     EXPLAINED,
@@ -85,7 +84,8 @@ def diagnose(
 ) -> Diagnosis:
     """Say whether, where and why a model, or that of a name, and recordings differ beyond noise.
 
-    `holdout` is a recording that no fit sees; without one, stretches are set aside in turn.
+    `holdout` is a recording that no fit sees; without one, and for effects that it does not show,
+    stretches are set aside in turn.
     `repeat` holds the drive a second time, for the noise floor; `noise` is the sensor's
     specification, rms, a number in the response's unit or a text such as "0.07 um", used where
     neither repeats nor rests show the noise.
@@ -114,7 +114,8 @@ def diagnose(
         while True:
             solved, preparation, numerics = fine_enough(solved, preparation, progress)
             base = Stage(model.name, model.block, (), solved, preparation)
-            predict = _Predict(preparation, holdout)
+            unseen = None if holdout is None else held_out_take(preparation.takes[0], holdout)
+            predict = _predict(unseen)
             course = run(base, numerics, predict, seed, progress)
             clearer = with_noise_beyond_mismatch(base, course) if readings_left else None
             if clearer is None:
@@ -123,39 +124,32 @@ def diagnose(
             solved, preparation = solve_from([solved.block, model.block], clearer), clearer
             readings_left -= 1
         limits = limits or recorded_limits(listed)
-        return _Conclusion(model, base, numerics, predict, course).diagnosis(limits, progress)
+        return _Conclusion(model, base, numerics, unseen, course).diagnosis(limits, progress)
 
 
-class _Predict:
+def held_out_take(first: Take, holdout: Recording) -> Take:
+    """The held-out recording under the assumptions of the first training recording."""
+    require_units_of(first.recording, holdout)
+    noise = measured_noise(holdout) or first.noise
+    if first.history != "periodic":
+        return take_of(holdout, noise, first.history, None)
+    take = take_of(holdout, noise, None, None)
+    return steady_of(take) or take
+
+
+def _predict(unseen: Take | None) -> Predict:
     """Predictions of data that no fit has seen: another recording, or stretches set aside."""
-
-    def __init__(self, preparation: Preparation, holdout: Recording | None):
-        self.take = None if holdout is None else self._take(preparation.takes[0], holdout)
-
-    @staticmethod
-    def _take(first: Take, holdout: Recording) -> Take:
-        """The held-out recording under the assumptions of the first training recording."""
-        require_units_of(first.recording, holdout)
-        noise = measured_noise(holdout) or first.noise
-        if first.history != "periodic":
-            return take_of(holdout, noise, first.history, None)
-        take = take_of(holdout, noise, None, None)
-        return steady_of(take) or take
-
-    def __call__(self, solved: Solved, preparation: Preparation) -> Prediction:
-        if self.take is None:
-            return predict_stretches(solved, preparation)
-        return predict_recording(solved, preparation, self.take)
+    return predict_stretches if unseen is None else partial(predict_recording, take=unseen)
 
 
 class _Conclusion:
     """What a course of rounds amounts to."""
 
     def __init__(
-        self, model: Model, base: Stage, numerics: float, predict: _Predict, course: Course
+        self, model: Model, base: Stage, numerics: float, unseen: Take | None, course: Course
     ):
         self.model, self.base, self.numerics = model, base, numerics
-        self.predict, self.course = predict, course
+        self.unseen, self.course = unseen, course
         noise = base.preparation.takes[0].noise
         assert noise is not None  # settle() leaves none unknown
         self.noise: Noise = noise
@@ -295,13 +289,13 @@ class _Conclusion:
         return frequency(bare, problems, residual_of(solved, preparation), freedom)
 
     def _held_out(self) -> HeldOut:
-        base = self.predict(self.base.solved, self.base.preparation)
-        stage, take = self.course.stage, self.predict.take
+        predict, take, stage = _predict(self.unseen), self.unseen, self.course.stage
+        base = predict(self.base.solved, self.base.preparation)
         source = "" if take is None else take.recording.source
         method = "stretches set aside in turn" if take is None else "recording"
         if not self.rounds:
             return HeldOut(method, base.rmse, None, base.folds, (), source)
-        extended = self.predict(stage.solved, stage.preparation)
+        extended = predict(stage.solved, stage.preparation)
         found = gain(base, extended)
         if take is not None or not any(found.foretold):
             return HeldOut(method, base.rmse, extended.rmse, base.folds, extended.folds, source)

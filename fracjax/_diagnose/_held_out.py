@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -34,6 +34,9 @@ class Prediction:
     whitened: np.ndarray
     fold_of_sample: np.ndarray
     spread: np.ndarray
+
+
+Predict = Callable[[Solved, Preparation], Prediction]
 
 
 def predict_recording(solved: Solved, preparation: Preparation, take: Take) -> Prediction:
@@ -203,6 +206,15 @@ class Gain:
     def refuted(self) -> bool:
         """Negative altogether, or in more than a fifth of the folds."""
         return self.fall < 0 or self.improved < _WILLING
+
+    @property
+    def is_open(self) -> bool:
+        """Whether the data could not have told.
+
+        Of two models whose whitened predictions are d apart, the right one's χ² is lower by
+        d² ± 2 d, which is convincing beyond d = 4.
+        """
+        return self.standard_error < 8
 
     @property
     def share_of_rmse(self) -> float:

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._fit import LIMIT, Preparation, Solved
-from ._held_out import Gain, Prediction
+from ._held_out import Gain, Predict, Prediction
 from ._refit import Refit
 from ._result import Axis
 from ._score import EffectScore
@@ -31,7 +31,8 @@ _FIRST = 4.0
 class Judged:
     """A refitted candidate with everything the naming rule asks.
 
-    `spared`: how much less its numbers cost by Laplace's evidence than by BIC, in BIC's units.
+    `spared`: how much less its numbers cost by Laplace's evidence than by BIC, in BIC's units;
+    `predict` is what made the prediction, of whatever data held out can tell.
     """
 
     refit: Refit
@@ -42,6 +43,7 @@ class Judged:
     numerics: float
     gain: Gain
     prediction: Prediction
+    predict: Predict
     plausible: bool
 
     @property

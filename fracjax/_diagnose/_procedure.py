@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 import numpy as np
 
@@ -11,7 +12,7 @@ from .._blocks import EFFECTS, AbstractBlock
 from .._fit import LIMIT, Preparation, Progress, Solved, fine_enough, residual_noise
 from .._parameters import named_parameters, set_values
 from ._evidence import spared
-from ._held_out import Prediction, gain
+from ._held_out import Predict, Prediction, gain, predict_stretches
 from ._judgement import (
     DELTA_BIC,
     EXPLAINED,
@@ -43,8 +44,6 @@ _ROUNDS = 3
 _MOST_JUDGED_AGAIN = 4
 _CLEARLY_LESS = 0.03
 _HALF, _NEARLY = 0.5, 0.9
-
-Predict = Callable[[Solved, Preparation], Prediction]
 
 
 @dataclass(frozen=True)
@@ -98,7 +97,7 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
         if winner is None:
             break
         extended = stage.extended(winner.layer, winner.solved, winner.preparation)
-        if not _is_worth_naming(base, stage, winner, predict):
+        if not _is_worth_naming(base, stage, winner):
             # Too small to stand beside what was adopted, it may yet be what that stood in for.
             superfluous = _superfluous(extended, progress)
             if superfluous is None:
@@ -140,7 +139,7 @@ def _deleted(stage: Stage, k: int, progress: Progress) -> tuple[Stage, bool]:
     return less, delta_bic(less.solved, stage.solved) >= DELTA_BIC
 
 
-def _is_worth_naming(base: Stage, stage: Stage, winner: Judged, predict: Predict) -> bool:
+def _is_worth_naming(base: Stage, stage: Stage, winner: Judged) -> bool:
     """Whether a further effect takes a share that counts, of the recordings or of data held out
     where the base conceals less of it, or else all that was left where that is more than what the
     adopted effects' own laws may differ from ours."""
@@ -150,7 +149,7 @@ def _is_worth_naming(base: Stage, stage: Stage, winner: Judged, predict: Predict
     least = _least_share(base, stage)
     if share_of_excess(base, stage, winner) >= (min(least, INEXACT) if completes else least):
         return True
-    held_out = gain(predict(base.solved, base.preparation), winner.prediction)
+    held_out = gain(winner.predict(base.solved, base.preparation), winner.prediction)
     return winner.gain.fall >= least * held_out.fall
 
 
@@ -275,7 +274,11 @@ def _judge(
     hopeless: float = np.inf,
 ) -> list[Judged]:
     """Refit the shortlist and put every candidate to the naming rule's questions."""
-    before = predict(stage.solved, stage.preparation)
+
+    @cache
+    def before(predict: Predict) -> Prediction:
+        return predict(stage.solved, stage.preparation)
+
     found: list[tuple[_Question, Judged]] = []
     least = DELTA_BIC + np.log(stage.solved.samples)
     # What takes a small share may still be named if it takes all that is left.
@@ -323,12 +326,19 @@ class _Question:
     base: Stage
     stage: Stage
     attempt: Refit
-    before: Prediction
+    before: Callable[[Predict], Prediction]
     predict: Predict
 
     def answered(self, solved: Solved, preparation: Preparation, numerics: float) -> Judged:
         """Everything the naming rule asks."""
-        prediction = self.predict(solved, preparation)
+        predict = self.predict
+        prediction = predict(solved, preparation)
+        gained = gain(self.before(predict), prediction)
+        if gained.is_open and predict is not predict_stretches:
+            # A recording that does not show the effect can say nothing for it or against it.
+            predict = predict_stretches
+            prediction = predict(solved, preparation)
+            gained = gain(self.before(predict), prediction)
         return Judged(
             refit=replace(self.attempt, solved=solved),
             preparation=preparation,
@@ -336,8 +346,9 @@ class _Question:
             spared=spared(solved, preparation, self.attempt.layer),
             explained=explained_fraction(self.base, solved),
             numerics=numerics,
-            gain=gain(self.before, prediction),
+            gain=gained,
             prediction=prediction,
+            predict=predict,
             plausible=is_plausible(solved, self.attempt.layer),
         )
 

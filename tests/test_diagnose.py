@@ -239,6 +239,7 @@ def judged_of(
     plausible: bool = True,
     gain: Gain = CONVINCING,
     spared: float = 0.0,
+    before: float = 0.0,
 ) -> Judged:
     unseen: Any = None
     refit: Any = SimpleNamespace(name=name)
@@ -246,6 +247,7 @@ def judged_of(
         refit=refit,
         preparation=unseen,
         delta_bic=delta_bic,
+        altogether=before + delta_bic,
         spared=spared,
         explained=1.0,
         numerics=0.0,
@@ -276,6 +278,9 @@ def test_rivals_are_those_within_25_or_a_hundredth():
     assert rivals_of(best, [best, open_, *refuted]) == [open_]
     small = [judged_of("a", 50), judged_of("b", 26), judged_of("c", 24)]
     assert [j.name for j in rivals_of(small[0], small)] == ["b"]
+    # Nor is what was adopted before of exactly the actuator's law.
+    later = [judged_of("a", 500, before=9500), judged_of("b", 420), judged_of("c", 380)]
+    assert [j.name for j in rivals_of(later[0], later)] == ["b"]
     # Nor do numbers exclude a rival that the data hardly know, up to 10 in BIC.
     loose = judged_of("e", 16, spared=15)
     assert rivals_of(small[0], [*small, loose]) == [small[1], loose]

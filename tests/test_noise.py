@@ -112,6 +112,7 @@ def test_steps_as_coarse_as_the_noise_are_named_from_the_codes(codes):
     assert step.value == pytest.approx(codes * SIGMA, rel=1e-6)
     named = next(c for c in found.candidates if c.name == "quantisation")
     assert named.reason.startswith("named")
+    assert found.axes[0].axis == "level"
 
 
 def test_of_a_rest_a_parabola_and_logarithms_of_time_are_no_noise():

@@ -49,6 +49,7 @@ def judged(stage: Stage, name: str) -> Judged:
         refit=Refit(score, solved),
         preparation=stage.preparation,
         delta_bic=stage.solved.bic - solved.bic,
+        altogether=stage.solved.bic - solved.bic,
         spared=0.0,
         explained=1.0,
         numerics=0.0,
@@ -201,8 +202,11 @@ def known(doubt: float) -> Any:
     return SimpleNamespace(takes=[SimpleNamespace(noise=noise)])
 
 
-def worth_naming(base: Any, stage: Any, winner: Any, gained: float = 0.0) -> bool:
+def worth_naming(
+    base: Any, stage: Any, winner: Any, gained: float = 0.0, name: str = "creep"
+) -> bool:
     """Whether an effect is worth naming that gains so much of 1000 in χ² on data held out."""
+    winner.layer = SimpleNamespace(effect=fj.EFFECTS[name])
     winner.gain, winner.prediction = SimpleNamespace(fall=gained), 1000.0
     winner.predict = lambda *_: None
     with pytest.MonkeyPatch.context() as patch:
@@ -210,54 +214,44 @@ def worth_naming(base: Any, stage: Any, winner: Any, gained: float = 0.0) -> boo
         return _procedure._is_worth_naming(base, stage, winner)
 
 
+def stages(cost: float, *adopted: str) -> tuple[Any, Any]:
+    """A base with 1000 in χ² beyond the noise of 1000 samples, and a stage with effects."""
+    layers = [SimpleNamespace(effect=fj.EFFECTS[name]) for name in adopted]
+    base = SimpleNamespace(solved=cost_of(2000.0), excess=1000.0, layers=(), preparation=known(0.0))
+    stage = SimpleNamespace(
+        solved=cost_of(cost), excess=cost - 1000, layers=layers, preparation=known(0.0)
+    )
+    return base, stage
+
+
 @pytest.mark.parametrize(
     ("before", "after", "worth"),
     [
-        (1800.0, 1700.0, True),  # a tenth of the base's excess, after nothing was explained
-        (1800.0, 1790.0, True),
-        (1350.0, 1240.0, True),  # what is left is under the noise: a tenth is asked
-        (1350.0, 1260.0, False),
-        (1350.0, 1030.0, True),  # a twentieth where it completes the fit
+        (1800.0, 1790.0, True),  # what is left is more than the noise: another is looked for
+        (1350.0, 1325.0, True),  # what is left is under the noise: a fiftieth is asked
+        (1350.0, 1335.0, False),
     ],
 )
 def test_a_further_effect_takes_a_share_that_counts(before, after, worth):
-    base: Any = SimpleNamespace(
-        solved=cost_of(2000.0), excess=1000.0, layers=(), preparation=known(0.0)
-    )
-    stage: Any = SimpleNamespace(
-        solved=cost_of(before), excess=before - 1000, layers=(1,), preparation=known(0.0)
-    )
     winner: Any = SimpleNamespace(solved=cost_of(after), preparation=known(0.0))
-    assert worth_naming(base, stage, winner) == worth
-
-
-@pytest.mark.parametrize(("gained", "worth"), [(150.0, True), (90.0, False)])
-def test_a_further_effect_may_take_its_share_of_data_held_out(gained, worth):
-    """Of 1000 in χ² that both effects together gain there."""
-    base: Any = SimpleNamespace(
-        solved=cost_of(2000.0), excess=1000.0, layers=(), preparation=known(0.0)
-    )
-    stage: Any = SimpleNamespace(
-        solved=cost_of(1300.0), excess=300.0, layers=(1,), preparation=known(0.0)
-    )
-    winner: Any = SimpleNamespace(solved=cost_of(1280.0), preparation=known(0.0))
-    assert worth_naming(base, stage, winner, gained) == worth
+    assert worth_naming(*stages(before, "creep"), winner) == worth
 
 
 @pytest.mark.parametrize(
-    ("before", "after", "worth"), [(1600.0, 1040.0, True), (1440.0, 1010.0, False)]
-)
-def test_a_remainder_is_completed_only_where_it_is_more_than_its_own_doubt(before, after, worth):
-    """Of 1000 samples of a noise known to 6 %, 448 in χ² are no mismatch to be completed."""
-    doubted = known(0.06)
-    base: Any = SimpleNamespace(
-        solved=cost_of(9000.0), excess=8000.0, layers=(), preparation=doubted
-    )
-    stage: Any = SimpleNamespace(
-        solved=cost_of(before), excess=before - 1000, layers=(1,), preparation=doubted
-    )
-    winner: Any = SimpleNamespace(solved=cost_of(after), preparation=doubted)
-    assert worth_naming(base, stage, winner) == worth
+    ("adopted", "name", "worth"),
+    [("creep", "mains_interference", True), ("creep", "thermal_drift", False),
+     ("mains_interference", "thermal_drift", True)],
+)  # fmt: skip
+def test_lines_of_the_mains_and_other_laws_do_not_imitate_each_other(adopted, name, worth):
+    winner: Any = SimpleNamespace(solved=cost_of(1335.0), preparation=known(0.0))
+    assert worth_naming(*stages(1350.0, adopted), winner, name=name) == worth
+
+
+@pytest.mark.parametrize(("gained", "worth"), [(25.0, True), (15.0, False)])
+def test_a_further_effect_may_take_its_share_of_data_held_out(gained, worth):
+    """Of 1000 in χ² that both effects together gain there."""
+    winner: Any = SimpleNamespace(solved=cost_of(1295.0), preparation=known(0.0))
+    assert worth_naming(*stages(1300.0, "creep"), winner, gained) == worth
 
 
 def test_what_a_later_effect_makes_superfluous_is_found():
@@ -299,7 +293,7 @@ def fine_judged(name: str, gained: float, plausible: bool) -> Judged:
     gain = Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0)
     refit: Any = SimpleNamespace(name=name, solved=gained)
     unseen: Any = None
-    return Judged(refit, unseen, gained, 0.0, 1.0, 0.0, gain, unseen, unseen, plausible)
+    return Judged(refit, unseen, gained, gained, 0.0, 1.0, 0.0, gain, unseen, unseen, plausible)
 
 
 def refined_contenders(

@@ -43,12 +43,16 @@ def test_the_first_place_that_stands_out_is_told():
     assert where_of(AXES[1:2], "missing") == nowhere
 
 
-def said(verdict, effects=(), adopted=(), axes=AXES, noise=KNOWN, held_out=HELD_OUT) -> str:
+def said(
+    verdict, effects=(), adopted=(), axes=AXES, noise=KNOWN, held_out=HELD_OUT, too_small=None
+) -> str:
     candidates = [
         Candidate("creep", "series", 1.0, 0.0, 0.25, 0.9, ""),
         Candidate("resonance", "series", 1.0, 0.0, 0.5, 0.3, ""),
     ]
-    return sentence_of(verdict, effects, adopted, candidates, axes, BASE, noise, held_out)
+    return sentence_of(
+        verdict, effects, adopted, candidates, axes, BASE, noise, held_out, too_small
+    )
 
 
 def named(*confusable_with: str) -> NamedEffect:
@@ -82,6 +86,16 @@ def test_what_is_missing_is_told_with_what_it_brings():
     assert said("unexplained", axes=AXES[1:2]) == (
         f"{beyond} all over, nowhere in particular, {unknown}"
     )
+
+
+def test_what_is_left_and_too_small_for_a_name_is_told_with_its_doubt():
+    plain = said("missing", [named()])
+    assert said("missing", [named()], too_small="backlash") == plain + (
+        " Something smaller is left, most like backlash; it may be no more than what the "
+        "actuator's own law differs from the catalogue's."
+    )
+    assert "own laws differ from" in said("missing", [named(), named()], too_small="backlash")
+    assert said("none", too_small="backlash") == said("none")
 
 
 def test_an_error_on_held_out_data_that_rises_is_not_said_to_fall():

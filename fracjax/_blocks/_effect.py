@@ -56,6 +56,8 @@ class Effect:
     `separated_by` says, for each look-alike, which experiment tells the two apart.  `axes` are the
     places where its signature stands out.
     `one_sided`: its trials show the only sign that physics allows, as a delay is never an advance.
+    `foreign`: it follows neither the drive nor a slow course, so that what another effect's law
+    leaves over does not look like it, nor what it leaves over like another effect.
     Each block's parameters say their unit and the range that is plausible in it.
     """
 
@@ -69,6 +71,7 @@ class Effect:
     concealed_by: str
     axes: tuple[str, ...] = field(default=("time",))
     one_sided: bool = False
+    foreign: bool = False
 
     def insert(self, base: AbstractBlock, block: AbstractBlock) -> AbstractBlock:
         """The base with this effect's block at its site."""

@@ -86,4 +86,5 @@ EFFECT = Effect(
     separated_by={"resonance": "a drive off the multiples of the mains frequency"},
     concealed_by="nothing, unless the drive itself runs at the mains frequency",
     axes=("frequency",),
+    foreign=True,
 )

@@ -9,6 +9,7 @@ from functools import partial
 
 import numpy as np
 
+from .._blocks import EFFECTS
 from .._computing import computing
 from .._fit import (
     Estimate,
@@ -115,7 +116,9 @@ def diagnose(
             solved, preparation, numerics = fine_enough(solved, preparation, progress)
             base = Stage(model.name, model.block, (), solved, preparation)
             unseen = None if holdout is None else held_out_take(preparation.takes[0], holdout)
-            predict = _predict(unseen)
+            predict = (
+                predict_stretches if unseen is None else partial(predict_recording, take=unseen)
+            )
             course = run(base, numerics, predict, seed, progress)
             clearer = with_noise_beyond_mismatch(base, course) if readings_left else None
             if clearer is None:
@@ -124,7 +127,8 @@ def diagnose(
             solved, preparation = solve_from([solved.block, model.block], clearer), clearer
             readings_left -= 1
         limits = limits or recorded_limits(listed)
-        return _Conclusion(model, base, numerics, unseen, course).diagnosis(limits, progress)
+        conclusion = _Conclusion(model, base, numerics, unseen, predict, course)
+        return conclusion.diagnosis(limits, progress)
 
 
 def held_out_take(first: Take, holdout: Recording) -> Take:
@@ -137,19 +141,20 @@ def held_out_take(first: Take, holdout: Recording) -> Take:
     return steady_of(take) or take
 
 
-def _predict(unseen: Take | None) -> Predict:
-    """Predictions of data that no fit has seen: another recording, or stretches set aside."""
-    return predict_stretches if unseen is None else partial(predict_recording, take=unseen)
-
-
 class _Conclusion:
     """What a course of rounds amounts to."""
 
     def __init__(
-        self, model: Model, base: Stage, numerics: float, unseen: Take | None, course: Course
+        self,
+        model: Model,
+        base: Stage,
+        numerics: float,
+        unseen: Take | None,
+        predict: Predict,
+        course: Course,
     ):
         self.model, self.base, self.numerics = model, base, numerics
-        self.unseen, self.course = unseen, course
+        self.unseen, self.predict, self.course = unseen, predict, course
         noise = base.preparation.takes[0].noise
         assert noise is not None  # settle() leaves none unknown
         self.noise: Noise = noise
@@ -172,11 +177,19 @@ class _Conclusion:
         effects = (*self._effects(extended), *((coded,) if coded else ()))
         verdict = self._verdict(effects)
         candidates = self._candidates({e.name for e in effects})
-        axes, held_out = self._axes(), self._held_out()
+        axes, held_out = self._axes(effects), self._held_out()
         return Diagnosis(
             verdict=verdict,
             sentence=sentence_of(
-                verdict, effects, stage.adopted, candidates, axes, base_fit, self.noise, held_out
+                verdict,
+                effects,
+                stage.adopted,
+                candidates,
+                axes,
+                base_fit,
+                self.noise,
+                held_out,
+                self.course.too_small,
             ),
             base=base_fit,
             extended=extended,
@@ -261,16 +274,18 @@ class _Conclusion:
             held_out_gain=None if judged is None else judged.gain.share_of_rmse,
         )
 
-    def _axes(self) -> tuple[Axis, ...]:
+    def _axes(self, effects: tuple[NamedEffect, ...]) -> tuple[Axis, ...]:
         """The axes, those first along which the named effect's signature is known to stand out,
         then those whose places take most of the residual."""
-        natural = self.rounds[0].winner.layer.effect.axes if self.rounds else ()
+        leading = [round_.winner.name for round_ in self.rounds] + [e.name for e in effects]
+        natural = EFFECTS[leading[0]].axes if leading else ()
 
         def order(axis: Axis) -> tuple[bool, int, float, float]:
             silent = axis.p_value >= SIGNIFICANCE
-            known = axis.axis in natural and not silent
+            # What is seen in the codes alone has no place in the residual.
+            known = axis.axis in natural and not (silent and self.rounds)
             place = natural.index(axis.axis) if known else len(natural)
-            return silent, place, -axis.excess, axis.p_value
+            return silent and not known, place, -axis.excess, axis.p_value
 
         axes = self.course.first.axes
         if natural == ("frequency",):
@@ -289,13 +304,13 @@ class _Conclusion:
         return frequency(bare, problems, residual_of(solved, preparation), freedom)
 
     def _held_out(self) -> HeldOut:
-        predict, take, stage = _predict(self.unseen), self.unseen, self.course.stage
-        base = predict(self.base.solved, self.base.preparation)
+        take, stage = self.unseen, self.course.stage
+        base = self.predict(self.base.solved, self.base.preparation)
         source = "" if take is None else take.recording.source
         method = "stretches set aside in turn" if take is None else "recording"
         if not self.rounds:
             return HeldOut(method, base.rmse, None, base.folds, (), source)
-        extended = predict(stage.solved, stage.preparation)
+        extended = self.predict(stage.solved, stage.preparation)
         found = gain(base, extended)
         if take is not None or not any(found.foretold):
             return HeldOut(method, base.rmse, extended.rmse, base.folds, extended.folds, source)

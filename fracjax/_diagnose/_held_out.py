@@ -13,7 +13,7 @@ from .._parameters import named_parameters
 from .._recording import Recording
 from ._residual import errors_of
 
-_FOLDS, _WILLING = 5, 0.8
+_FOLDS, _WILLING, _SURE = 5, 0.8, 2.0
 # Of a drive given twice no fold holds the same phase of both times.
 _BLOCKS = 22
 _LEAST_KNOWN = 1e-10
@@ -200,7 +200,7 @@ class Gain:
     @property
     def convincing(self) -> bool:
         """More than 2 standard errors, and negative in no more than a fifth of the folds."""
-        return self.fall > 2 * self.standard_error and not self.refuted
+        return self.fall > _SURE * self.standard_error and not self.refuted
 
     @property
     def refuted(self) -> bool:
@@ -212,9 +212,9 @@ class Gain:
         """Whether the data could not have told.
 
         Of two models whose whitened predictions are d apart, the right one's χ² is lower by
-        d² ± 2 d, which is convincing beyond d = 4.
+        d² ± 2 d, in which 2 d is the standard error: not convincing unless that is over 8.
         """
-        return self.standard_error < 8
+        return self.standard_error < 4 * _SURE
 
     @property
     def share_of_rmse(self) -> float:

@@ -15,14 +15,11 @@ from ._evidence import spared
 from ._held_out import Predict, Prediction, gain, predict_stretches
 from ._judgement import (
     DELTA_BIC,
-    EXPLAINED,
-    INEXACT,
     SIGNIFICANCE,
     WORTH_NAMING,
     Judged,
     best_of,
     delta_bic,
-    excess_doubt,
     explained_fraction,
     freedom_of,
     is_exhausted,
@@ -76,18 +73,19 @@ class Round:
 @dataclass(frozen=True)
 class Course:
     """How a diagnosis went: what the base left, the rounds, the stage it ended on and what the
-    last test found."""
+    last test found; and the effect that was too small to be named beside those adopted."""
 
     first: Detection
     last: Detection
     rounds: list[Round]
     judged: dict[str, Judged]
     stage: Stage
+    too_small: str | None
 
 
 def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Progress) -> Course:
     """Adopt one effect after another while the residual shows one, then drop what became idle."""
-    stage, rounds, judged = base, [], {}
+    stage, rounds, judged, too_small = base, [], {}, None
     first = detection = _detect(base, seed, progress)
     # A mismatch no larger than the simulation's own error is never given a name.
     while detection.least < SIGNIFICANCE and numerics <= LIMIT:
@@ -101,6 +99,7 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
             # Too small to stand beside what was adopted, it may yet be what that stood in for.
             superfluous = _superfluous(extended, progress)
             if superfluous is None:
+                too_small = winner.name
                 break
             k, extended = superfluous
             rounds.pop(k)
@@ -110,7 +109,9 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
         if len(rounds) == _ROUNDS:
             break
     stage, rounds = _reconsidered(base, stage, rounds, predict, seed, progress)
-    return Course(first, detection, rounds, judged, stage)
+    if too_small in stage.adopted:
+        too_small = None
+    return Course(first, detection, rounds, judged, stage, too_small)
 
 
 def _least_share(base: Stage, stage: Stage) -> float:
@@ -119,7 +120,8 @@ def _least_share(base: Stage, stage: Stage) -> float:
     A remainder under the noise, and far smaller than what was explained, may be no more than the
     adopted effect's own law being another than ours.
     """
-    return WORTH_NAMING if stage.layers and is_exhausted(base, stage) else 0.0
+    imitated = any(not layer.effect.foreign for layer in stage.layers)
+    return WORTH_NAMING if imitated and is_exhausted(base, stage) else 0.0
 
 
 def _superfluous(stage: Stage, progress: Progress) -> tuple[int, Stage] | None:
@@ -140,14 +142,10 @@ def _deleted(stage: Stage, k: int, progress: Progress) -> tuple[Stage, bool]:
 
 
 def _is_worth_naming(base: Stage, stage: Stage, winner: Judged) -> bool:
-    """Whether a further effect takes a share that counts, of the recordings or of data held out
-    where the base conceals less of it, or else all that was left where that is more than what the
-    adopted effects' own laws may differ from ours."""
-    before, after = stage.excess, winner.solved.cost - winner.solved.samples
-    doubt = excess_doubt(winner.preparation, winner.solved) * winner.solved.samples
-    completes = after <= (1 - EXPLAINED) * before + doubt and before > 2 * doubt
+    """Whether a further effect takes a share that counts, of the recordings or of data held out,
+    where the base conceals less of it; or is none that another's law could imitate."""
     least = _least_share(base, stage)
-    if share_of_excess(base, stage, winner) >= (min(least, INEXACT) if completes else least):
+    if winner.layer.effect.foreign or share_of_excess(base, stage, winner) >= least:
         return True
     held_out = gain(winner.predict(base.solved, base.preparation), winner.prediction)
     return winner.gain.fall >= least * held_out.fall
@@ -331,18 +329,17 @@ class _Question:
 
     def answered(self, solved: Solved, preparation: Preparation, numerics: float) -> Judged:
         """Everything the naming rule asks."""
-        predict = self.predict
-        prediction = predict(solved, preparation)
-        gained = gain(self.before(predict), prediction)
-        if gained.is_open and predict is not predict_stretches:
-            # A recording that does not show the effect can say nothing for it or against it.
-            predict = predict_stretches
+        # A recording that does not show the effect can say nothing for it or against it.
+        for predict in (self.predict, predict_stretches):
             prediction = predict(solved, preparation)
             gained = gain(self.before(predict), prediction)
+            if predict is predict_stretches or not gained.is_open:
+                break
         return Judged(
             refit=replace(self.attempt, solved=solved),
             preparation=preparation,
             delta_bic=delta_bic(self.stage.solved, solved),
+            altogether=delta_bic(self.base.solved, solved),
             spared=spared(solved, preparation, self.attempt.layer),
             explained=explained_fraction(self.base, solved),
             numerics=numerics,

@@ -36,6 +36,7 @@ def sentence_of(
     base: Fit,
     noise: Noise,
     held_out: HeldOut,
+    too_small: str | None,
 ) -> str:
     """The plain sentence that everything else supports."""
     unit = noise.unit
@@ -68,6 +69,12 @@ def sentence_of(
         return (
             f"{name} and the recording differ beyond noise {place}, and no effect of the "
             f"catalogue explains it.{partly}{improvement if adopted else ''}"
+        )
+    if too_small:
+        law = "laws" if len(effects) > 1 else "law"
+        improvement += (
+            f" Something smaller is left, most like {too_small}; it may be no more than what the "
+            f"actuator's own {law} differ{'s' if law == 'law' else ''} from the catalogue's."
         )
     parts = " and ".join(f"{e.name} ({EFFECTS[e.name].sentence})" for e in effects)
     if verdict == "confusable":

@@ -6,7 +6,7 @@ Files of fractional-order hysteresis (FOH), each with a drive of its own or all 
 fitted a quarter, a half, and all of them, on from where the last call ended: if the peak of the
 memory grows with their number, it shows.  The peer is what one would write in an afternoon: gains
 eliminated by `lstsq`, orders by `scipy.optimize.least_squares`, on two processes, from one start
-and from as many as fracjax; paces are told as ratios to both.  Both ways read the files.  From 256
+and from as many as fracjax; paces are told as ratios to both.  Both ways read the files.  From 96
 recordings on fracjax runs a process per core.  About seven minutes for 1,000 recordings of 5,000
 samples on two idle cores; a kind of drive that the table holds is done.
 """

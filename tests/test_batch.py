@@ -507,7 +507,7 @@ def test_a_full_disk_tears_nothing(data, quick, monkeypatch):
 
 KILLED = """
 import pickle, sys, time
-import fracjax._batch._rows
+import fracjax._batch._batch, fracjax._batch._rows
 from fracjax import fit_batch
 
 fitted = pickle.load(open("fit.pickle", "rb"))
@@ -517,12 +517,15 @@ def fit(model, recording, **options):
     return fitted
 
 fracjax._batch._rows.fit = fit
+fracjax._batch._batch._MANY = 1000
 fit_batch("creep", "data", out="results", starts=2, chunk=3)
 """
 
 
-def test_kill_9_loses_no_part_and_does_nothing_twice(quick, fitted):
+def test_kill_9_loses_no_part_and_does_nothing_twice(quick, fitted, monkeypatch):
     """Killed twice, each time at a moment of its own after the first part of that run."""
+    # In a process of its own, a recording would be fitted in earnest.
+    monkeypatch.setattr("fracjax._batch._batch._MANY", 1000)
     count = 240
     Path("fit.pickle").write_bytes(pickle.dumps(fitted))
     save(Path("data/0.csv"), 0)

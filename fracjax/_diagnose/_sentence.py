@@ -71,10 +71,10 @@ def sentence_of(
             f"catalogue explains it.{partly}{improvement if adopted else ''}"
         )
     if too_small:
-        law = "laws" if len(effects) > 1 else "law"
+        differ = "laws differ" if len(effects) > 1 else "law differs"
         improvement += (
             f" Something smaller is left, most like {too_small}; it may be no more than what the "
-            f"actuator's own {law} differ{'s' if law == 'law' else ''} from the catalogue's."
+            f"actuator's own {differ} from the catalogue's."
         )
     parts = " and ".join(f"{e.name} ({EFFECTS[e.name].sentence})" for e in effects)
     if verdict == "confusable":

@@ -607,7 +607,8 @@ def cluster(tmp_path_factory) -> Iterator[LocalCluster]:
     """Two workers, a process each."""
     cloudpickle.register_pickle_by_value(sys.modules[__name__])
     options: dict[str, Any] = {"n_workers": 2, "threads_per_worker": 1, "silence_logs": 50}
-    options |= {"local_directory": str(tmp_path_factory.mktemp("dask")), "dashboard_address": None}
+    # Without an address, every cluster asks for one and the same port: two test runs at once do.
+    options |= {"local_directory": str(tmp_path_factory.mktemp("dask")), "dashboard_address": ":0"}
     two: Any
     with LocalCluster(**options) as two:
         yield two

@@ -603,7 +603,7 @@ def test_processes_end_with_what_asked_for_them():
 
 
 @pytest.fixture(scope="module")
-def cluster(tmp_path_factory) -> Iterator[LocalCluster]:
+def two_workers(tmp_path_factory) -> Iterator[LocalCluster]:
     """Two workers, a process each."""
     cloudpickle.register_pickle_by_value(sys.modules[__name__])
     options: dict[str, Any] = {"n_workers": 2, "threads_per_worker": 1, "silence_logs": 50}
@@ -613,6 +613,14 @@ def cluster(tmp_path_factory) -> Iterator[LocalCluster]:
     with LocalCluster(**options) as two:
         yield two
     cloudpickle.unregister_pickle_by_value(sys.modules[__name__])
+
+
+@pytest.fixture
+def cluster(two_workers) -> LocalCluster:
+    """The cluster as it was at first, whatever a test before this one did to its workers."""
+    two_workers.scale(2)
+    two_workers.wait_for_workers(2, timeout=120)
+    return two_workers
 
 
 class QuickFits(WorkerPlugin):
@@ -635,8 +643,6 @@ class QuickFits(WorkerPlugin):
 def quick_cluster(cluster, fitted) -> LocalCluster:
     with Client(cluster, set_as_default=False) as client:
         client.register_plugin(QuickFits(fitted))
-        # Workers that a test before this one killed start anew, which takes its time.
-        client.wait_for_workers(1)
     return cluster
 
 

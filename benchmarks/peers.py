@@ -15,19 +15,15 @@ from __future__ import annotations
 import argparse
 import csv
 import os
-import platform
 import subprocess
 import sys
 from collections.abc import Callable, Iterator
 from pathlib import Path
 from typing import NamedTuple
 
-from benchmarks.versions import versions
 from docs.tables import rows_of
 
 HERE = Path(__file__).parent
-PACKAGES = ("fracjax", "jax", "jaxlib", "numpy", "scipy", "optimistix", "jaxopt", "pyswarms", "cma",
-            "emcee", "numpyro", "torch", "differint", "pycaputo")  # fmt: skip
 COLUMNS = ("study", "case", "measure", "peer", "over_fracjax")
 
 Rows = list[dict[str, str]]
@@ -122,13 +118,11 @@ def gathered() -> Iterator[dict[str, str]]:
             yield dict(zip(COLUMNS, (name, case, measure, peer, f"{ratio:.3g}"), strict=True))
 
 
-def machine() -> str:
-    """A comment line for a CSV file: what ran it."""
-    facts = Path("/proc/cpuinfo")
-    named = facts.read_text(encoding="utf-8").splitlines() if facts.exists() else []
-    models = [line.partition(":")[2].strip() for line in named if line.startswith("model name")]
-    told = models[0] if models else platform.processor()
-    return f"# {os.cpu_count()} cores of {told}, {platform.system()} {platform.machine()}\n"
+def origins() -> Iterator[str]:
+    """What each table was made with, and on: the line that it begins with."""
+    for name, study in STUDIES.items():
+        with (HERE / study.table).open(encoding="utf-8") as file:
+            yield f"# {name}: {file.readline().removeprefix('# ')}"
 
 
 def main() -> None:
@@ -139,7 +133,7 @@ def main() -> None:
             print(f"--- {name}", flush=True)
             run(study)
     with (HERE / "peers.csv").open("w", encoding="utf-8", newline="") as file:
-        file.write(machine() + versions(PACKAGES))
+        file.writelines(origins())
         writer = csv.DictWriter(file, COLUMNS, lineterminator="\n")
         writer.writeheader()
         writer.writerows(gathered())

@@ -197,8 +197,9 @@ def cost_of(cost: float) -> Any:
     return SimpleNamespace(cost=cost, samples=1000, kurtosis=3.0)
 
 
-def known(doubt: float) -> Any:
-    noise = SimpleNamespace(doubt=lambda _: doubt)
+def known() -> Any:
+    """Recordings of a noise without doubt."""
+    noise = SimpleNamespace(doubt=lambda _: 0.0)
     return SimpleNamespace(takes=[SimpleNamespace(noise=noise)])
 
 
@@ -217,9 +218,9 @@ def worth_naming(
 def stages(cost: float, *adopted: str) -> tuple[Any, Any]:
     """A base with 1000 in χ² beyond the noise of 1000 samples, and a stage with effects."""
     layers = [SimpleNamespace(effect=fj.EFFECTS[name]) for name in adopted]
-    base = SimpleNamespace(solved=cost_of(2000.0), excess=1000.0, layers=(), preparation=known(0.0))
+    base = SimpleNamespace(solved=cost_of(2000.0), excess=1000.0, layers=(), preparation=known())
     stage = SimpleNamespace(
-        solved=cost_of(cost), excess=cost - 1000, layers=layers, preparation=known(0.0)
+        solved=cost_of(cost), excess=cost - 1000, layers=layers, preparation=known()
     )
     return base, stage
 
@@ -233,7 +234,7 @@ def stages(cost: float, *adopted: str) -> tuple[Any, Any]:
     ],
 )
 def test_a_further_effect_takes_a_share_that_counts(before, after, worth):
-    winner: Any = SimpleNamespace(solved=cost_of(after), preparation=known(0.0))
+    winner: Any = SimpleNamespace(solved=cost_of(after), preparation=known())
     assert worth_naming(*stages(before, "creep"), winner) == worth
 
 
@@ -243,14 +244,14 @@ def test_a_further_effect_takes_a_share_that_counts(before, after, worth):
      ("mains_interference", "thermal_drift", True)],
 )  # fmt: skip
 def test_lines_of_the_mains_and_other_laws_do_not_imitate_each_other(adopted, name, worth):
-    winner: Any = SimpleNamespace(solved=cost_of(1335.0), preparation=known(0.0))
+    winner: Any = SimpleNamespace(solved=cost_of(1335.0), preparation=known())
     assert worth_naming(*stages(1350.0, adopted), winner, name=name) == worth
 
 
 @pytest.mark.parametrize(("gained", "worth"), [(25.0, True), (15.0, False)])
 def test_a_further_effect_may_take_its_share_of_data_held_out(gained, worth):
     """Of 1000 in χ² that both effects together gain there."""
-    winner: Any = SimpleNamespace(solved=cost_of(1295.0), preparation=known(0.0))
+    winner: Any = SimpleNamespace(solved=cost_of(1295.0), preparation=known())
     assert worth_naming(*stages(1300.0, "creep"), winner, gained) == worth
 
 

@@ -24,7 +24,7 @@ AXES = [
     axis("time", "s", 0.2, (0.0, 1.0)),
     axis("harmonics", "1", 1e-3, (1.5, 2.5)),
 ]
-BASE: Any = SimpleNamespace(model=SimpleNamespace(name="foh"))
+BASE: Any = SimpleNamespace(model=SimpleNamespace(name="foh"), stroke=8.0)
 HELD_OUT = HeldOut("stretches", 0.3, 0.1, (0.3,), (0.1,), "a.csv")
 
 
@@ -59,11 +59,13 @@ def named(*confusable_with: str) -> NamedEffect:
     return NamedEffect("creep", "series", 0.9, 0.95, (), confusable_with)
 
 
-def test_a_verdict_of_none_names_what_could_be_hidden():
+def test_a_verdict_of_none_names_what_could_be_hidden(monkeypatch):
     assert said("none") == (
         "foh and the recording agree within the noise floor of 1 um (specification); best hidden "
         "would be creep, seen only if it changes the response by more than 0.25 um rms."
     )
+    monkeypatch.setattr(BASE, "stroke", 0.2)
+    assert said("none").endswith("creep, which foh takes up whole on such a drive.")
     residual = fj.Noise(1.0, "um", "residual", np.ones(1), 1.0)
     assert "a mismatch cannot be excluded" in said("none", noise=residual)
 

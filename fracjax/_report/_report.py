@@ -227,7 +227,7 @@ def _of_diagnosis(diagnosis: Diagnosis) -> dict[str, Any]:
             for effect in diagnosis.effects
         ],
         "places": _figures.places(diagnosis.axes),
-        "hidden": _figures.hidden(diagnosis.candidates, diagnosis.noise),
+        "hidden": _figures.hidden(diagnosis.candidates, diagnosis.noise, diagnosis.base.stroke),
         "held_out": _figures.held_out(diagnosis.held_out, names, diagnosis.noise),
         "next_drive": _next_drive(diagnosis),
         "unit": diagnosis.noise.unit,

@@ -95,9 +95,12 @@ def compensation() -> str:
 
 
 def exam() -> str:
-    """Marks of the diagnosis on cases from a simulator that it shares nothing with."""
+    """Marks of the diagnosis on cases from a simulator that it shares nothing with, and of a run of
+    nulls alone."""
     lines = [_line("measure", "target", "value", "95 % interval", "cases"), "|---" * 5 + "|"]
-    for row in rows_of("concealed/marks/grade.csv"):
+    nulls = rows_of("concealed/marks/nulls/grade.csv")[0]
+    alone = nulls | {"measure": f"{nulls['measure']}, a run of these alone"}
+    for row in (alone, *rows_of("concealed/marks/grade.csv")):
         interval = f"{row['low']} to {row['high']}"
         lines.append(_line(row["measure"], row["target"], row["value"], interval, row["n"]))
     return "\n".join(lines)

@@ -4,10 +4,11 @@
     python -m benchmarks.peers --gather
 
 Each study runs in a process of its own and writes its own table, with linear algebra on one thread
-for all alike: two threads of OpenBLAS wait for each other by spinning.  About three quarters of an
-hour on an idle machine of two cores.  Then peers.csv beside this program gathers them: the time of
-each peer over fracjax's in the same run, above 1 where fracjax is faster.  `--gather` reads the
-tables as they stand, and runs nothing.  Peers that are not installed are left out.
+for all alike: two threads of OpenBLAS wait for each other by spinning.  Twenty-five minutes to
+three quarters of an hour on an idle machine of two cores.  Then peers.csv beside this program
+gathers them: the time of each peer over fracjax's in the same run, above 1 where fracjax is faster.
+`--gather` reads the tables as they stand, and runs nothing.  Peers that are not installed are left
+out.
 """
 
 from __future__ import annotations

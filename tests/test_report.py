@@ -183,10 +183,11 @@ def test_other_verdicts(diagnosis, tmp_path, verdict):
 
 
 def test_what_the_model_takes_up_whole_has_no_number(diagnosis, tmp_path):
-    """A change larger than the stroke is none that a recording could show."""
+    """A change larger than the whole response is none that a recording could show."""
     first, *others = diagnosis.candidates
     told = page_of(diagnosis, tmp_path).text.count("not seen")  # the legend
-    whole = replace(first, concealment=1.0, detectable_amplitude=2 * diagnosis.base.stroke)
+    beyond = 2 * diagnosis.base.preparation.setting.response_span
+    whole = replace(first, concealment=1.0, detectable_amplitude=beyond)
     text = page_of(replace(diagnosis, candidates=(whole, *others)), tmp_path).text
     assert "concealed, not seen" in text  # the figure
     assert text.count("not seen") == told + 2  # and the table

@@ -24,7 +24,10 @@ AXES = [
     axis("time", "s", 0.2, (0.0, 1.0)),
     axis("harmonics", "1", 1e-3, (1.5, 2.5)),
 ]
-BASE: Any = SimpleNamespace(model=SimpleNamespace(name="foh"), stroke=8.0)
+SETTING = SimpleNamespace(response_span=8.0)
+BASE: Any = SimpleNamespace(
+    model=SimpleNamespace(name="foh"), preparation=SimpleNamespace(setting=SETTING)
+)
 HELD_OUT = HeldOut("stretches", 0.3, 0.1, (0.3,), (0.1,), "a.csv")
 
 
@@ -64,7 +67,7 @@ def test_a_verdict_of_none_names_what_could_be_hidden(monkeypatch):
         "foh and the recording agree within the noise floor of 1 um (specification); best hidden "
         "would be creep, seen only if it changes the response by more than 0.25 um rms."
     )
-    monkeypatch.setattr(BASE, "stroke", 0.2)
+    monkeypatch.setattr(SETTING, "response_span", 0.2)
     assert said("none").endswith("creep, which foh takes up whole on such a drive.")
     residual = fj.Noise(1.0, "um", "residual", np.ones(1), 1.0)
     assert "a mismatch cannot be excluded" in said("none", noise=residual)

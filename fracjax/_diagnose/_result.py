@@ -41,6 +41,10 @@ class Candidate:
     explained_fraction: float | None = None
     held_out_gain: float | None = None
 
+    def is_seen_within(self, span: float) -> bool:
+        """Whether a change no larger than the response's own span would have been seen."""
+        return self.detectable_amplitude <= span
+
 
 @dataclass(frozen=True)
 class NamedEffect:

@@ -49,10 +49,10 @@ def sentence_of(
                 f"No effect stands out from what {name} leaves, but that residual is all there is "
                 "to judge the noise by, so a mismatch cannot be excluded; record repeats or a rest."
             )
-        least = f"by more than {hidden.detectable_amplitude:.3g} {unit} rms"
-        seen = f"seen only if it changes the response {least}"
-        if hidden.detectable_amplitude > base.stroke:
-            seen = f"which {name} takes up whole on such a drive"
+        seen = f"which {name} takes up whole on such a drive"
+        if hidden.is_seen_within(base.preparation.setting.response_span):
+            least = f"{hidden.detectable_amplitude:.3g} {unit} rms"
+            seen = f"seen only if it changes the response by more than {least}"
         return (
             f"{name} and the recording agree within {floor}; best hidden would be "
             f"{hidden.name}, {seen}."

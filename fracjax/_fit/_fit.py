@@ -89,11 +89,6 @@ class Fit:
         pairs = zip(self.preparation.takes, self.simulations, strict=True)
         return tuple(take.recording.response - simulation for take, simulation in pairs)
 
-    @property
-    def stroke(self) -> float:
-        """The largest simulated range from lowest to highest, in the response's unit."""
-        return float(max(np.ptp(simulation) for simulation in self.simulations))
-
     def to_dict(self) -> dict:
         """Plain data, as in fit.json."""
         first = self.preparation.takes[0]

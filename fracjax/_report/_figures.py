@@ -210,16 +210,16 @@ def places(axes_found: Sequence[Axis]) -> Markup:
 
 
 @mpl.rc_context({**_STYLE, "axes.grid.axis": "x"})
-def hidden(candidates: Sequence[Candidate], noise: Noise, stroke: float) -> Markup:
+def hidden(candidates: Sequence[Candidate], noise: Noise, span: float) -> Markup:
     """The smallest amplitude of each effect that would have been seen, and what is concealed; bars
-    end at the stroke, beyond which no effect goes."""
+    end at the response's span, beyond which no effect goes."""
     ordered = sorted(candidates, key=lambda c: c.detectable_amplitude)
     drawing, axes = _canvas(0.9 + 0.32 * len(ordered))
     panel = axes[0, 0]
-    amplitudes = [min(c.detectable_amplitude, stroke) for c in ordered]
+    amplitudes = [min(c.detectable_amplitude, span) for c in ordered]
     panel.barh([c.name for c in ordered], amplitudes, color="#56B4E9", height=0.65)
     for row, (candidate, amplitude) in enumerate(zip(ordered, amplitudes, strict=True)):
-        beyond = ", not seen" if candidate.detectable_amplitude > stroke else ""
+        beyond = "" if candidate.is_seen_within(span) else ", not seen"
         panel.annotate(
             f"{percent(candidate.concealment)} concealed{beyond}",
             (amplitude, row), (5, 0), textcoords="offset points",

@@ -206,6 +206,7 @@ def _of_crosscheck(crosscheck: Crosscheck) -> dict[str, Any]:
 def _of_diagnosis(diagnosis: Diagnosis) -> dict[str, Any]:
     fits = [fit for fit in (diagnosis.base, diagnosis.extended) if fit is not None]
     names = [fit.model.name for fit in fits]
+    span = diagnosis.base.preparation.setting.response_span
     return {
         **_common(fits, diagnosis),
         "title": f"Diagnosis of {sources(diagnosis.base)}",
@@ -227,7 +228,8 @@ def _of_diagnosis(diagnosis: Diagnosis) -> dict[str, Any]:
             for effect in diagnosis.effects
         ],
         "places": _figures.places(diagnosis.axes),
-        "hidden": _figures.hidden(diagnosis.candidates, diagnosis.noise, diagnosis.base.stroke),
+        "hidden": _figures.hidden(diagnosis.candidates, diagnosis.noise, span),
+        "span": span,
         "held_out": _figures.held_out(diagnosis.held_out, names, diagnosis.noise),
         "next_drive": _next_drive(diagnosis),
         "unit": diagnosis.noise.unit,

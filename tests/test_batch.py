@@ -623,6 +623,11 @@ def cluster(two_workers) -> LocalCluster:
     return two_workers
 
 
+def wait_until(true) -> None:
+    while not true():
+        time.sleep(0.02)
+
+
 class QuickFits(WorkerPlugin):
     """Fits that take little time, on every worker that is there or will be."""
 
@@ -726,6 +731,25 @@ def test_work_does_not_wait_for_ever_for_a_worker(quick_cluster, monkeypatch):
     monkeypatch.setattr("fracjax._batch._cluster._SECONDS", 1)
     with pytest.raises(fj.InputError, match="expected a worker, found none"):
         batch("data", cluster=address)
+
+
+def test_results_that_went_with_the_last_worker_are_not_waited_for(quick_cluster, monkeypatch):
+    monkeypatch.setattr("fracjax._batch._cluster._PATIENCE", 1)
+    for k in range(60):
+        save(Path(f"data/{k}.csv"), k)
+    scheduler, lost = quick_cluster.scheduler, []
+
+    def dismiss(done, total):
+        if done and not lost:
+            wait_until(lambda: all(task.state == "memory" for task in scheduler.tasks.values()))
+            lost.extend(scheduler.tasks)
+            quick_cluster.scale(0)
+            wait_until(lambda: not scheduler.workers)
+
+    with pytest.raises(fj.InputError, match=r"expected a worker, found none; .* is kept"):
+        batch("data", cluster=scheduler.address, progress=dismiss)
+    assert lost
+    assert 0 < len(pd.read_parquet(OUT / FITS)) < 60
 
 
 # The command line ---------------------------------------------------------------------------------

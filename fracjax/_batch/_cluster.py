@@ -46,9 +46,9 @@ def on_cluster(address: str, jobs: list[Job], work: Work) -> Rows:
 
 
 def _rows_from(client: Client, where: str, jobs: list[Job], work: Work) -> Rows:
-    """A task whose worker dies is given to another.  One that has cost several workers is taken
-    apart; its recordings are tried one after the other, and the one that still does becomes a row
-    with that reason."""
+    """A task whose worker dies is given to another.  One that has cost several workers, or whose
+    result went with one, is taken apart; its recordings are tried one after the other, and the one
+    that still costs workers becomes a row with that reason."""
     import cloudpickle
     from distributed import KilledWorker
 
@@ -81,10 +81,16 @@ def _rows_from(client: Client, where: str, jobs: list[Job], work: Work) -> Rows:
             if not _threads(client):
                 raise _without_worker(where) from None
             continue
-        task, error = under_way.pop(future.key), future.exception()
+        task = under_way.pop(future.key)
         on_trial.discard(future.key)
+        try:
+            rows, error = _outcome(future)
+        except TimeoutError:
+            suspects.extend(task)
+            refill()
+            continue
         if error is None:
-            yield future.result()
+            yield rows
         elif not isinstance(error, KilledWorker):
             raise InputError.at(
                 where,
@@ -97,6 +103,14 @@ def _rows_from(client: Client, where: str, jobs: list[Job], work: Work) -> Rows:
         else:
             yield [lost_row(task[0], work, "every worker that took it died.")]
         refill()
+
+
+def _outcome(future: Future) -> tuple[list[Row], BaseException | None]:
+    """What a task came to, which a worker still holds; `TimeoutError` where that worker left."""
+    if future.status == "lost":  # to wait for it is to wait for a worker that may never come
+        raise TimeoutError
+    error = future.exception(timeout=_SECONDS)
+    return (future.result(timeout=_SECONDS) if error is None else []), error
 
 
 class _Call:

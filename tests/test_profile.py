@@ -75,6 +75,18 @@ def test_what_the_data_leave_open_is_open():
     assert profile.delta[0] < 3.84
 
 
+def test_a_logarithmic_parameter_is_known_by_a_factor():
+    """Near the value as ± 1.96 standard errors, and never negative or endless."""
+    drift = fj.Estimate("time_constant", 10.0, 5.0, "s", True, False, logarithmic=True)
+    low, high = drift.interval
+    assert low * high == pytest.approx(100.0)
+    assert np.log(high / low) == pytest.approx(1.96)
+    known = replace(drift, standard_error=1e-3).interval
+    assert known == pytest.approx((10 - 1.96e-3, 10 + 1.96e-3), rel=1e-7)
+    low, high = replace(drift, standard_error=np.inf).interval
+    assert 0 < low < 10 < high < np.inf
+
+
 def test_ties_and_priors_are_kept_while_a_parameter_is_held():
     model = fj.Model(fj.blocks.Creep() >> fj.blocks.Creep(fixed_gain=True))
     found = fj.fit(

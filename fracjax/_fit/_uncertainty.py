@@ -18,6 +18,8 @@ from ._noise import autoregression
 
 _CLOSE = 0.995
 _SHARE_OF_RESPONSE = 0.05
+_MOST = 100.0
+"""More than e^100 is no interval, and would overflow."""
 _LEAST_LENGTH = 1e-100
 """Of a parameter that moves nothing the error is as large as can still be squared."""
 
@@ -28,6 +30,8 @@ class Estimate:
 
     `identified` is false where the data leave it open by more than half its plausible range, or, of
     a gain, by more than 5 % of the response.  `at_bound` says that the fit ended on a bound.
+    `logarithmic` is the parameter's own: a time constant known to half its value is known by a
+    factor, and never negative.
     """
 
     name: str
@@ -36,11 +40,15 @@ class Estimate:
     unit: str
     identified: bool
     at_bound: bool
+    logarithmic: bool = False
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The 95 % interval."""
+        """The 95 % interval: v ± 1.96 s or, of a logarithmic parameter, v exp(± 1.96 s/v)."""
         half = 1.96 * self.standard_error
+        if self.logarithmic:
+            factor = float(np.exp(min(half / self.value, _MOST)))
+            return self.value / factor, self.value * factor
         return self.value - half, self.value + half
 
     def to_dict(self) -> dict:
@@ -190,6 +198,7 @@ def _estimate(
         physical_unit(parameter.unit, units),
         bool(identified),
         _at_bound(parameter, k),
+        parameter.logarithmic,
     )
 
 

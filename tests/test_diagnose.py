@@ -239,6 +239,7 @@ def judged_of(
     plausible: bool = True,
     gain: Gain = CONVINCING,
     spared: float = 0.0,
+    conceded: float = 0.0,
     before: float = 0.0,
 ) -> Judged:
     unseen: Any = None
@@ -249,6 +250,7 @@ def judged_of(
         delta_bic=delta_bic,
         altogether=before + delta_bic,
         spared=spared,
+        conceded=conceded,
         explained=1.0,
         numerics=0.0,
         gain=gain,
@@ -286,6 +288,10 @@ def test_rivals_are_those_within_25_or_a_hundredth():
     assert rivals_of(small[0], [*small, loose]) == [small[1], loose]
     assert rivals_of(judged_of("a", 50, spared=15), [loose]) == []
     assert rivals_of(small[0], [judged_of("f", 14, spared=100)]) == []
+    # Nor do usual ranges, which no law of another's form need keep to.
+    usual = judged_of("g", 24, conceded=2)
+    assert rivals_of(small[0], [usual]) == [usual]
+    assert rivals_of(judged_of("a", 50, conceded=2), [usual]) == []
 
 
 SCORED: Any = SimpleNamespace()

@@ -51,6 +51,7 @@ def judged(stage: Stage, name: str) -> Judged:
         delta_bic=stage.solved.bic - solved.bic,
         altogether=stage.solved.bic - solved.bic,
         spared=0.0,
+        conceded=0.0,
         explained=1.0,
         numerics=0.0,
         gain=Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0),
@@ -110,6 +111,24 @@ def test_look_alikes_that_the_catalogue_knows_are_refitted_too():
     missed = _procedure._look_alikes_missed([best], scores)
     assert [score.effect.name for score in missed] == ["delay"]
     assert _procedure._look_alikes_missed([], scores) == []
+
+
+@pytest.mark.parametrize(
+    ("height", "numerics", "is_looked_into"),
+    [(6.0, 0.9, True), (6.0, 1.1, False), (100.0, 9.0, True), (100.0, 11.0, False)],
+)
+def test_only_a_mismatch_far_beyond_the_numerical_error_is_looked_into(
+    height, numerics, is_looked_into, monkeypatch
+):
+    asked = []
+    scored: Any = [SimpleNamespace(height=height), SimpleNamespace(height=1.0)]
+    monkeypatch.setattr(_procedure, "_detect", lambda *_: _procedure.Detection(scored, [], 1e-9))
+    monkeypatch.setattr(_procedure, "_judge", lambda *_: asked.append(True) or [])
+    unused: Any = None
+    with jax.enable_x64(True):
+        course = _procedure.run(stage_of(()), numerics, unused, 0, silent)
+    assert bool(asked) is is_looked_into
+    assert course.rounds == []
 
 
 @pytest.mark.parametrize(("apart", "fall"), [(3.9, 400.0), (4.1, 4.1**2)])
@@ -294,7 +313,9 @@ def fine_judged(name: str, gained: float, plausible: bool) -> Judged:
     gain = Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0)
     refit: Any = SimpleNamespace(name=name, solved=gained)
     unseen: Any = None
-    return Judged(refit, unseen, gained, gained, 0.0, 1.0, 0.0, gain, unseen, unseen, plausible)
+    return Judged(
+        refit, unseen, gained, gained, 0.0, 0.0, 1.0, 0.0, gain, unseen, unseen, plausible
+    )
 
 
 def refined_contenders(

@@ -37,7 +37,7 @@ class ViscoelasticLayer(AbstractLinearBlock):
         self.time_constant = Parameter(
             time_constant, "s", lower=1e-8, upper=1e6, plausible=(1e-6, 1e4), logarithmic=True
         )
-        self.order = Parameter(order, lower=0.05, upper=0.95, plausible=(0.1, 0.8))
+        self.order = Parameter(order, lower=0.05, upper=1.0, plausible=(0.1, 0.8))
 
     def symbol(self, s: Array) -> Array:
         power = (s * self.time_constant.value) ** self.order.value

@@ -258,7 +258,8 @@ class _Conclusion:
         self, score: EffectScore, judged: Judged | None, named: Collection[str]
     ) -> Candidate:
         adopted, p_value = self.course.stage.adopted, self.course.first.p_value
-        why = reason(score, judged, adopted, p_value, self.numerics)
+        forbidding = 0.0 if self.course.judged else self.numerics
+        why = reason(score, judged, adopted, p_value, forbidding)
         if score.effect.name in named and score.effect.name not in adopted:
             why = "named: the response lies on a grid whose steps are as large as the noise"
         return Candidate(

@@ -34,8 +34,9 @@ class Judged:
     """A refitted candidate with everything the naming rule asks.
 
     `delta_bic` is what it gains over the stage before it, `altogether` over the base with nothing
-    adopted; `spared`: how much less its numbers cost by Laplace's evidence than by BIC, in BIC's
-    units; `predict` is what made the prediction, of whatever data held out can tell.
+    adopted; `spared`: how much less its numbers cost by Laplace's evidence than by BIC, and
+    `conceded` what keeping to usual ranges cost it, both in BIC's units; `predict` is what made the
+    prediction, of whatever data held out can tell.
     """
 
     refit: Refit
@@ -43,6 +44,7 @@ class Judged:
     delta_bic: float
     altogether: float
     spared: float
+    conceded: float
     explained: float
     numerics: float
     gain: Gain
@@ -99,15 +101,17 @@ def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
 
     One outside its expected range is not adopted, nor one that folds of held-out data speak
     against; yet what fits better is not excluded by either.  What fits less well, and only far from
-    its range or against data held out, mimics the winner.  For numbers that the data hardly know an
-    effect is not excluded, unless they are so many that any residual would be followed.
+    its range or against data held out, mimics the winner.  An effect is not excluded by what its
+    usual ranges cost it, nor by numbers that the data hardly know, unless they are so many that any
+    residual would be followed.
     """
     margin = margin_of(winner.altogether)
 
     def comes_close(j: Judged) -> bool:
         ahead = j.delta_bic - winner.delta_bic
         possible = j.plausible and not j.gain.refuted
-        near = ahead + np.clip(j.spared - winner.spared, 0.0, DELTA_BIC) > -margin
+        spared = np.clip(j.spared - winner.spared, 0.0, DELTA_BIC)
+        near = ahead + j.conceded - winner.conceded + spared > -margin
         return j.numerics <= LIMIT and (ahead > 0 or (possible and near))
 
     close = [j for j in found if j is not winner and comes_close(j)]
@@ -194,7 +198,8 @@ def reason(
     p_value: float,
     numerics: float,
 ) -> str:
-    """Why a candidate was kept or rejected, in words."""
+    """Why a candidate was kept or rejected, in words; `numerics` is the base's error where that
+    forbids refits."""
     if p_value >= SIGNIFICANCE:
         return "nothing in the residual beyond noise"
     if numerics > LIMIT:

@@ -41,6 +41,10 @@ _ROUNDS = 3
 _MOST_JUDGED_AGAIN = 4
 _CLEARLY_LESS = 0.03
 _HALF, _NEARLY = 0.5, 0.9
+_SMALL = 0.1
+"""No score is changed by more than the numerical error, which counts little beside ten times that:
+without what is missing the base may fit best where it is hard to compute.  The refits answer for
+their own errors."""
 
 
 @dataclass(frozen=True)
@@ -55,6 +59,11 @@ class Detection:
     axes: list[Axis]
     p_value: float
     hidden: float = 1.0
+
+    @property
+    def height(self) -> float:
+        """The largest score of any effect, in noise units."""
+        return max(score.height for score in self.scores)
 
     @property
     def least(self) -> float:
@@ -87,8 +96,9 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
     """Adopt one effect after another while the residual shows one, then drop what became idle."""
     stage, rounds, judged, too_small = base, [], {}, None
     first = detection = _detect(base, seed, progress)
-    # A mismatch no larger than the simulation's own error is never given a name.
-    while detection.least < SIGNIFICANCE and numerics <= LIMIT:
+    # A mismatch that the simulation's own error may have made is never given a name.
+    is_real = numerics <= max(LIMIT, _SMALL * first.height)
+    while is_real and detection.least < SIGNIFICANCE:
         found = _judge(base, stage, detection.scores, predict, seed, progress)
         judged = {**{j.name: j for j in found}, **judged}
         winner = best_of(found)
@@ -341,6 +351,7 @@ class _Question:
             delta_bic=delta_bic(self.stage.solved, solved),
             altogether=delta_bic(self.base.solved, solved),
             spared=spared(solved, preparation, self.attempt.layer),
+            conceded=self.attempt.conceded / solved.left,
             explained=explained_fraction(self.base, solved),
             numerics=numerics,
             gain=gained,

@@ -22,10 +22,14 @@ _LONG = 16_000
 
 @dataclass(frozen=True)
 class Refit:
-    """An extended model at its optimum, and the effect's own parameters within it."""
+    """An extended model at its optimum, and the effect's own parameters within it.
+
+    `conceded` is what it lost in χ² by keeping these within their usual ranges.
+    """
 
     score: EffectScore
     solved: Solved
+    conceded: float = 0.0
 
     @property
     def name(self) -> str:
@@ -92,7 +96,9 @@ def within_usual_ranges(attempt: Refit, stage: Stage, loss: float) -> Refit:
 
     starts = [kept(solved.block), kept(layer.effect.insert(stage.solved.block, layer.trial))]
     inside = solve_from(starts, stage.preparation, solved.cost + loss)
-    return replace(attempt, solved=inside) if inside.cost <= solved.cost + loss else attempt
+    if inside.cost > solved.cost + loss:
+        return attempt
+    return replace(attempt, solved=inside, conceded=max(0.0, inside.cost - solved.cost))
 
 
 def _searched(starts: list[AbstractBlock], preparation: Preparation, hopeless: float) -> Solved:

@@ -109,7 +109,7 @@ def _outcome(future: Future) -> tuple[list[Row], BaseException | None]:
     """What a task came to, which a worker still holds; `TimeoutError` where that worker left."""
     if future.status == "lost":  # to wait for it is to wait for a worker that may never come
         raise TimeoutError
-    error = future.exception(timeout=_SECONDS)
+    error: Any = future.exception(timeout=_SECONDS)  # a coroutine only of asynchronous clients
     return (future.result(timeout=_SECONDS) if error is None else []), error
 
 

@@ -11,6 +11,8 @@ from ._result import Axis, Candidate, HeldOut, NamedEffect, NextExperiment, Verd
 
 _SIGNIFICANCE = 0.01
 _LIKELY = 0.5
+_FAR = 2.0
+"""Noise floors from which on an error on data held out is remarked on."""
 
 
 def where_of(axes: Sequence[Axis], verdict: Verdict) -> str:
@@ -64,6 +66,12 @@ def sentence_of(
             f" With it the error on data held out {falls} from {held_out.base_rmse:.3g} to "
             f"{held_out.extended_rmse:.3g} {unit} (noise floor {noise.sigma:.3g} {unit})."
         )
+        times = held_out.extended_rmse / noise.sigma
+        if times > _FAR:
+            improvement += (
+                f" That is still {times:.2g} times the noise: more is missing, or the training "
+                "leaves the numbers too open to predict it."
+            )
     if verdict == "unexplained":
         place = where_of(axes, verdict).removeprefix("The mismatch stands out ").rstrip(".")
         if all(axis.p_value >= _SIGNIFICANCE for axis in axes):

@@ -132,6 +132,13 @@ def test_a_rest_whose_code_never_changes_tells_no_noise():
     assert len(starts) > 10
     found = measured_noise(quantised)
     assert found is None or found.sigma > 1e-3 * SIGMA
+    # Nor one that is left for a single sample, which is less than rounding makes of a motion.
+    step = 20 * SIGMA
+    stuck = step * np.round(drive / step)
+    for start, stop in quantised.static_stretches(0.2):
+        stuck[start:stop] = stuck[stop - 1]
+        stuck[(start + stop) // 2] += step
+    assert measured_noise(Recording(drive, stuck, STEP, "V", "um")) is None
     held = Recording(drive, drive.copy(), STEP, "V", "um")
     assert measured_noise(held) is None
 

@@ -279,19 +279,19 @@ def _from_repeats(
     return [_Stretch(block - mean, int(start)) for block, start in pairs]
 
 
-def _from_static(recording: Recording, counts: np.ndarray | None) -> list[_Stretch]:
+def _from_static(recording: Recording, counts: np.ndarray | None, step: float) -> list[_Stretch]:
     """Rests without the actuator's slow relaxation: a parabola and logarithms of time taken off.
 
-    Those with samples of weight 0 are left out."""
+    Those with samples of weight 0 are left out, and those that show less than what rounding to the
+    response's `step` makes of a recording that moves: on one or two codes noise is hidden."""
     stretches = []
     for start, stop in recording.static_stretches(_REST_SECONDS):
         begin = start + (stop - start) // 10
         if counts is not None and not np.all(counts[begin:stop]):
             continue
-        # Where a converter's code never changes, the noise is smaller than its step, not nought.
-        if np.ptp(recording.response[begin:stop]) == 0:
-            continue
         left = _without_relaxation(recording.response[begin:stop])
+        if np.ptp(recording.response[begin:stop]) == 0 or left.std() < step / np.sqrt(12):
+            continue
         stretches.append(_Stretch(left, begin, _RELAXATION))
     return stretches
 
@@ -329,7 +329,7 @@ def measured_noise(
     step = resolution(recording.response)
     if series := _from_repeats(recording, counts):
         return _noise(series, unit, "repeats", _SHARED, resolution=step)
-    if series := _from_static(recording, counts):
+    if series := _from_static(recording, counts, step):
         return _noise(series, unit, "static", resolution=step)
     if specification is not None:
         return Noise(specification, unit, "specification", np.ones(1), specification)

@@ -72,7 +72,7 @@ def reconsidered(names: tuple[str, ...], beside: tuple[str, ...], monkeypatch) -
         base, stage = stage_of(()), stage_of(names)
         rounds = [_procedure.Round(judged(base, name), []) for name in names]
         unused: Any = None
-        stage, rounds = _procedure._reconsidered(base, stage, rounds, unused, 0, silent)
+        stage, rounds, _ = _procedure._reconsidered(base, stage, rounds, unused, 0, silent)
     assert [layer.effect.name for layer in stage.layers] == [r.winner.name for r in rounds]
     return [r.winner.name for r in rounds]
 
@@ -88,6 +88,28 @@ def test_what_was_adopted_beside_one_that_has_given_way_is_judged_again(monkeypa
     beside = ("electrostriction", "drive_lag")
     found = reconsidered(("sensor_nonlinearity", "resonance"), beside, monkeypatch)
     assert found == ["electrostriction", "drive_lag"]
+
+
+def test_what_is_small_beside_the_right_effect_goes_too_but_is_told(monkeypatch):
+    """It was judged beside what stood in for that, which had left it more to do."""
+    monkeypatch.setattr(
+        _procedure, "_is_worth_naming", lambda base, stage, winner: winner.name != "drive_lag"
+    )
+    monkeypatch.setattr(_procedure, "_scored", lambda *_: [])
+    monkeypatch.setattr(_procedure, "residual_of", lambda *_: None)
+    beside = ("electrostriction", "drive_lag")
+    monkeypatch.setattr(
+        _procedure, "_judge", lambda base, less, *_: [judged(less, name) for name in beside]
+    )
+    names = ("sensor_nonlinearity", "drive_lag")
+    with jax.enable_x64(True):
+        base, stage = stage_of(()), stage_of(names)
+        rounds = [_procedure.Round(judged(base, name), []) for name in names]
+        unused: Any = None
+        stage, rounds, small = _procedure._reconsidered(base, stage, rounds, unused, 0, silent)
+    assert [round_.winner.name for round_ in rounds] == ["electrostriction"]
+    assert [layer.effect.name for layer in stage.layers] == ["electrostriction"]
+    assert small == "drive_lag"
 
 
 def test_the_right_effects_stay_and_an_idle_one_goes(monkeypatch):

@@ -118,7 +118,8 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
         detection = _detect(stage, seed, progress)
         if len(rounds) == _ROUNDS:
             break
-    stage, rounds = _reconsidered(base, stage, rounds, predict, seed, progress)
+    stage, rounds, dropped = _reconsidered(base, stage, rounds, predict, seed, progress)
+    too_small = dropped or too_small
     if too_small in stage.adopted:
         too_small = None
     return Course(first, detection, rounds, judged, stage, too_small)
@@ -400,14 +401,15 @@ def _reconsidered(
     predict: Predict,
     seed: int,
     progress: Progress,
-) -> tuple[Stage, list[Round]]:
+) -> tuple[Stage, list[Round], str | None]:
     """Each effect but the last, judged again beside those that were adopted after it; and every
     other again, where one has given way to another.
 
-    It is dropped where they have made it superfluous, and gives way where another now does better:
-    what was first to be adopted may have stood in for two.
+    It is dropped where they have made it superfluous or too small to stand beside them, which is
+    then told; and gives way where another now does better: what was first to be adopted may have
+    stood in for two.
     """
-    waiting = rounds[:-1]
+    waiting, too_small = rounds[:-1], None
     for _ in range(_MOST_JUDGED_AGAIN):
         if not waiting:
             break
@@ -425,8 +427,11 @@ def _reconsidered(
         if winner is None:
             continue
         if winner.name == round_.winner.name:
-            rounds[k] = Round(winner, found)
+            if others and not _is_worth_naming(base, less, winner):
+                stage, rounds, too_small = less, others, winner.name
+            else:
+                rounds[k] = Round(winner, found)
         elif winner.solved.bic < stage.solved.bic:
             stage = less.extended(winner.layer, winner.solved, winner.preparation)
             rounds, waiting = [*others, Round(winner, found)], others.copy()
-    return stage, rounds
+    return stage, rounds, too_small

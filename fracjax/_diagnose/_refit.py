@@ -14,7 +14,7 @@ from .._parameters import named_parameters, replace_parameters, set_values
 from ._score import EffectScore
 from ._stage import Layer, Stage
 
-_LEAST_APART = 3
+_LEAST_APART, _DRAWS = 3, 4
 _RESEMBLES = 0.3
 _COARSER = 4
 _LONG = 16_000
@@ -75,7 +75,7 @@ def _of_one_kind(
         *(effect.insert(fits[0], trial) for trial in promising),
         *(effect.insert(fitted, best) for fitted in fits[1:]),
         *(effect.insert(nominal, trial) for trial in promising),
-        effect.insert(drawn(nominal), score.trials[int(generator.integers(len(score.trials)))]),
+        *(drawn(effect.insert(nominal, best)) for _ in range(_DRAWS)),
     ]
     return Refit(score, _searched(starts, stage.preparation, hopeless))
 

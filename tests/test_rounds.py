@@ -61,8 +61,11 @@ def judged(stage: Stage, name: str) -> Judged:
     )
 
 
-def reconsidered(names: tuple[str, ...], beside: tuple[str, ...], monkeypatch) -> list[str]:
-    """The effects that stay when each but the last is judged again among `beside`."""
+def judged_again(
+    names: tuple[str, ...], beside: tuple[str, ...], monkeypatch
+) -> tuple[list[str], str | None]:
+    """The effects that stay when each but the last is judged again among `beside`, and the one that
+    was too small to."""
     monkeypatch.setattr(_procedure, "_scored", lambda *_: [])
     monkeypatch.setattr(_procedure, "residual_of", lambda *_: None)
     monkeypatch.setattr(
@@ -72,9 +75,14 @@ def reconsidered(names: tuple[str, ...], beside: tuple[str, ...], monkeypatch) -
         base, stage = stage_of(()), stage_of(names)
         rounds = [_procedure.Round(judged(base, name), []) for name in names]
         unused: Any = None
-        stage, rounds, _ = _procedure._reconsidered(base, stage, rounds, unused, 0, silent)
+        stage, rounds, small = _procedure._reconsidered(base, stage, rounds, unused, 0, silent)
     assert [layer.effect.name for layer in stage.layers] == [r.winner.name for r in rounds]
-    return [r.winner.name for r in rounds]
+    return [r.winner.name for r in rounds], small
+
+
+def reconsidered(names: tuple[str, ...], beside: tuple[str, ...], monkeypatch) -> list[str]:
+    """The effects that stay."""
+    return judged_again(names, beside, monkeypatch)[0]
 
 
 def test_what_was_first_adopted_gives_way_to_what_does_better_beside_the_second(monkeypatch):
@@ -95,21 +103,8 @@ def test_what_is_small_beside_the_right_effect_goes_too_but_is_told(monkeypatch)
     monkeypatch.setattr(
         _procedure, "_is_worth_naming", lambda base, stage, winner: winner.name != "drive_lag"
     )
-    monkeypatch.setattr(_procedure, "_scored", lambda *_: [])
-    monkeypatch.setattr(_procedure, "residual_of", lambda *_: None)
-    beside = ("electrostriction", "drive_lag")
-    monkeypatch.setattr(
-        _procedure, "_judge", lambda base, less, *_: [judged(less, name) for name in beside]
-    )
-    names = ("sensor_nonlinearity", "drive_lag")
-    with jax.enable_x64(True):
-        base, stage = stage_of(()), stage_of(names)
-        rounds = [_procedure.Round(judged(base, name), []) for name in names]
-        unused: Any = None
-        stage, rounds, small = _procedure._reconsidered(base, stage, rounds, unused, 0, silent)
-    assert [round_.winner.name for round_ in rounds] == ["electrostriction"]
-    assert [layer.effect.name for layer in stage.layers] == ["electrostriction"]
-    assert small == "drive_lag"
+    names, beside = ("sensor_nonlinearity", "drive_lag"), ("electrostriction", "drive_lag")
+    assert judged_again(names, beside, monkeypatch) == (["electrostriction"], "drive_lag")
 
 
 def test_the_right_effects_stay_and_an_idle_one_goes(monkeypatch):

@@ -103,9 +103,12 @@ def test_what_is_left_and_too_small_for_a_name_is_told_with_its_doubt():
     assert said("none", too_small="backlash") == said("none")
 
 
-def test_an_error_on_held_out_data_that_rises_is_not_said_to_fall():
+def test_an_error_on_held_out_data_far_above_the_noise_is_remarked_on():
     far = HeldOut("recording", 9.0, 2.5, (9.0,), (2.5,), "b.csv")
     assert "That is still 2.5 times the noise: more is" in said("missing", [named()], held_out=far)
+
+
+def test_an_error_on_held_out_data_that_rises_is_not_said_to_fall():
     worse = HeldOut("recording", 0.3, 0.31, (0.3,), (0.31,), "b.csv")
     assert "on data held out rises from 0.3 to 0.31 um" in said(
         "missing", [named()], held_out=worse

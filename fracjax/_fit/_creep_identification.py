@@ -26,7 +26,7 @@ from .._blocks import AbstractLinearBlock, Creep, PEADynamics
 from .._computing import computing
 from .._parameters import Parameter, named_parameters, set_values
 from .._recording import InputError
-from ._uncertainty import _at_bound
+from ._uncertainty import _at_bound, logarithmic_interval
 
 SCHEMA = "fracjax.creep/1"
 _DECIBEL = 20 / np.log(10)
@@ -376,8 +376,8 @@ def _logarithmic(
     name: str, value: float, error: float, reach: float, unit: str, identified: bool
 ) -> CreepEstimate:
     """An estimate whose logarithm has a symmetric interval, finite where it is open."""
-    factor = float(np.exp(min(reach * error / value, 100.0)))
-    return CreepEstimate(name, value, error, value / factor, value * factor, unit, identified)
+    low, high = logarithmic_interval(value, reach * error)
+    return CreepEstimate(name, value, error, low, high, unit, identified)
 
 
 def _estimates(

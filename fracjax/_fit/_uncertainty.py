@@ -47,8 +47,7 @@ class Estimate:
         """The 95 % interval: v ± 1.96 s or, of a logarithmic parameter, v exp(± 1.96 s/v)."""
         half = 1.96 * self.standard_error
         if self.logarithmic:
-            factor = float(np.exp(min(half / self.value, _MOST)))
-            return self.value / factor, self.value * factor
+            return logarithmic_interval(self.value, half)
         return self.value - half, self.value + half
 
     def to_dict(self) -> dict:
@@ -63,6 +62,12 @@ class Estimate:
             "identified": self.identified,
             "at_bound": self.at_bound,
         }
+
+
+def logarithmic_interval(value: float, half: float) -> tuple[float, float]:
+    """Symmetric in the logarithm; value ± half where that is small, and finite where it is open."""
+    factor = float(np.exp(min(half / value, _MOST)))
+    return value / factor, value * factor
 
 
 def orthonormal(jacobian: np.ndarray) -> np.ndarray:

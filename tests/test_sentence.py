@@ -47,14 +47,21 @@ def test_the_first_place_that_stands_out_is_told():
 
 
 def said(
-    verdict, effects=(), adopted=(), axes=AXES, noise=KNOWN, held_out=HELD_OUT, too_small=None
+    verdict,
+    effects=(),
+    adopted=(),
+    axes=AXES,
+    noise=KNOWN,
+    held_out=HELD_OUT,
+    too_small=None,
+    free_form=None,
 ) -> str:
     candidates = [
         Candidate("creep", "series", 1.0, 0.0, 0.25, 0.9, ""),
         Candidate("resonance", "series", 1.0, 0.0, 0.5, 0.3, ""),
     ]
     return sentence_of(
-        verdict, effects, adopted, candidates, axes, BASE, noise, held_out, too_small
+        verdict, effects, adopted, candidates, axes, BASE, noise, held_out, too_small, free_form
     )
 
 
@@ -87,6 +94,10 @@ def test_what_is_missing_is_told_with_what_it_brings():
     assert said("unexplained") == f"{beyond} {place}, {unknown}"
     assert said("unexplained", adopted=("creep",)) == (
         f"{beyond} {place}, {unknown} It is partly creep-like.{falls}"
+    )
+    jumps = "It looks like a jump of the response: +1 um at 2 s."
+    assert said("unexplained", adopted=("creep",), free_form=jumps) == (
+        f"{beyond} {place}, {unknown} {jumps}"
     )
     assert said("unexplained", axes=AXES[1:2]) == (
         f"{beyond} all over, nowhere in particular, {unknown}"

@@ -47,6 +47,7 @@ from ._judgement import (
     reason,
     rivals_of,
 )
+from ._jumps import Jumps, find_jumps
 from ._locate import frequency
 from ._next_experiment import Limits, parse_limits, propose, recorded_limits
 from ._procedure import Course, Round, run, with_noise_beyond_mismatch
@@ -68,6 +69,7 @@ _STARTS = 8
 _PLACES_ALONE = 1e-4
 _MOST_READINGS = 2
 _MOST_RIVALS = 4
+_LIKELY = 0.5
 
 
 def diagnose(
@@ -159,6 +161,7 @@ class _Conclusion:
         assert noise is not None  # settle() leaves none unknown
         self.noise: Noise = noise
         self.explained = explained_fraction(base, course.stage.solved)
+        self.jumps = self._jumps()
 
     @property
     def rounds(self) -> list[Round]:
@@ -190,6 +193,7 @@ class _Conclusion:
                 self.noise,
                 held_out,
                 self.course.too_small,
+                self.jumps and self.jumps.sentence,
             ),
             base=base_fit,
             extended=extended,
@@ -214,11 +218,23 @@ class _Conclusion:
             return "none" if self.course.first.p_value >= limit else "unexplained"
         return "confusable" if any(e.confusable_with for e in effects) else "missing"
 
+    def _jumps(self) -> Jumps | None:
+        """Jumps, if they tell more than the adopted effects do, and enough."""
+        base, stage = self.base, self.course.stage
+        if self.course.first.least >= SIGNIFICANCE:
+            return None
+        gained = base.solved.bic - stage.solved.bic
+        jumps = find_jumps(base, _LIKELY * max(gained, base.excess))
+        if jumps is None or explained_fraction(base, jumps.solved) < EXPLAINED:
+            return None
+        ahead = (stage.solved.bic - jumps.bic) / jumps.solved.left
+        return jumps if ahead >= DELTA_BIC else None
+
     def _effects(self, extended: Fit | None) -> tuple[NamedEffect, ...]:
         """The adopted effects, if together they explain the mismatch."""
         stage = self.course.stage
         enough = self.explained >= EXPLAINED and is_exhausted(self.base, stage)
-        if extended is None or not enough:
+        if extended is None or not enough or self.jumps is not None:
             return ()
         if leaves_a_pattern(self.base, stage, self.course.last.axes):
             return ()
@@ -258,7 +274,7 @@ class _Conclusion:
         self, score: EffectScore, judged: Judged | None, named: Collection[str]
     ) -> Candidate:
         adopted, p_value = self.course.stage.adopted, self.course.first.p_value
-        forbidding = 0.0 if self.course.judged else self.numerics
+        forbidding = 0.0 if self.course.is_real else self.numerics
         why = reason(score, judged, adopted, p_value, forbidding)
         if score.effect.name in named and score.effect.name not in adopted:
             why = "named: the response lies on a grid whose steps are as large as the noise"
@@ -330,7 +346,7 @@ class _Conclusion:
         if verdict == "confusable":
             sets = [[r.winner, *rivals_of(r.winner, r.found)] for r in self.rounds]
             rivals = max(sets, key=len)
-        elif verdict == "unexplained":
+        elif verdict == "unexplained" and self.jumps is None:
             rivals = sorted(self.course.judged.values(), key=lambda j: -j.delta_bic)
         else:
             return None

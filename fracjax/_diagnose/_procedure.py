@@ -81,10 +81,12 @@ class Round:
 
 @dataclass(frozen=True)
 class Course:
-    """How a diagnosis went: what the base left, the rounds, the stage it ended on and what the
-    last test found; and the effect that was too small to be named beside those adopted."""
+    """How a diagnosis went: what the base left, and whether that `is_real` or may be no more than
+    the simulation's own error; the rounds, the stage it ended on and what the last test found; and
+    the effect that was too small to be named beside those adopted."""
 
     first: Detection
+    is_real: bool
     last: Detection
     rounds: list[Round]
     judged: dict[str, Judged]
@@ -122,7 +124,7 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
     too_small = dropped or too_small
     if too_small in stage.adopted:
         too_small = None
-    return Course(first, detection, rounds, judged, stage, too_small)
+    return Course(first, is_real, detection, rounds, judged, stage, too_small)
 
 
 def _least_share(base: Stage, stage: Stage) -> float:

@@ -39,6 +39,7 @@ def sentence_of(
     noise: Noise,
     held_out: HeldOut,
     too_small: str | None,
+    free_form: str | None,
 ) -> str:
     """The plain sentence that everything else supports."""
     unit = noise.unit
@@ -76,10 +77,10 @@ def sentence_of(
         place = where_of(axes, verdict).removeprefix("The mismatch stands out ").rstrip(".")
         if all(axis.p_value >= _SIGNIFICANCE for axis in axes):
             place = "all over, nowhere in particular"
-        partly = f" It is partly {' and '.join(adopted)}-like." if adopted else ""
+        partly = f" It is partly {' and '.join(adopted)}-like.{improvement}" if adopted else ""
         return (
             f"{name} and the recording differ beyond noise {place}, and no effect of the "
-            f"catalogue explains it.{partly}{improvement if adopted else ''}"
+            f"catalogue explains it.{partly if free_form is None else f' {free_form}'}"
         )
     if too_small:
         differ = "laws differ" if len(effects) > 1 else "law differs"

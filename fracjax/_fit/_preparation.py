@@ -28,7 +28,7 @@ class Take:
     `settling`: the first samples, whose memory is unknown; they do not count.  The history
     "estimated" is the constant one plus what another drive before t = 0 would still add.
     `weights` (N,) are those that were given, of the squared residual; `trust` (N,) those that a
-    robust loss gives it.
+    robust loss gives it.  `jumps` are the samples from which on the response may be displaced.
     """
 
     recording: Recording
@@ -38,6 +38,7 @@ class Take:
     noise: Noise | None
     weights: np.ndarray | None = None
     trust: np.ndarray | None = None
+    jumps: tuple[int, ...] = ()
 
     @property
     def roots(self) -> np.ndarray | None:
@@ -88,6 +89,7 @@ class Preparation:
                 used=take.used,
                 whitening=np.ones(1) if take.noise is None else take.noise.whitening,
                 weights=take.roots,
+                jumps=take.jumps,
             )
             for take in self.takes
         )
@@ -99,6 +101,10 @@ class Preparation:
     def with_trust(self, trust: Sequence[np.ndarray | None]) -> Preparation:
         takes = zip(self.takes, trust, strict=True)
         return replace(self, takes=tuple(replace(take, trust=t) for take, t in takes))
+
+    def with_jumps(self, jumps: Sequence[tuple[int, ...]]) -> Preparation:
+        takes = zip(self.takes, jumps, strict=True)
+        return replace(self, takes=tuple(replace(take, jumps=j) for take, j in takes))
 
     def with_oversampling(self, oversampling: int) -> Preparation:
         return replace(self, oversampling=oversampling)

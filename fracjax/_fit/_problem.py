@@ -50,7 +50,8 @@ class Problem(AbstractProblem):
     drive (M,) on the fine grid, response (L,) and weights (L,) on the recording's own, padded to
     a common length L so that recordings of similar length share one compiled program; whitening
     (taps,) the noise's whitening filter, zero-padded.  Weight 0 leaves a sample out.  `own` (L, q)
-    are the terms that only this recording has: a constant, and what an unknown past still adds.
+    are the terms that only this recording has: a constant, what an unknown past still adds, and
+    steps where it may have jumped.
     """
 
     drive: np.ndarray | Array
@@ -113,9 +114,10 @@ def make_problem(
     whitening: np.ndarray,
     past: bool,
     weights: np.ndarray | None = None,
+    jumps: Sequence[int] = (),
 ) -> Problem:
-    """Assemble a problem; `used` (N,) is true where a sample counts, `past` fits a prehistory;
-    `weights` (N,) multiply the whitened residual."""
+    """Assemble a problem; `used` (N,) is true where a sample counts, `past` fits a prehistory and
+    `jumps` a step at each of these samples; `weights` (N,) multiply the whitened residual."""
     samples = len(recording)
     drive, response = recording.drive, recording.response
     taps = np.zeros(_FILTER_TAPS)
@@ -131,12 +133,13 @@ def make_problem(
     if history != "periodic":
         fine = _padded(fine, (length - samples) * oversampling)
     padding = (0, length - samples)
+    steps = np.arange(length)[:, None] >= np.array(jumps, dtype=int)
     return Problem(
         drive=fine,
         response=np.pad(response, padding, mode="edge"),
         weights=np.pad(weights, padding),
         whitening=taps,
-        own=own_terms(length, samples if past else 0),
+        own=np.concatenate([own_terms(length, samples if past else 0), steps], axis=1),
         grid=Grid(np.asarray(recording.dt / oversampling), history),
         oversampling=oversampling,
     )

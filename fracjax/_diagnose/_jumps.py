@@ -1,0 +1,146 @@
+r"""Jumps of the response that nothing in the drive calls for: a description without a law.
+
+A mount that slips, a domain that switches, a counter that loses a fringe:
+
+    y + Σ_i a_i 1[t ≥ t_i]
+
+found one after the other by the projected score test, with a step at every sample for a column,
+then fitted together with the base.  Each costs two numbers in BIC.  Effects of the catalogue that
+leave more than that have only followed them.
+Source: Basseville & Nikiforov, Detection of Abrupt Changes (1993), section 2.6.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._fit import Preparation, Problem, Solved, orthonormal, sensitivity_of, solve_from
+from ._residual import residual_of
+from ._score import Residual
+from ._stage import Stage
+
+_MOST = 6
+_PLACES = 400
+_LEAST_SEEN = 1e-6
+
+
+@dataclass(frozen=True)
+class Jumps:
+    """The base fitted together with jumps at the samples that `preparation` says."""
+
+    preparation: Preparation
+    solved: Solved
+
+    @property
+    def bic(self) -> float:
+        """That of the fit, and the times that were searched for."""
+        count = sum(len(take.jumps) for take in self.preparation.takes)
+        return self.solved.bic + count * float(np.log(self.solved.samples))
+
+    @property
+    def sizes(self) -> list[np.ndarray]:
+        """Of each recording's jumps, in the response's unit."""
+        takes = zip(self.preparation.takes, self.solved.own, strict=True)
+        return [own[own.size - len(take.jumps) :] for take, own in takes]
+
+    @property
+    def sentence(self) -> str:
+        """Sizes and times in words."""
+        told, several = [], len(self.preparation.takes) > 1
+        for take, sizes in zip(self.preparation.takes, self.sizes, strict=True):
+            recording = take.recording
+            for at, size in zip(take.jumps, sizes, strict=True):
+                of = f" of {recording.source}" if several else ""
+                told.append(
+                    f"{size:+.3g} {recording.response_unit} at {at * recording.dt:.4g} s{of}"
+                )
+        many = "jumps" if len(told) > 1 else "a jump"
+        return (
+            f"It looks like {many} of the response: {', '.join(told)}. Record the same drive "
+            "again: such jumps come at other times, what the drive causes at the same."
+        )
+
+
+def find_jumps(base: Stage, least: float) -> Jumps | None:
+    """As many jumps as each lower BIC; None where all of them together gain less than `least` in
+    the linear test.
+
+    Large ones have led the base so far astray that the test finds more than there are: it is taken
+    again about the fit that it led to.
+    """
+    places, gained = _places(
+        base.preparation.problems(), residual_of(base.solved, base.preparation)
+    )
+    if not places or gained < least:
+        return None
+    first = _fitted(places, base, base.solved)
+    again, _ = _places(base.preparation.problems(), _without_jumps(first, base.preparation))
+    return _fitted(again, base, first.solved) if again and again != places else first
+
+
+def _fitted(places: list[tuple[int, int]], base: Stage, solved: Solved) -> Jumps:
+    """The base fitted together with jumps, from where it was and from its nominal point."""
+    count = len(base.preparation.takes)
+    jumps = [tuple(sorted(at for k, at in places if k == j)) for j in range(count)]
+    preparation = base.preparation.with_jumps(jumps)
+    return Jumps(preparation, solve_from([solved.block, base.nominal], preparation))
+
+
+def _without_jumps(found: Jumps, preparation: Preparation) -> Residual:
+    """What the base would leave at the orders that the fit with jumps found."""
+    places = [(k, at) for k, take in enumerate(found.preparation.takes) for at in take.jumps]
+    steps = _steps(preparation.problems(), places)
+    left = np.concatenate(found.solved.whitened) + np.concatenate(found.sizes) @ steps
+    basis = orthonormal(sensitivity_of(found.solved, preparation).whitened)
+    return Residual(left - basis @ (basis.T @ left), basis)
+
+
+def _places(problems: tuple[Problem, ...], residual: Residual) -> tuple[list, float]:
+    """The recording and sample of each jump, and what they gain in BIC."""
+    price = 2 * float(np.log(np.count_nonzero(residual.whitened)))
+    places: list[tuple[int, int]] = []
+    columns, left, gained = np.zeros((0, residual.whitened.size)), residual.whitened, 0.0
+    while len(places) < _MOST:
+        place, column = _strongest(problems, residual, columns, left)
+        fall = float(column @ left) ** 2
+        if fall < price:
+            break
+        places.append(place)
+        columns = np.concatenate([columns, column[None]])
+        left = left - (column @ left) * column
+        gained += fall - price
+    return places, gained
+
+
+def _strongest(
+    problems: tuple[Problem, ...], residual: Residual, columns: np.ndarray, left: np.ndarray
+) -> tuple[tuple[int, int], np.ndarray]:
+    """Where a step would take the most, and its column (ΣL,) of unit length beside those found."""
+
+    def taken(places: list[tuple[int, int]]) -> tuple[tuple[int, int], np.ndarray]:
+        steps = residual.project(_steps(problems, places))
+        steps = steps - (steps @ columns.T) @ columns
+        norms = np.linalg.norm(steps, axis=1)
+        seen = norms > _LEAST_SEEN * np.sqrt(left.size)
+        units = np.where(seen[:, None], steps / np.maximum(norms, 1e-300)[:, None], 0.0)
+        best = int(np.argmax(np.abs(units @ left)))
+        return places[best], units[best]
+
+    lengths = [problem.response.shape[0] for problem in problems]
+    stride = max(1, sum(lengths) // _PLACES)
+    (k, middle), _ = taken([(k, at) for k, n in enumerate(lengths) for at in range(1, n, stride)])
+    near = range(max(1, middle - stride), min(lengths[k], middle + stride + 1))
+    return taken([(k, at) for at in near])
+
+
+def _steps(problems: tuple[Problem, ...], places: list[tuple[int, int]]) -> np.ndarray:
+    """Whitened steps (K, ΣL), each from its sample of its recording on."""
+    pieces = []
+    for k, problem in enumerate(problems):
+        length = problem.response.shape[0]
+        starts = np.array([at if j == k else length for j, at in places])
+        steps = (np.arange(length)[:, None] >= starts).astype(float)
+        pieces.append(np.asarray(problem.whiten(steps)))
+    return np.concatenate(pieces).T

@@ -1,0 +1,98 @@
+"""Jumps: a mismatch that no effect of the catalogue makes, described by its times and sizes."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+
+import fracjax as fj
+from fracjax._blocks import EFFECTS
+from fracjax._diagnose._diagnose import _Conclusion
+from fracjax._diagnose._held_out import predict_stretches
+from fracjax._diagnose._jumps import Jumps, find_jumps
+from fracjax._diagnose._next_experiment import recorded_limits
+from fracjax._diagnose._procedure import Course
+from fracjax._diagnose._stage import Layer, Stage
+from fracjax._fit import prepare, silent, solve_from
+
+STEP, SIGMA = 5e-3, 0.01
+TIMES = STEP * np.arange(600)
+DRIVE = 50 - 40 * np.cos(2 * np.pi * TIMES) * np.linspace(1, 0.4, TIMES.size)
+TOLD = fj.Noise(SIGMA, "um", "specification", np.ones(1), SIGMA)
+
+
+def recording(*jumps: tuple[float, float], seed: int = 3) -> fj.Recording:
+    """LFDH with noise, and jumps (time [s], size [um])."""
+    plain = fj.simulate(fj.parse_model("lfdh"), DRIVE, STEP, "constant").response
+    noise = SIGMA * np.random.default_rng(seed).standard_normal(TIMES.size)
+    response = plain + noise + sum(size * (at - 1e-9 <= TIMES) for at, size in jumps)
+    return fj.Recording(DRIVE, response, STEP, "V", "um", source=f"{seed}.csv")
+
+
+def fitted(*recordings: fj.Recording) -> Stage:
+    """LFDH at its optimum."""
+    preparation = prepare(list(recordings), history="constant", noise=TOLD)
+    block = fj.parse_model("lfdh", preparation.setting).block
+    return Stage("lfdh", block, (), solve_from([block], preparation), preparation)
+
+
+def found(*recordings: fj.Recording, least: float = 10.0) -> Jumps | None:
+    """What is found where LFDH was fitted."""
+    with jax.enable_x64(True):
+        return find_jumps(fitted(*recordings), least)
+
+
+@pytest.mark.parametrize("scale", [1.0, 30.0])
+def test_times_and_sizes_are_found_small_or_large(scale):
+    """The larger ones drag the base's orders so far that a linear test alone is off."""
+    told = found(recording((0.8, 0.06 * scale), (1.9, -0.05 * scale)))
+    assert told is not None
+    (take,), (own,) = told.preparation.takes, told.solved.own
+    assert sorted(take.jumps) == pytest.approx([160, 380], abs=1 if scale == 1 else 0)
+    sizes = dict(zip(take.jumps, own[-2:], strict=True))
+    assert [sizes[k] for k in sorted(sizes)] == pytest.approx(
+        [0.06 * scale, -0.05 * scale], abs=5 * SIGMA / np.sqrt(30)
+    )
+    assert told.solved.cost / told.solved.samples == pytest.approx(1, abs=0.15)
+    assert told.bic == pytest.approx(told.solved.bic + 2 * np.log(told.solved.samples))
+
+
+def test_noise_alone_jumps_nowhere():
+    assert found(recording(), least=0.0) is None
+
+
+def test_what_gains_too_little_is_not_fitted():
+    assert found(recording((0.8, 0.06)), least=1e6) is None
+
+
+def test_a_jump_of_one_recording_is_not_one_of_another():
+    told = found(recording(seed=1), recording((1.0, 0.1), seed=2))
+    assert told is not None
+    assert [take.jumps for take in told.preparation.takes] == [(), (200,)]
+    assert told.sentence.startswith("It looks like a jump of the response: +0.")
+    assert " um at 1 s of 2.csv. Record the same drive again" in told.sentence
+
+
+@pytest.mark.parametrize("jumps", [True, False])
+def test_no_name_is_given_to_an_effect_that_follows_jumps(jumps):
+    """Jumps tell more than electrostriction where there are some, and less where it is there."""
+    seen = recording((0.8, 0.06), (1.9, 0.05))
+    if not jumps:
+        law = 3e-5 * (DRIVE - 50) ** 2
+        seen = fj.Recording(DRIVE, recording().response + law, STEP, "V", "um")
+    with jax.enable_x64(True):
+        base = fitted(seen)
+        effect = EFFECTS["electrostriction"]
+        layer = Layer(effect, effect.trials(base.preparation.setting)[0])
+        solved = solve_from([effect.insert(base.solved.block, layer.trial)], base.preparation)
+        first: Any = SimpleNamespace(least=1e-9)
+        stage = base.extended(layer, solved, base.preparation)
+        course = Course(first, True, first, [], {}, stage, None)
+        conclusion = _Conclusion(fj.parse_model("lfdh"), base, 0.0, None, predict_stretches, course)
+    assert (conclusion.jumps is not None) is jumps
+    if jumps:
+        extended: Any = SimpleNamespace(estimates=())
+        assert conclusion._effects(extended) == ()
+        assert conclusion._next_experiment("unexplained", recorded_limits([seen]), silent) is None

@@ -1,6 +1,7 @@
 """The rounds of a diagnosis: look-alikes from the catalogue, a second look at the first effect,
 optima far out in a flat valley."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -13,7 +14,7 @@ from fracjax._blocks import EFFECTS
 from fracjax._diagnose import _procedure, _refit
 from fracjax._diagnose._held_out import Gain, Predict, Prediction
 from fracjax._diagnose._judgement import Judged, best_of
-from fracjax._diagnose._refit import Refit, within_usual_ranges
+from fracjax._diagnose._refit import Refit, sought_further, within_usual_ranges
 from fracjax._diagnose._stage import Layer, Stage, wrapped
 from fracjax._fit import prepare, silent, solve_from
 from fracjax._parameters import named_parameters, set_values
@@ -201,6 +202,44 @@ def test_an_optimum_in_a_flat_valley_does_not_speak_against_an_effect(loss, insi
     found = within_usual_ranges(Refit(attempt.score, given), stage, 10.0)
     kept = named_parameters(found.solved.block)["first.time_constant"]
     assert kept.is_plausible == inside
+
+
+@pytest.mark.parametrize(("stuck", "better"), [(50.0, True), (0.0, False)])
+def test_more_starts_leave_a_basin_and_keep_what_they_cannot_better(stuck, better):
+    with jax.enable_x64(True):
+        stage = stage_of(())
+        attempt = judged(stage, "drive_lag").refit
+        best = attempt.solved
+        early = replace(attempt, solved=replace(best, cost=best.cost + stuck))
+        found = sought_further(early, stage, 0)
+    assert (found is not early) is better
+    assert found.solved.cost == pytest.approx(best.cost, abs=1.0)
+
+
+@pytest.mark.parametrize(("left", "asked"), [(1.05, []), (1.5, ["a", "b", "c", "d"])])
+def test_those_that_gain_most_are_sought_further_where_the_best_leaves_more_than_noise(
+    left, asked, monkeypatch
+):
+    """Of a thousand samples the power of the noise is known to .13 (three standard errors)."""
+    gains = {"b": 300.0, "a": 400.0, "e": 50.0, "d": 100.0, "c": 200.0, "f": 5.0}
+    found: list[Any] = [
+        (
+            SimpleNamespace(attempt=name, stage=None),
+            SimpleNamespace(
+                name=name, delta_bic=gain, preparation=known(), solved=cost_of(1000 * left)
+            ),
+        )
+        for name, gain in gains.items()
+    ]
+    tried: list[Any] = []
+
+    def sought(attempt: Any, *_: Any) -> Any:
+        tried.append(attempt)
+        return attempt
+
+    monkeypatch.setattr(_procedure, "sought_further", sought)
+    assert _procedure._sought_further(found, 0, silent) == found
+    assert tried == asked
 
 
 @pytest.mark.parametrize(

@@ -20,6 +20,7 @@ from ._judgement import (
     Judged,
     best_of,
     delta_bic,
+    excess_doubt,
     explained_fraction,
     freedom_of,
     is_exhausted,
@@ -29,7 +30,7 @@ from ._judgement import (
     unusual_loss,
 )
 from ._locate import locate
-from ._refit import Refit, refit, within_usual_ranges
+from ._refit import Refit, refit, sought_further, within_usual_ranges
 from ._residual import residual_of
 from ._result import Axis
 from ._score import EffectScore, Residual, Scorer, confusability, family_wise_p
@@ -303,15 +304,20 @@ def _judge(
         # its score promises as much: some valleys are long.
         promised = stage.solved.cost - float(np.max(score.z**2))
         attempt = refit(score, stage, blocks, seed, np.inf if promised <= hopeless else hopeless)
-        fall = stage.solved.cost - attempt.solved.cost
-        if fall >= least and attempt.solved.cost <= hopeless:
-            attempt = within_usual_ranges(attempt, stage, unusual_loss(fall))
+        if stage.solved.cost - attempt.solved.cost >= least and attempt.solved.cost <= hopeless:
+            attempt = _kept_usual(attempt, stage)
         hopeless = min(hopeless, 0.5 * (stage.solved.cost + attempt.solved.cost))
         question = _Question(base, stage, attempt, before, predict)
         found.append((question, question.answered(attempt.solved, stage.preparation, 0.0)))
         if not waiting:
             waiting = _look_alikes_missed([judged for _, judged in found], scores)
-    return _contenders_refined(found, progress)
+    return _contenders_refined(_sought_further(found, seed, progress), progress)
+
+
+def _kept_usual(attempt: Refit, stage: Stage) -> Refit:
+    """The refit within its usual ranges, where that costs little of what it gains."""
+    fall = stage.solved.cost - attempt.solved.cost
+    return within_usual_ranges(attempt, stage, unusual_loss(fall))
 
 
 def _look_alikes_missed(found: list[Judged], scores: list[EffectScore]) -> list[EffectScore]:
@@ -388,6 +394,30 @@ def _contenders_refined(found: list[tuple[_Question, Judged]], progress: Progres
         judged[k] = found[k][0].answered(solved, preparation, numerics)
         checked.add(k)
     return judged
+
+
+def _sought_further(
+    found: list[tuple[_Question, Judged]], seed: int, progress: Progress
+) -> list[tuple[_Question, Judged]]:
+    """Those that gain most from more starts, where even the best leaves more than noise: that is another
+    effect, a law unlike ours, or a basin that no start has left."""
+    judged = [answer for _, answer in found]
+    best = min(judged, key=lambda j: j.solved.cost, default=None)
+    if best is None or best.solved.cost <= best.solved.samples * (
+        1 + excess_doubt(best.preparation, best.solved)
+    ):
+        return found
+    again = list(found)
+    gaining = sorted(_gaining(judged, 0.0), key=lambda k: -judged[k].delta_bic)
+    for k in gaining[:_SHORTLIST]:
+        question, answer = found[k]
+        progress(f"refitting with {answer.name} from more starts")
+        attempt = sought_further(question.attempt, question.stage, seed)
+        if attempt is not question.attempt:
+            question = replace(question, attempt=_kept_usual(attempt, question.stage))
+            solved, preparation = question.attempt.solved, question.stage.preparation
+            again[k] = question, question.answered(solved, preparation, 0.0)
+    return again
 
 
 def _gaining(judged: list[Judged], share: float) -> set[int]:

@@ -14,7 +14,8 @@ from .._parameters import named_parameters, replace_parameters, set_values
 from ._score import EffectScore
 from ._stage import Layer, Stage
 
-_LEAST_APART, _DRAWS = 3, 4
+_LEAST_APART, _DRAWS, _FURTHER_DRAWS = 3, 4, 8
+_BETTER = 1.0
 _RESEMBLES = 0.3
 _COARSER = 4
 _LONG = 16_000
@@ -66,18 +67,31 @@ def _of_one_kind(
     promising = [score.trials[k] for k in unlike(score, max(_LEAST_APART, shapes))]
     best = promising[0]
 
-    def drawn(block: AbstractBlock) -> AbstractBlock:
-        parameters = named_parameters(block)
-        shapes = [name for name, _ in layout_of(block).shapes]
-        return set_values(block, {n: parameters[n].draw(generator) for n in shapes})
-
     starts = [
         *(effect.insert(fits[0], trial) for trial in promising),
         *(effect.insert(fitted, best) for fitted in fits[1:]),
         *(effect.insert(nominal, trial) for trial in promising),
-        *(drawn(effect.insert(nominal, best)) for _ in range(_DRAWS)),
+        *(_drawn(effect.insert(nominal, best), generator) for _ in range(_DRAWS)),
     ]
     return Refit(score, _searched(starts, stage.preparation, hopeless))
+
+
+def _drawn(block: AbstractBlock, generator: np.random.Generator) -> AbstractBlock:
+    """The block with its shapes drawn from the priors."""
+    parameters = named_parameters(block)
+    shapes = [name for name, _ in layout_of(block).shapes]
+    return set_values(block, {n: parameters[n].draw(generator) for n in shapes})
+
+
+def sought_further(attempt: Refit, stage: Stage, seed: int) -> Refit:
+    """The refit again from where it stands and from more draws; the same where they find nothing
+    better."""
+    generator = np.random.default_rng([seed, 1])
+    nominal = attempt.layer.effect.insert(stage.start(), attempt.layer.trial)
+    starts = [attempt.solved.block, *(_drawn(nominal, generator) for _ in range(_FURTHER_DRAWS))]
+    solved = _searched(starts, stage.preparation, np.inf)
+    better = attempt.solved.cost - solved.cost > _BETTER
+    return Refit(attempt.score, solved) if better else attempt
 
 
 def within_usual_ranges(attempt: Refit, stage: Stage, loss: float) -> Refit:

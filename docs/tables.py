@@ -33,6 +33,16 @@ _DRIVES = {
     "bound: no error": "bound: the sensor's noise",
 }
 
+_MARKS = {
+    "first name right, separable, visible >= .3": "first name right",
+    "truth in the reported set, all levels": "truth in the set",
+    "mean size of the reported set, visible >= .3": "size of the set",
+    "confident and wrong": "confident and wrong",
+    "false alarms on nulls": "false alarms",
+    "out of catalogue, not named": "outside, not named",
+    "two effects, both named": "two, both named",
+}
+
 
 def rows_of(path: str) -> list[dict[str, str]]:
     """The rows of a benchmark's table, below the versions it was made with."""
@@ -95,14 +105,28 @@ def compensation() -> str:
 
 
 def exam() -> str:
-    """Marks of the diagnosis on cases from a simulator that it shares nothing with, and of a run of
-    nulls alone."""
-    lines = [_line("measure", "target", "value", "95 % interval", "cases"), "|---" * 5 + "|"]
+    """Marks of the diagnosis on cases from a simulator that it shares nothing with, those of the
+    concealed ones beside them, and of a run of nulls alone."""
+    heads = "measure", "target", "value", "95 % interval", "cases", "concealed alone"
+    lines = [_line(*heads), "|---" * len(heads) + "|"]
     nulls = rows_of("concealed/marks/nulls/grade.csv")[0]
     alone = nulls | {"measure": f"{nulls['measure']}, a run of these alone"}
+    hidden = {row["measure"]: row for row in rows_of("concealed/marks/concealed.csv")}
     for row in (alone, *rows_of("concealed/marks/grade.csv")):
-        interval = f"{row['low']} to {row['high']}"
-        lines.append(_line(row["measure"], row["target"], row["value"], interval, row["n"]))
+        interval, own = f"{row['low']} to {row['high']}", hidden.get(row["measure"])
+        beside = f"{own['value']} of {own['n']}" if own else ""
+        lines.append(_line(row["measure"], row["target"], row["value"], interval, row["n"], beside))
+    return "\n".join(lines)
+
+
+def baselines() -> str:
+    """The marks of simpler ways on the same cases, a row each."""
+    rows = rows_of("concealed/marks/baselines.csv")
+    lines = [_line("way", *_MARKS.values()), "|---" * (1 + len(_MARKS)) + "|"]
+    found = {(row["way"], row["measure"]): row for row in rows}
+    for way in dict.fromkeys(row["way"] for row in rows):
+        marks = [found[way, measure] for measure in _MARKS]
+        lines.append(_line(way, *(f"{float(m['value']):.2f} of {m['n']}" for m in marks)))
     return "\n".join(lines)
 
 
@@ -131,6 +155,7 @@ def _line(*cells: str) -> str:
 
 TABLES = {
     "exam": exam,
+    "baselines": baselines,
     "posteriors": posteriors,
     "operators": operators,
     "fits": fits,

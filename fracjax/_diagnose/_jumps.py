@@ -23,6 +23,7 @@ from ._stage import Stage
 
 _MOST = 6
 _PLACES = 400
+_AT_ONCE = 4_000_000
 _LEAST_SEEN = 1e-6
 
 
@@ -119,20 +120,25 @@ def _strongest(
 ) -> tuple[tuple[int, int], np.ndarray]:
     """Where a step would take the most, and its column (ΣL,) of unit length beside those found."""
 
-    def taken(places: list[tuple[int, int]]) -> tuple[tuple[int, int], np.ndarray]:
+    def strength(places: list[tuple[int, int]]) -> np.ndarray:
+        pieces = range(0, len(places), at_once)
+        return np.concatenate([np.abs(units(places[k : k + at_once]) @ left) for k in pieces])
+
+    def units(places: list[tuple[int, int]]) -> np.ndarray:
         steps = residual.project(_steps(problems, places))
         steps = steps - (steps @ columns.T) @ columns
         norms = np.linalg.norm(steps, axis=1)
         seen = norms > _LEAST_SEEN * np.sqrt(left.size)
-        units = np.where(seen[:, None], steps / np.maximum(norms, 1e-300)[:, None], 0.0)
-        best = int(np.argmax(np.abs(units @ left)))
-        return places[best], units[best]
+        return np.where(seen[:, None], steps / np.maximum(norms, 1e-300)[:, None], 0.0)
 
     lengths = [problem.response.shape[0] for problem in problems]
-    stride = max(1, sum(lengths) // _PLACES)
-    (k, middle), _ = taken([(k, at) for k, n in enumerate(lengths) for at in range(1, n, stride)])
+    at_once, stride = max(1, _AT_ONCE // left.size), max(1, left.size // _PLACES)
+    coarse = [(k, at) for k, n in enumerate(lengths) for at in range(1, n, stride)]
+    k, middle = coarse[int(np.argmax(strength(coarse)))]
     near = range(max(1, middle - stride), min(lengths[k], middle + stride + 1))
-    return taken([(k, at) for at in near])
+    fine = [(k, at) for at in near]
+    place = fine[int(np.argmax(strength(fine)))]
+    return place, units([place])[0]
 
 
 def _steps(problems: tuple[Problem, ...], places: list[tuple[int, int]]) -> np.ndarray:

@@ -399,8 +399,8 @@ def _contenders_refined(found: list[tuple[_Question, Judged]], progress: Progres
 def _sought_further(
     found: list[tuple[_Question, Judged]], seed: int, progress: Progress
 ) -> list[tuple[_Question, Judged]]:
-    """Those that gain most from more starts, where even the best leaves more than noise: that is another
-    effect, a law unlike ours, or a basin that no start has left."""
+    """Those that gain most, from more starts, where even the best leaves more than noise: that is
+    another effect, a law unlike ours, or a basin that no start has left."""
     judged = [answer for _, answer in found]
     best = min(judged, key=lambda j: j.solved.cost, default=None)
     if best is None or best.solved.cost <= best.solved.samples * (

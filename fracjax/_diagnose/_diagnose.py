@@ -5,7 +5,7 @@ from __future__ import annotations
 import itertools
 from collections.abc import Collection, Sequence
 from dataclasses import replace
-from functools import partial
+from functools import cached_property, partial
 
 import numpy as np
 
@@ -161,7 +161,6 @@ class _Conclusion:
         assert noise is not None  # settle() leaves none unknown
         self.noise: Noise = noise
         self.explained = explained_fraction(base, course.stage.solved)
-        self.jumps = self._jumps()
 
     @property
     def rounds(self) -> list[Round]:
@@ -218,7 +217,8 @@ class _Conclusion:
             return "none" if self.course.first.p_value >= limit else "unexplained"
         return "confusable" if any(e.confusable_with for e in effects) else "missing"
 
-    def _jumps(self) -> Jumps | None:
+    @cached_property
+    def jumps(self) -> Jumps | None:
         """Jumps, if they tell more than the adopted effects do, and enough."""
         base, stage = self.base, self.course.stage
         if self.course.first.least >= SIGNIFICANCE:

@@ -19,7 +19,7 @@ from fracjax._diagnose._next_experiment import (
 from fracjax._fit import Noise, prepare
 from fracjax._parameters import set_values
 
-STEP = 1e-3
+STEP, LEAD = 1e-3, 204
 TIMES = STEP * np.arange(4000)
 
 
@@ -63,7 +63,7 @@ def test_limits_that_are_none_are_refused_in_a_sentence(text):
 @pytest.mark.parametrize("slew", [50.0, 5e3, 1e6])
 def test_drives_keep_to_the_limits(slew):
     limits = Limits(-10.0, 70.0, slew)
-    found = drives(limits, STEP, "V")
+    found = drives(limits, STEP, "V", 20.0)
     assert len(found) >= (30 if slew > 1e3 else 10)
     assert len({drive.description for drive in found}) == len(found)
     for drive in found:
@@ -74,37 +74,46 @@ def test_drives_keep_to_the_limits(slew):
 
 def test_drives_are_what_they_say():
     """Without a limit on the slew, from the end of the rest that each begins with."""
-    found = {
-        drive.description: drive.values for drive in drives(Limits(-10.0, 70.0, 1e6), STEP, "V")
-    }
-    assert all(values.size == 4096 for values in found.values())
-    assert all(np.ptp(values[:204]) == 0 for values in found.values())
-    moved = {name: (values[204:] - 30) / 40 for name, values in found.items()}
+    told = drives(Limits(-10.0, 70.0, 1e6), STEP, "V", 20.0)
+    found = {drive.description: drive.values for drive in told}
+    assert all(values.size == 4096 + LEAD for values in found.values())
+    moved = {name: (values[LEAD:] - 30) / 40 for name, values in found.items()}
 
     def first(words: str) -> np.ndarray:
         return next(values for name, values in moved.items() if words in name)
 
     def sizes(values: np.ndarray, parts: int) -> np.ndarray:
-        return np.array([np.abs(part).max() for part in np.split(values[: 4096 * 3 // 4], parts)])
+        return np.array([np.abs(part[4:-4]).max() for part in np.split(values, parts)])
 
-    # Four amplitudes in the 4096 samples, of which the rest has taken the last ones.
-    assert sizes(first("four amplitudes"), 3) == pytest.approx([0.25, 0.5, 0.75], abs=0.01)
+    assert sizes(first("four amplitudes"), 4) == pytest.approx([0.25, 0.5, 0.75, 1.0], abs=0.01)
     decay = first("decaying sine of 31")
-    assert sizes(decay, 6) == pytest.approx(1 - np.arange(6) / 8, abs=0.04)
+    assert sizes(decay, 8) == pytest.approx(1 - np.arange(8) / 8, abs=0.08)
     assert np.ptp(first("over 80 V")) == pytest.approx(2, abs=0.01)
     assert np.ptp(first("over 32 V")) == pytest.approx(0.8, abs=0.01)
     for bias in (-0.6, 0.6):
         about = first(f"V about {30 + 40 * bias:.4g} V")
         assert (about.min(), about.max()) == pytest.approx((bias - 0.4, bias + 0.4), abs=0.01)
-    held = first("10 steps")[::410][:9]
-    assert held == pytest.approx([-1, 1, -1, 0, 1, 0, -1, -0.5, 1], abs=1e-9)
-    assert np.ptp(first("a rest")) == 0
+    held = first("10 steps")[200::410]
+    assert held == pytest.approx([-1, 1, -1, 0, 1, 0, -1, -0.5, 1, -1], abs=1e-9)
+    assert np.ptp(first("a rest")[4:]) == pytest.approx(0, abs=1e-9)
     # Every reversal curve starts at the top and turns back sooner than the one before.
     curves = first("reversal curves of 0.977")
+    curves = curves[4:]  # behind the way there
     turns = curves[1:-1][(np.diff(curves)[:-1] < 0) & (np.diff(curves)[1:] > 0)]
     assert curves.max() == pytest.approx(1, abs=0.01)
     assert turns[0] == pytest.approx(-1, abs=0.01)
     assert np.all(np.diff(turns) > 0.1)
+
+
+@pytest.mark.parametrize(("step", "rest"), [(0.1, 204), (1e-3, 204), (5e-4, 400), (1e-5, 1024)])
+def test_drives_begin_where_the_recording_did_with_a_rest_and_without_corners(step, rest):
+    """The rest is .2 s, but a twentieth to a quarter of the drive; a step takes five samples."""
+    for drive in drives(Limits(-10.0, 70.0, 1e9), step, "V", 20.0):
+        assert drive.values.size == 4096 + rest
+        assert drive.values[: rest - 2] == pytest.approx(20.0)
+        assert np.abs(np.diff(drive.values)).max() <= 80 * 6 / 16 + 1e-9
+    outside = drives(Limits(-10.0, 70.0, 1e9), step, "V", 90.0)[0]
+    assert outside.values[0] == pytest.approx(70.0)
 
 
 def test_a_lag_and_a_delay_part_on_a_fast_drive():
@@ -139,7 +148,7 @@ def test_what_a_drive_would_show_is_told_in_units_of_the_noise():
 
 def test_the_fastest_full_tone_takes_the_slew_that_there_is():
     limits = Limits(-10.0, 70.0, 2e3)
-    found = {d.description: d.values for d in drives(limits, STEP, "V")}
+    found = {d.description: d.values for d in drives(limits, STEP, "V", 20.0)}
     full = [v for name, v in found.items() if name.startswith("a sine") and "over 80 V" in name]
     rates = sorted(np.abs(np.diff(values)).max() / STEP for values in full)
     assert rates[-1] == pytest.approx(limits.slew, rel=0.02)

@@ -41,12 +41,18 @@ _KINDS = ({"s", "ms", "us", "µs", "μs", "second"}, {"Hz", "hertz", "kHz", "rad
 
 @dataclass(frozen=True)
 class Answer:
-    """A diagnosis in the words that the grading needs; `failed` when there is none."""
+    """A diagnosis in the words that the grading needs; `failed` when there is none.
+
+    `chance` is the stated probability that the recommended record tells the look-alikes apart, and
+    `after` the answer when that record was there too.
+    """
 
     verdict: str
     effects: tuple[Mapping, ...] = ()
     axes: tuple[Mapping, ...] = ()
     holdout_um: float | None = None
+    chance: float | None = None
+    after: Answer | None = None
 
     @property
     def names(self) -> list[str]:
@@ -69,14 +75,19 @@ class Answer:
 
 
 def read_answer(file: File) -> Answer:
-    """The answer in a diagnosis.json; a file that is not there is a failed case."""
+    """The answer in a diagnosis.json, and that in `after/`; a file not there is a failed case."""
     if not file.exists():
         return Answer("failed")
     d = json.loads(file.read_text())
     scores = d["fit"].get("extended") or d["fit"]["base"]
     rmse = scores.get("holdout_rmse")
     rmse = None if rmse is None else rmse * UNITS.get(d["fit"]["unit"], float("nan"))
-    return Answer(d["verdict"], tuple(d["effects"]), tuple(d["where"]["axes"]), rmse)
+    chance = d.get("next_experiment", {}).get("probability")
+    after = file.parent / "after"
+    second = read_answer(after / file.name) if after.exists() else None
+    return Answer(
+        d["verdict"], tuple(d["effects"]), tuple(d["where"]["axes"]), rmse, chance, second
+    )
 
 
 def label_value(effect: Mapping, parameter: str) -> float | None:

@@ -69,12 +69,16 @@ def write_exam(folder: File, numbered: Sequence[tuple[int, Spec]], jobs: int = 1
     return labels
 
 
+def is_concealed(label: dict) -> bool:
+    """Whether the refit hides nine tenths of its one effect's power behind R2 > .999."""
+    return len(label["effects"]) == 1 and label["concealment"] >= 0.9 and label["R2"] > 0.999
+
+
 def describe(labels: Sequence[dict]) -> str:
     """Counts: cases by kind, separable, capped, concealed."""
     kinds = {k: sum(x["kind"] == k for x in labels) for k in sorted({x["kind"] for x in labels})}
     truths = [e for x in labels for e in x["effects"] if e["catalogued"]]
-    single = [x for x in labels if len(x["effects"]) == 1]
-    hidden = sum(x["concealment"] >= 0.9 and x["R2"] > 0.999 for x in single)
+    hidden = sum(is_concealed(x) for x in labels)
     apart, capped = sum(e["separable"] for e in truths), sum(e["capped"] for e in truths)
     return (
         f"{kinds}; effects: {len(truths)}, separable {apart}, capped {capped}; "

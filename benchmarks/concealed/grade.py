@@ -3,8 +3,9 @@
 Run: python -m benchmarks.concealed.grade --exam DIR --answers OUT --to FOLDER
 
 OUT holds case_0001/diagnosis.json and so on. Writes grade.csv (measure, target, value, low, high,
-n), failures.csv (every case that missed a measure) and by_effect.csv. A case without a diagnosis
-counts as failed in every measure that it belongs to.
+n), concealed.csv (the same of the concealed cases alone), failures.csv (every case that missed a
+measure) and by_effect.csv. A case without a diagnosis counts as failed in every measure that it
+belongs to.
 """
 
 from __future__ import annotations
@@ -16,8 +17,8 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path as File
 
 from .answers import Answer, read_answer
-from .exam import seal
-from .measures import FAINT, Measure, Pair, measure_all, single, truth_of, wilson
+from .exam import is_concealed, seal
+from .measures import FAINT, Measure, Pair, followed, measure_all, single, truth_of, wilson
 
 
 def load(exam: File, answers: File) -> list[Pair]:
@@ -31,7 +32,7 @@ def load(exam: File, answers: File) -> list[Pair]:
 
 def failures(measures: Sequence[Measure], pairs: Sequence[Pair]) -> list[dict]:
     """One row per missed measure and case."""
-    known = {x["case"]: (x, a) for x, a in pairs}
+    known = {x["case"]: (x, a) for x, a in (*pairs, *followed(pairs))}
     rows = []
     for m in measures:
         for case in m.failures:
@@ -82,6 +83,11 @@ def table(measures: Iterable[Measure]) -> list[dict]:
     ]  # fmt: skip
 
 
+def concealed(pairs: Sequence[Pair]) -> list[Measure]:
+    """The measures on the cases whose effect the base conceals, as far as it has such cases."""
+    return [m for m in measure_all([p for p in pairs if is_concealed(p[0])]) if m.n]
+
+
 def write_rows(file: File, rows: Sequence[dict]) -> None:
     """A CSV with the first row's keys as header; an empty file for no rows."""
     with file.open("w", newline="") as f:
@@ -89,6 +95,13 @@ def write_rows(file: File, rows: Sequence[dict]) -> None:
             w = csv.DictWriter(f, list(rows[0]), lineterminator="\n")
             w.writeheader()
             w.writerows(rows)
+
+
+def print_rows(rows: Iterable[dict]) -> None:
+    """A table's rows, a line each."""
+    for row in rows:
+        print(f"{row['measure']:48} {row['target']:>11} {row['value']:>8}  "
+              f"[{row['low']}, {row['high']}]  n = {row['n']}")  # fmt: skip
 
 
 def main() -> None:
@@ -100,13 +113,15 @@ def main() -> None:
     a = p.parse_args()
     pairs = load(a.exam, a.answers)
     measures = measure_all(pairs)
+    whole, hidden = table(measures), table(concealed(pairs))
     a.to.mkdir(parents=True, exist_ok=True)
-    write_rows(a.to / "grade.csv", table(measures))
+    write_rows(a.to / "grade.csv", whole)
+    write_rows(a.to / "concealed.csv", hidden)
     write_rows(a.to / "failures.csv", failures(measures, pairs))
     write_rows(a.to / "by_effect.csv", by_effect(pairs))
-    for row in table(measures):
-        print(f"{row['measure']:48} {row['target']:>11} {row['value']:>8}  "
-              f"[{row['low']}, {row['high']}]  n = {row['n']}")  # fmt: skip
+    print_rows(whole)
+    print("\nconcealed (C >= .9, R2 > .999):")
+    print_rows(hidden)
 
 
 if __name__ == "__main__":

@@ -69,6 +69,21 @@ def _detectable(pairs: Sequence[Pair]) -> list[Pair]:
     return [p for p in pairs if truth_of(p[0])["power"] >= DETECTABLE]
 
 
+def inseparable(pairs: Sequence[Pair]) -> list[Pair]:
+    """Visible effects that can be detected, but not told from their look-alikes."""
+    return [p for p in _detectable(single(pairs, SEEN)) if truth_of(p[0])["look_alikes"]]
+
+
+def followed(pairs: Sequence[Pair], chance: float = 0.0) -> list[Pair]:
+    """The second answers, by the names of their folders, where a record that was said to tell the
+    inseparable apart with at least this chance was made."""
+    return [
+        (x | {"case": f"{x['case']}/after"}, a.after)
+        for x, a in inseparable(pairs)
+        if a.after and (a.chance or 0.0) >= chance
+    ]
+
+
 def confidently_wrong(label: dict, answer: Answer) -> bool:
     """Names one effect, alone, with a probability of .9 or more, that is not in the truth."""
     if answer.verdict != "missing":
@@ -175,7 +190,7 @@ def measure_all(pairs: Sequence[Pair]) -> list[Measure]:
         return truth_of(p[0])["separable"]
 
     seen, every = single(pairs, SEEN), single(pairs, FAINT)
-    strong = _detectable(seen)
+    after = followed(pairs)
     places = [p for p in pairs if len(p[0]["effects"]) == 1]
     places = [p for p in places if truth_of(p[0])["level"] >= SEEN]
     return [
@@ -191,7 +206,10 @@ def measure_all(pairs: Sequence[Pair]) -> list[Measure]:
         share("confident and wrong", "<= .01", list(pairs),
               lambda x, a: not confidently_wrong(x, a), True),
         share("inseparable pairs reported as such", ">= .95",
-              [p for p in strong if truth_of(p[0])["look_alikes"]], _passes_for),
+              inseparable(pairs), _passes_for),
+        share("right after the recommended record", ">= .90", after, first),
+        share("right after a record said to tell them apart", "", followed(pairs, 0.5), first),
+        share("truth in the set after the recommended record", "", after, within),
         share("out of catalogue, not named", ">= .95", _nameless(pairs),
               lambda x, a: a.verdict in ("none", "unexplained")),
         share("right axis, visible >= .3", ">= .90", places, _right_axis),

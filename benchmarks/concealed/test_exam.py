@@ -11,8 +11,8 @@ import pytest
 from .answers import Answer, covered, read_answer
 from .build import Spec, build
 from .design import LEVELS, design, subset
-from .exam import canonical, plain, seal, write_exam
-from .grade import by_effect, failures, load, table
+from .exam import canonical, describe, is_concealed, plain, seal, write_exam
+from .grade import by_effect, concealed, failures, load, main, table
 from .measures import calibration, confidently_wrong, heldout, measure_all, wilson
 from .survey import look
 from .truth import BASES, NAMES, NOISES, name_of
@@ -125,15 +125,15 @@ def test_exam_is_written_and_sealed(tmp_path: Path) -> None:
 
 def label(case: int, name: str | None = "backlash", **more) -> dict:
     effect = {
-        "name": name, "key": name, "catalogued": True, "level": 1.0, "separable": True,
-        "look_alikes": [], "power": 4000.0, "least_lambda": 900.0, "axes": ["reversal"],
-        "spot": None, "parameters": {"radius": 0.02, "weight": 1.0},
+        "name": name, "key": name, "catalogued": True, "level": 1.0, "capped": False,
+        "separable": True, "look_alikes": [], "power": 4000.0, "least_lambda": 900.0,
+        "axes": ["reversal"], "spot": None, "parameters": {"radius": 0.02, "weight": 1.0},
     }  # fmt: skip
     effects = [effect | {k: v for k, v in more.items() if k in effect}] if name else []
     whole = {
         "case": f"case_{case:04d}", "kind": "main" if name else "null", "effects": effects,
-        "level": 1.0, "concealment": 0.5, "base": "foh", "noise": "white", "oracle_rmse_um": None,
-        "spec": {"drive": "sine"},
+        "level": 1.0, "concealment": 0.5, "R2": 0.9999, "base": "foh", "noise": "white",
+        "oracle_rmse_um": None, "spec": {"drive": "sine"},
     }  # fmt: skip
     return whole | {k: v for k, v in more.items() if k in whole}
 
@@ -199,6 +199,46 @@ def test_names_and_sets() -> None:
     rows = by_effect(pairs)
     assert rows[0]["separable"] == 5
     assert rows[0]["in_set"] == 5
+
+
+def test_after_the_recommended_record() -> None:
+    """Judged by the second answer, where there is a folder for one."""
+    look_alikes = ["creep"]
+    both = said("creep", 0.6, ("backlash",))
+    right, undecided = answer(said("backlash")), answer(both, verdict="confusable")
+    pairs = [
+        (label(k, look_alikes=look_alikes), answer(both, chance=chance, after=after))
+        for k, chance, after in (
+            (1, 0.99, right), (2, 0.5, undecided), (3, 0.1, right), (4, 0.2, Answer("failed")),
+            (5, 0.9, answer(said("creep"))), (6, 0.9, None),
+        )
+    ]  # fmt: skip
+    pairs.append((label(7), answer(both, chance=0.9, after=right)))
+    assert value(pairs, "right after the recommended") == (2 / 5, 5)
+    assert value(pairs, "right after a record said") == (1 / 3, 3)
+    assert value(pairs, "truth in the set after") == (3 / 5, 5)
+    rows = {r["case"]: r for r in failures(measure_all(pairs), pairs) if "after" in r["measure"]}
+    assert set(rows) == {"case_0002/after", "case_0004/after", "case_0005/after"}
+    assert rows["case_0002/after"]["confusable_with"] == "backlash"
+    assert rows["case_0004/after"]["verdict"] == "failed"
+
+
+def test_concealed_tier() -> None:
+    """The same measures on the cases that the exam counts as concealed, where it has any."""
+    hidden = {"concealment": 0.95, "R2": 0.9995}
+    two = {"effects": label(5)["effects"] * 2}
+    labels = [
+        label(1) | hidden, label(2) | hidden, label(3) | hidden | {"R2": 0.99}, label(4),
+        label(5) | hidden | two, label(6, None) | hidden,
+    ]  # fmt: skip
+    assert [is_concealed(x) for x in labels] == [True, True, False, False, False, False]
+    assert describe(labels).endswith(": 2")
+    named = ["backlash", "creep", *["backlash"] * 4]
+    pairs = [(x, answer(said(name))) for x, name in zip(labels, named, strict=True)]
+    rows = {m.name: (m.value, m.n) for m in concealed(pairs)}
+    assert rows["first name right, separable, visible >= .3"] == (0.5, 2)
+    assert "false alarms on nulls" not in rows
+    assert "two effects, both named" not in rows
 
 
 def test_places_and_outsiders() -> None:
@@ -269,7 +309,17 @@ def test_diagnosis_file_is_read(tmp_path: Path) -> None:
     assert (a.first, a.holdout_um) == ("creep", pytest.approx(0.01))
     assert a.axis is not None
     assert a.axis["axis"] == "time"
+    assert (a.chance, a.after) == (None, None)
     assert read_answer(tmp_path / "no.json").verdict == "failed"
+    second = tmp_path / "after" / "diagnosis.json"
+    second.parent.mkdir()
+    file.write_text(json.dumps(d | {"next_experiment": {"probability": 0.7}}))
+    a = read_answer(file)
+    assert (a.chance, a.after) == (0.7, Answer("failed"))
+    second.write_text(json.dumps(d | {"verdict": "none"}))
+    after = read_answer(file).after
+    assert after is not None
+    assert after.verdict == "none"
 
 
 def test_tables() -> None:
@@ -280,3 +330,25 @@ def test_tables() -> None:
     assert rows[0]["truth"] == "backlash"
     assert rows[0]["said"] == "delay"
     assert [r["measure"] for r in table(measures)] == [m.name for m in measures]
+
+
+def test_tables_are_written(
+    tmp_path: Path, monkeypatch: pytest.MonkeyPatch, capsys: pytest.CaptureFixture[str]
+) -> None:
+    """The concealed cases' table is that of the whole on them alone, beside it and after it."""
+    labels = [label(1), label(2, concealment=0.95)]
+    (tmp_path / "labels.json").write_text(json.dumps(labels))
+    (tmp_path / "labels.sha256").write_text(f"{seal(labels)}  labels")
+    told = ["--exam", str(tmp_path), "--answers", str(tmp_path), "--to", str(tmp_path / "marks")]
+    monkeypatch.setattr("sys.argv", ["grade", *told])
+    main()
+    whole, hidden = (
+        (tmp_path / "marks" / f"{name}.csv").read_text().splitlines()
+        for name in ("grade", "concealed")
+    )
+    assert hidden[0] == whole[0]
+    assert '"first name right, separable, visible >= .3",>= .97,0.0000,0.0000,0.7935,1' in hidden
+    assert 1 < len(hidden) < len(whole)
+    printed, printed_hidden = capsys.readouterr().out.split("\nconcealed (C >= .9, R2 > .999):\n")
+    assert len(printed.splitlines()) == len(whole) - 1
+    assert len(printed_hidden.splitlines()) == len(hidden) - 1

@@ -30,7 +30,8 @@ _SAMPLES = 4096
 _FASTER = 10.0
 _LEAST_PER_PERIOD = 16
 _DELTA_BIC = 10.0
-_LEAD = 0.05
+_REST, _LEAD, _LONGEST_LEAD = 0.2, 0.05, 0.25
+_ROUNDING = np.array([1, 4, 6, 4, 1]) / 16
 _EXAMINED = 10
 
 
@@ -105,9 +106,10 @@ def _triangle(angle: np.ndarray) -> np.ndarray:
     return sawtooth(angle, 0.5)  # type: ignore[arg-type]
 
 
-def drives(limits: Limits, step: float, unit: str) -> list[Drive]:
-    """Some forty drives within the limits, `_SAMPLES` long: tones, triangles, amplitude ladders,
-    steps, reversal curves, sweeps, bursts, small tones on a shifted bias, and a rest."""
+def drives(limits: Limits, step: float, unit: str, start: float) -> list[Drive]:
+    """Some forty drives within the limits, `_SAMPLES` long after a rest at `start`: tones,
+    triangles, amplitude ladders, steps, reversal curves, sweeps, bursts, small tones on a shifted
+    bias, and a rest."""
     t = np.arange(_SAMPLES) * step
     duration = _SAMPLES * step
     slowest = 2 / duration
@@ -171,20 +173,30 @@ def drives(limits: Limits, step: float, unit: str) -> list[Drive]:
         _spanned(bursts * within, limits),
     )
     add("a rest at one level", np.full(_SAMPLES, limits.centre))
-    return [Drive(text, _allowed(values, limits, step), step) for text, values in found.items()]
+    return [
+        Drive(text, _allowed(values, limits, step, start), step) for text, values in found.items()
+    ]
 
 
-def _allowed(values: np.ndarray, limits: Limits, step: float) -> np.ndarray:
-    """The drive from a rest at its first value, within range and slew."""
-    lead = int(_LEAD * values.size)
-    led = np.concatenate([np.full(lead, values[0]), values[: values.size - lead]])
+def _allowed(values: np.ndarray, limits: Limits, step: float, start: float) -> np.ndarray:
+    """The drive from a rest at `start`, within range and slew.
+
+    It begins where the recording began, for some effects count from there, and rests for as long as
+    tells a noise floor, but no longer than a quarter of the drive.  Its corners are rounded over
+    four samples: what a drive with corners does between its samples, they do not tell.
+    """
+    shortest, longest = (int(share * values.size) for share in (_LEAD, _LONGEST_LEAD))
+    lead = int(np.clip(_REST / step, shortest, longest))
+    led = np.concatenate([np.full(lead, start), values])
     most = limits.slew * step
     followed = np.empty_like(led)
-    level = led[0]
-    for k, wanted in enumerate(np.clip(led, limits.low, limits.high)):
-        level += min(max(wanted - level, -most), most)
+    wanted = np.clip(led, limits.low, limits.high)
+    level = wanted[0]
+    for k, one in enumerate(wanted):
+        level += min(max(one - level, -most), most)
         followed[k] = level
-    return followed
+    beyond = _ROUNDING.size // 2
+    return np.convolve(np.pad(followed, beyond, mode="edge"), _ROUNDING, "valid")
 
 
 @dataclass(frozen=True)
@@ -205,7 +217,9 @@ def propose(
     take = preparation.takes[0]
     noise = take.noise
     assert noise is not None  # a diagnosis has one
-    candidates = drives(limits, take.recording.dt, take.recording.drive_unit)
+    recording = take.recording
+    start = float(recording.drive[0])
+    candidates = drives(limits, recording.dt, recording.drive_unit, start)
     progress(f"choosing the next experiment among {len(candidates)} drives")
     grids = [_Trial(drive, noise, preparation.oversampling) for drive in candidates]
     # What the parameters can take up costs ten times more to find than the responses themselves.

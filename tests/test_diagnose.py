@@ -315,13 +315,16 @@ def test_every_candidate_is_told_why(judged, p_value, numerics, said):
     assert said in reason(SCORED, judged, ["a"], p_value, numerics)
 
 
-def test_a_probability_falls_with_the_rivals():
+def test_a_probability_falls_with_the_rivals_and_the_closer_they_are():
     alone = [judged_of("a", 1000), judged_of("b", 970)]
     assert probability_of(alone[0], alone) == pytest.approx(0.96)
-    one = [judged_of("a", 1000), judged_of("b", 990)]
-    assert probability_of(one[0], one) == pytest.approx(0.96 * 4 / 5)
-    two = [*one, judged_of("c", 985)]
-    assert probability_of(two[0], two) == pytest.approx(0.96 * 4 / 6)
+    one = [judged_of("a", 1000), judged_of("b", 992)]
+    assert probability_of(one[0], one) == pytest.approx(0.96 / (1 + np.exp(-1)))
+    two = [*one, judged_of("c", 1000)]
+    assert probability_of(two[0], two) == pytest.approx(0.96 / (2 + np.exp(-1)))
+    # One that fits better, but is not admissible, is no more likely than the winner.
+    ahead = [judged_of("a", 1000), judged_of("b", 1100, plausible=False)]
+    assert probability_of(ahead[0], ahead) == pytest.approx(0.96 / 2)
 
 
 def stage_of(cost: float) -> Any:

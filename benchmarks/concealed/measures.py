@@ -118,14 +118,25 @@ def _nameless(pairs: Sequence[Pair]) -> list[Pair]:
     return [p for p in out if truth_of(p[0])["least_lambda"] > 0.1 * truth_of(p[0])["power"]]
 
 
-def mean_size(pairs: Sequence[Pair]) -> Measure:
-    """Mean size of the reported set, where there is one."""
-    sizes = np.array([len(a.reported) for _, a in pairs if a.reported], float)
+def mean_sizes(pairs: Sequence[Pair]) -> list[Measure]:
+    """Mean size of the reported set where there is one, of the separable cases alone, and of the
+    sets that an answer knowing every law would report: the truth and what could pass for it."""
+    there = [(x, a) for x, a in pairs if a.reported]
+    apart = [(x, a) for x, a in there if truth_of(x)["separable"]]
+    owns = [1 + len(truth_of(x)["look_alikes"]) for x, _ in there]
+    return [
+        _mean("mean size of the reported set, visible >= .3", "<= 1.5",
+              [len(a.reported) for _, a in there]),
+        _mean("mean size of the reported set, separable", "", [len(a.reported) for _, a in apart]),
+        _mean("mean size of the truth's own set", "", owns),
+    ]  # fmt: skip
+
+
+def _mean(name: str, target: str, sizes: Sequence[int]) -> Measure:
     n = len(sizes)
-    mean = float(sizes.mean()) if n else float("nan")
-    half = 1.96 * float(sizes.std(ddof=1)) / np.sqrt(n) if n > 1 else 0.0
-    return Measure("mean size of the reported set, visible >= .3", "<= 1.5", mean, mean - half,
-                   mean + half, n)  # fmt: skip
+    mean = float(np.mean(sizes)) if n else float("nan")
+    half = 1.96 * float(np.std(sizes, ddof=1)) / np.sqrt(n) if n > 1 else 0.0
+    return Measure(name, target, mean, mean - half, mean + half, n)
 
 
 def heldout(pairs: Sequence[Pair]) -> list[Measure]:
@@ -202,7 +213,7 @@ def measure_all(pairs: Sequence[Pair]) -> list[Measure]:
               [p for p in single(pairs, FAINT, SEEN) if apart(p)], first),
         share("truth in the reported set, all levels", ">= .97", every, within),
         share("truth in the reported set, detectable", ">= .97", _detectable(every), within),
-        mean_size(seen),
+        *mean_sizes(seen),
         share("confident and wrong", "<= .01", list(pairs),
               lambda x, a: not confidently_wrong(x, a), True),
         share("inseparable pairs reported as such", ">= .95",

@@ -194,7 +194,9 @@ def test_names_and_sets() -> None:
     assert value(pairs, "first name right, separable, visible .1") == (1 / 3, 3)
     assert value(pairs, "truth in the reported set, all") == (5 / 7, 7)
     assert value(pairs, "truth in the reported set, det") == (5 / 6, 6)
-    assert value(pairs, "mean size") == (7 / 4, 4)
+    assert value(pairs, "mean size of the reported set, visible") == (7 / 4, 4)
+    assert value(pairs, "mean size of the reported set, sep") == (2, 2)
+    assert value(pairs, "mean size of the truth's own set") == (3 / 2, 4)
     assert value(pairs, "inseparable") == (0.5, 2)
     rows = by_effect(pairs)
     assert rows[0]["separable"] == 5

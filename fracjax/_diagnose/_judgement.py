@@ -26,7 +26,7 @@ _UNUSUAL = 0.01
 _REMAINDER = 0.5
 _PATTERN = 0.15
 SUREST = 0.96
-_FIRST = 4.0
+_TEMPERED = 8.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -119,13 +119,14 @@ def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
 
 
 def probability_of(winner: Judged, found: Sequence[Judged]) -> float:
-    """How often such a name is right.
+    """How often such a name is right: each rival weighs exp(-ΔBIC/8) beside it.
 
-    Among rivals within the margin the evidence decides little, for their laws are not exact.  In
-    three exams made for development, 176 names in all, the first of a set was right about four
-    times as often as each of its rivals, and one effect in thirty that had none was another.
+    With exact laws it would be exp(-ΔBIC/2); as they are not, the evidence is tempered to a quarter
+    of that, by which 61 first names of an exam made for development are the most probable.  In
+    three before it one effect in thirty that had no rival was another.
     """
-    return SUREST * _FIRST / (_FIRST + len(rivals_of(winner, found)))
+    behind = [max(0.0, winner.delta_bic - j.delta_bic) for j in rivals_of(winner, found)]
+    return SUREST / (1 + float(np.sum(np.exp(-np.array(behind) / _TEMPERED))))
 
 
 def delta_bic(before: Solved, after: Solved) -> float:

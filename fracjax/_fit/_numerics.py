@@ -13,7 +13,7 @@ from ._problem import Problem
 from ._solve import Progress, Solved, sensitivity_of, solve_from
 from ._uncertainty import orthonormal
 
-FINEST, _MOST_SAMPLES = 16, 2**18
+FINEST, _MOST_SAMPLES = 32, 2**18
 TARGET, LIMIT = 0.5, 1.0
 
 

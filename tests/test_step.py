@@ -72,6 +72,18 @@ def test_at_the_recordings_own_step_it_is_not(fitted, monkeypatch):
     assert coarse.to_dict()["warnings"] == list(coarse.warnings)
 
 
+def test_a_light_mode_takes_the_finest_grid(monkeypatch):
+    """At four samples per period of its ringing, sixteen steps per sample are not enough."""
+    law = {"frequency": 60.0, "damping": 0.02}
+    recording, _, known = record(0, **law)
+    options = {"noise": known, "history": "constant", "settling": 0, "starts": 2}
+    found = fj.fit(MODEL.with_values(LAW | law), recording, **options)
+    assert (found.preparation.oversampling, found.warnings) == (32, ())
+    monkeypatch.setattr(_numerics, "FINEST", 16)
+    coarse = fj.fit(MODEL.with_values(LAW | law), recording, **options)
+    assert [w.split(" is ")[0] for w in coarse.warnings] == ["The discretisation error"]
+
+
 def test_a_noise_told_by_the_fit_is_told_again_on_the_finer_grid(fitted):
     recording, added, _ = record(0)
     found = fit(recording, None)

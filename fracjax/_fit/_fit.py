@@ -439,7 +439,7 @@ def fit(
     `weights` (N,), one array per recording, multiply the squared residuals, `mask` leaves out times
     [s], ends included.
 
-    The simulation's step is halved until that no longer matters beside the noise, or to 16 steps
+    The simulation's step is halved until that no longer matters beside the noise, or to 32 steps
     per sample; where it still matters then, a warning says so.
     Raises InputError where names are unknown, and for what does not fit together.  A fit that did
     not converge says so in `converged`.

@@ -69,7 +69,7 @@ _STARTS = 8
 _PLACES_ALONE = 1e-4
 _MOST_READINGS = 2
 _MOST_RIVALS = 4
-_LIKELY = 0.5
+_WORTH_FITTING = 0.5
 
 
 def diagnose(
@@ -224,7 +224,7 @@ class _Conclusion:
         if self.course.first.least >= SIGNIFICANCE:
             return None
         gained = base.solved.bic - stage.solved.bic
-        jumps = find_jumps(base, _LIKELY * max(gained, base.excess))
+        jumps = find_jumps(base, _WORTH_FITTING * max(gained, base.excess))
         if jumps is None or explained_fraction(base, jumps.solved) < EXPLAINED:
             return None
         ahead = (stage.solved.bic - jumps.bic) / jumps.solved.left

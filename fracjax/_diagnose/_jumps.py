@@ -71,14 +71,13 @@ def find_jumps(base: Stage, least: float) -> Jumps | None:
     Large ones have led the base so far astray that the test finds more than there are: it is taken
     again about the fit that it led to.
     """
-    places, gained = _places(
-        base.preparation.problems(), residual_of(base.solved, base.preparation)
-    )
+    problems, residual = base.preparation.problems(), residual_of(base.solved, base.preparation)
+    places, gained = _places(problems, residual)
     if not places or gained < least:
         return None
     first = _fitted(places, base, base.solved)
-    again, _ = _places(base.preparation.problems(), _without_jumps(first, base.preparation))
-    return _fitted(again, base, first.solved) if again and again != places else first
+    again, _ = _places(problems, _without_jumps(first, base.preparation))
+    return _fitted(again, base, first.solved) if again and {*again} != {*places} else first
 
 
 def _fitted(places: list[tuple[int, int]], base: Stage, solved: Solved) -> Jumps:

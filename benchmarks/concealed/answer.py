@@ -73,6 +73,14 @@ def tell_each(work: Callable[[dict], str], cases: Iterable[dict], answers: Path,
             print(line, flush=True)
 
 
+def cases_of(exam: Path, part: str) -> list[dict]:
+    """What a diagnosis is given of the cases in a part of the list, such as "0:100"."""
+    labels = json.loads((exam / "labels.json").read_text())
+    first, last = (int(end) if end else None for end in part.split(":"))
+    told = ("case", "holdout", "base", "samples")
+    return [{key: label.get(key) for key in told} for label in labels[first:last]]
+
+
 def main() -> None:
     """Answer all cases, a line each."""
     parser = argparse.ArgumentParser(description=main.__doc__)
@@ -81,12 +89,8 @@ def main() -> None:
     parser.add_argument("--cases", default=":")
     parser.add_argument("--jobs", type=int, default=1)
     options = parser.parse_args()
-    labels = json.loads((options.exam / "labels.json").read_text())
-    first, last = (int(end) if end else None for end in options.cases.split(":"))
-    told = ("case", "holdout", "base", "samples")
-    cases = [{key: label.get(key) for key in told} for label in labels[first:last]]
     work = partial(answer, exam=options.exam, answers=options.answers)
-    tell_each(work, cases, options.answers, options.jobs)
+    tell_each(work, cases_of(options.exam, options.cases), options.answers, options.jobs)
 
 
 if __name__ == "__main__":

@@ -25,13 +25,10 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import time
 from collections.abc import Iterable, Sequence
-from concurrent.futures import ProcessPoolExecutor
 from dataclasses import dataclass
 from functools import cache, partial
-from multiprocessing import get_context
 from pathlib import Path
 
 import numpy as np
@@ -40,19 +37,20 @@ from scipy.stats import norm
 import fracjax as fj
 from fracjax._blocks import EFFECTS
 from fracjax._computing import computing
-from fracjax._diagnose._judgement import DELTA_BIC, SIGNIFICANCE, delta_bic
+from fracjax._diagnose._judgement import DELTA_BIC, SIGNIFICANCE, delta_bic, margin_of
 from fracjax._diagnose._refit import refit
 from fracjax._diagnose._residual import residual_of
 from fracjax._diagnose._score import Residual, Scorer
 from fracjax._diagnose._stage import Stage
 from fracjax._fit import fine_enough, fit_of, prepare, settle, silent
 
+from .answer import cases_of, tell_each
 from .grade import load, table, write_rows
 from .measures import Pair, measure_all
 
 STARTS, SEED = 8, 0
 ALIKE = 0.9  # of the largest correlation
-APART = 25.0  # in BIC, as in a diagnosis
+APART = margin_of(0.0)  # in BIC, as in a diagnosis
 MOST = 3  # effects
 SPARSE, RIDGE = 0.3, 0.25
 BESIDE = 1e-3  # the least length that a unit column must have beside others
@@ -321,18 +319,8 @@ def main() -> None:
             parser.error("--table needs --fracjax")
         write_rows(options.table, compared(options.exam, options.fracjax, options.answers))
         return
-    # Workers inherit it: what one has compiled the other need not.
-    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(options.answers / ".programs"))
-    labels = json.loads((options.exam / "labels.json").read_text())
-    first, last = (int(end) if end else None for end in options.cases.split(":"))
-    told = ("case", "base", "samples")
-    cases = [{key: label[key] for key in told} for label in labels[first:last]]
-    # Recordings of like length share compiled programs.
-    cases.sort(key=lambda case: (case["samples"], case["base"]))
     work = partial(answer, exam=options.exam, answers=options.answers, ways=options.ways)
-    with ProcessPoolExecutor(options.jobs, get_context("spawn")) as pool:
-        for lines in pool.map(work, cases):
-            print(lines, flush=True)
+    tell_each(work, cases_of(options.exam, options.cases), options.answers, options.jobs)
 
 
 if __name__ == "__main__":

@@ -16,8 +16,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .._fit import Preparation, Problem, Solved, orthonormal, sensitivity_of, solve_from
-from ._residual import residual_of
+from .._fit import Preparation, Problem, Solved, solve_from
+from ._residual import beside_fit, residual_of
 from ._score import Residual
 from ._stage import Stage
 
@@ -93,31 +93,32 @@ def _without_jumps(found: Jumps, preparation: Preparation) -> Residual:
     places = [(k, at) for k, take in enumerate(found.preparation.takes) for at in take.jumps]
     steps = _steps(preparation.problems(), places)
     left = np.concatenate(found.solved.whitened) + np.concatenate(found.sizes) @ steps
-    basis = orthonormal(sensitivity_of(found.solved, preparation).whitened)
-    return Residual(left - basis @ (basis.T @ left), basis)
+    return beside_fit(left, found.solved, preparation)
 
 
 def _places(problems: tuple[Problem, ...], residual: Residual) -> tuple[list, float]:
     """The recording and sample of each jump, and what they gain in BIC."""
     price = 2 * float(np.log(np.count_nonzero(residual.whitened)))
     places: list[tuple[int, int]] = []
-    columns, left, gained = np.zeros((0, residual.whitened.size)), residual.whitened, 0.0
+    gained = 0.0
     while len(places) < _MOST:
-        place, column = _strongest(problems, residual, columns, left)
-        fall = float(column @ left) ** 2
-        if fall < price:
+        place, column = _strongest(problems, residual)
+        size = float(column @ residual.whitened)
+        if size**2 < price:
             break
         places.append(place)
-        columns = np.concatenate([columns, column[None]])
-        left = left - (column @ left) * column
-        gained += fall - price
+        gained += size**2 - price
+        # A jump that was found is one thing more that the fit absorbs.
+        basis = np.concatenate([residual.basis, column[:, None]], axis=1)
+        residual = Residual(residual.whitened - size * column, basis)
     return places, gained
 
 
 def _strongest(
-    problems: tuple[Problem, ...], residual: Residual, columns: np.ndarray, left: np.ndarray
+    problems: tuple[Problem, ...], residual: Residual
 ) -> tuple[tuple[int, int], np.ndarray]:
-    """Where a step would take the most, and its column (ΣL,) of unit length beside those found."""
+    """Where a step would take the most, and its column (ΣL,) of unit length beside the fit."""
+    left = residual.whitened
 
     def strength(places: list[tuple[int, int]]) -> np.ndarray:
         pieces = range(0, len(places), at_once)
@@ -125,7 +126,6 @@ def _strongest(
 
     def units(places: list[tuple[int, int]]) -> np.ndarray:
         steps = residual.project(_steps(problems, places))
-        steps = steps - (steps @ columns.T) @ columns
         norms = np.linalg.norm(steps, axis=1)
         seen = norms > _LEAST_SEEN * np.sqrt(left.size)
         return np.where(seen[:, None], steps / np.maximum(norms, 1e-300)[:, None], 0.0)

@@ -23,6 +23,10 @@ def errors_of(solved: Solved, preparation: Preparation) -> tuple[np.ndarray, np.
 
 def residual_of(solved: Solved, preparation: Preparation) -> Residual:
     """Whitened residual and basis of a solved block."""
+    return beside_fit(errors_of(solved, preparation)[1], solved, preparation)
+
+
+def beside_fit(whitened: np.ndarray, solved: Solved, preparation: Preparation) -> Residual:
+    """Whitened errors (ΣL,) without what a small change of a solved block's numbers absorbs."""
     basis = orthonormal(sensitivity_of(solved, preparation).whitened)
-    residual = errors_of(solved, preparation)[1]
-    return Residual(residual - basis @ (basis.T @ residual), basis)
+    return Residual(whitened - basis @ (basis.T @ whitened), basis)

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
@@ -94,17 +94,19 @@ class Preparation:
             for take in self.takes
         )
 
-    def with_noises(self, noises: list[Noise]) -> Preparation:
-        takes = zip(self.takes, noises, strict=True)
-        return replace(self, takes=tuple(replace(t, noise=n) for t, n in takes))
+    def with_noises(self, noises: Sequence[Noise]) -> Preparation:
+        return self._with("noise", noises)
 
     def with_trust(self, trust: Sequence[np.ndarray | None]) -> Preparation:
-        takes = zip(self.takes, trust, strict=True)
-        return replace(self, takes=tuple(replace(take, trust=t) for take, t in takes))
+        return self._with("trust", trust)
 
     def with_jumps(self, jumps: Sequence[tuple[int, ...]]) -> Preparation:
-        takes = zip(self.takes, jumps, strict=True)
-        return replace(self, takes=tuple(replace(take, jumps=j) for take, j in takes))
+        return self._with("jumps", jumps)
+
+    def _with(self, field: str, values: Sequence[Any]) -> Preparation:
+        """One value of a take's field for each."""
+        takes = zip(self.takes, values, strict=True)
+        return replace(self, takes=tuple(replace(take, **{field: v}) for take, v in takes))
 
     def with_oversampling(self, oversampling: int) -> Preparation:
         return replace(self, oversampling=oversampling)

@@ -1,11 +1,16 @@
 """How numbers are computed while a public function runs, and after."""
 
+import os
+import threading
+
+import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
 import scipy.linalg
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from fracjax._computing import computing
+from fracjax._computing import computing, side_by_side
 
 
 def threads() -> set[int]:
@@ -26,3 +31,25 @@ def test_numbers_are_double_inside_and_the_callers_setting_comes_back():
     with computing():
         assert jnp.ones(1).dtype == np.float64
     assert jnp.ones(1).dtype == before
+
+
+def test_items_are_worked_on_side_by_side_in_double_precision_and_come_in_order(monkeypatch):
+    monkeypatch.setattr(os, "cpu_count", lambda: 2)
+    together = threading.Barrier(2, timeout=30)
+
+    def work(k: int) -> tuple[int, np.dtype]:
+        together.wait()  # as long as nobody else comes
+        return k, jnp.ones(1).dtype
+
+    with jax.enable_x64(False), computing():
+        found = side_by_side(work, range(6))
+    assert found == [(k, np.dtype(np.float64)) for k in range(6)]
+
+
+def test_a_fault_of_any_item_reaches_the_caller():
+    with pytest.raises(ZeroDivisionError):
+        side_by_side(lambda k: 1 / (k - 7), range(20))
+
+
+def test_nothing_is_found_for_no_items():
+    assert side_by_side(lambda k: k, []) == []

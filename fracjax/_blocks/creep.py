@@ -69,7 +69,10 @@ class LogarithmicCreep(AbstractLinearBlock):
 
     def symbol(self, s: Array) -> Array:
         z = s * self.onset.value
-        integral = jnp.sum(_WEIGHTS / (z[..., None] + _NODES), axis=-1)
+        # In real numbers, whose quotients take a fifth of the complex ones' time.
+        real, imaginary = jnp.real(z)[..., None] + _NODES, jnp.imag(z)
+        shares = _WEIGHTS / (real**2 + imaginary[..., None] ** 2)
+        integral = jnp.sum(real * shares, axis=-1) - 1j * imaginary * jnp.sum(shares, axis=-1)
         return 1 + self.gamma.value / np.log(10) * integral
 
     def static_gain(self) -> ArrayLike:

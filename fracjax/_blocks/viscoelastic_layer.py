@@ -40,7 +40,9 @@ class ViscoelasticLayer(AbstractLinearBlock):
         self.order = Parameter(order, lower=0.05, upper=1.0, plausible=(0.1, 0.8))
 
     def symbol(self, s: Array) -> Array:
-        power = (s * self.time_constant.value) ** self.order.value
+        # Apart, for the power of s alone is the cheap one.
+        order = self.order.value
+        power = s**order * self.time_constant.value**order
         return 1 - self.strength.value * power / (1 + power)
 
     def static_gain(self) -> ArrayLike:

@@ -11,10 +11,11 @@ import numpy as np
 from scipy.stats import kurtosis
 
 from .._blocks import AbstractBlock
+from .._computing import side_by_side
 from .._parameters import named_parameters, set_values
 from ._conditions import Number, numbers_of
 from ._layout import layout_of
-from ._least_squares import Objective, begin, descend, sensitivity, simulate
+from ._least_squares import Descent, Objective, begin, descend, sensitivity, simulate
 from ._preparation import Preparation
 from ._problem import Problem
 from ._programs import make_room
@@ -111,17 +112,22 @@ def solve_from(
     make_room()
     problems, asked = preparation.problems(), preparation.conditions
     samples = _counted(problems)
-    descents = [descend(begin(start, problems, asked), _FIRST_LOOKS) for start in starts]
+
+    def begun(start: AbstractBlock) -> Descent:
+        return descend(begin(start, problems, asked), _FIRST_LOOKS)
+
+    # One alone first, so that what all have in common is compiled once.
+    descents = [begun(starts[0]), *side_by_side(begun, starts[1:])]
     descents.sort(key=lambda d: d.cost)
     gains = np.zeros(len(starts))
 
-    def further(k: int) -> None:
-        before, descents[k] = descents[k].cost, descend(descents[k], _LOOKS)
-        gains[k] = before - descents[k].cost
+    def further(which: list[int]) -> None:
+        found = side_by_side(lambda k: descend(descents[k], _LOOKS), which)
+        for k, descent in zip(which, found, strict=True):
+            gains[k], descents[k] = descents[k].cost - descent.cost, descent
 
-    for k, descent in enumerate(descents[: -(-len(starts) // 2)]):
-        if not descent.converged and descent.cost <= hopeless:
-            further(k)
+    half = descents[: -(-len(starts) // 2)]
+    further([k for k, d in enumerate(half) if not d.converged and d.cost <= hopeless])
     for _ in range(_ROUNDS):
         costs = np.array([d.cost for d in descents])
         best = descents[int(np.argmin(costs))]
@@ -130,8 +136,7 @@ def solve_from(
         todo = [k for k in {*leading, *overtaking} if not descents[k].converged]
         if not todo or not best.cost <= hopeless:
             break
-        for k in todo:
-            further(k)
+        further(todo)
         least = int(np.argmin([d.cost for d in descents]))
         if best.cost - descents[least].cost < _negligible(best.cost, samples, preparation):
             descents[least] = descents[least]._replace(converged=True)

@@ -359,9 +359,10 @@ def test_rate_of_noise_goes_straight_on():
 # Interpolation ------------------------------------------------------------------------------------
 
 
-def triangle(positions: np.ndarray, first_corner: int = 0) -> np.ndarray:
-    """A triangle between 0 and 1 that turns every 24 samples from `first_corner` on."""
-    return np.abs(((positions - first_corner) / 24) % 2 - 1)
+def triangle(positions: np.ndarray, first_corner: int = 0, length: int = 24) -> np.ndarray:
+    """A triangle between 0 and 1 that turns every 24 samples, or another number, from
+    `first_corner` on."""
+    return np.abs(((positions - first_corner) / length) % 2 - 1)
 
 
 def sine(positions: np.ndarray) -> np.ndarray:
@@ -389,17 +390,13 @@ def test_a_staircase_is_held(oversampling):
     np.testing.assert_array_equal(fine, np.repeat(STAIRS, oversampling)[: fine.size])
 
 
-@pytest.mark.parametrize(
-    "first_corner",
-    [
-        0,
-        1,
-    ],
-)
-def test_a_triangle_is_straight(first_corner):
-    fine, method = interpolate(triangle(COARSE, first_corner), 4)
+@pytest.mark.parametrize(("first_corner", "length"), [(0, 24), (1, 24), (0, 25)])
+def test_a_triangle_is_straight(first_corner, length):
+    """Also one that turns at even samples and at odd ones, of which each half of them misses
+    corners."""
+    fine, method = interpolate(triangle(COARSE, first_corner, length), 4)
     assert method == "linear"
-    np.testing.assert_allclose(fine, triangle(FINE, first_corner), rtol=0, atol=1e-12)
+    np.testing.assert_allclose(fine, triangle(FINE, first_corner, length), rtol=0, atol=1e-12)
 
 
 def test_a_sine_is_smooth():

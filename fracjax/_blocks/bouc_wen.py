@@ -135,7 +135,7 @@ class BoucWen(AbstractBlock):
             level, turned = branch.at(travel)
             return (travel, turned, direction), direction * level
 
-        before = {"rest": 0.0, "constant": drive[0], "periodic": drive[-1]}[grid.history]
+        before = grid.before(drive)
         increments = jnp.diff(drive, prepend=before)
         start = (jnp.zeros_like(farthest), jnp.zeros_like(farthest), jnp.zeros_like(increments[0]))
         if grid.history == "periodic":

@@ -52,7 +52,7 @@ class SlewRateLimit(AbstractBlock):
             voltage = jnp.minimum(jnp.maximum(command, voltage - reach), voltage + reach)
             return voltage, voltage
 
-        start = {"rest": jnp.zeros(()), "constant": drive[0], "periodic": drive[-1]}[grid.history]
+        start = grid.before(drive)
         if grid.history == "periodic":
             start, _ = jax.lax.scan(follow, start, jnp.tile(drive, _RUN_IN), unroll=_UNROLLED)
         return jax.lax.scan(follow, start, drive, unroll=_UNROLLED)[1]

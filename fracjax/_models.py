@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable
+from collections.abc import Callable, Collection
 
 import equinox as eqx
 import jax
@@ -82,11 +82,15 @@ def _catalogue_name(block: AbstractBlock) -> str:
     return next(names, type(block).__name__)
 
 
-def _typical_effect(name: str, setting: Setting | None) -> AbstractBlock:
-    """An effect's block at the middle trial of its first law, for composition by name."""
+def _typical_effect(name: str, setting: Setting | None, own: Collection[str]) -> AbstractBlock:
+    """An effect's block at the middle trial of its first law, for composition by name; or of the
+    law whose parameters are its `own`."""
     trials = EFFECTS[name].trials(setting or ORDINARY)
-    first = [trial for trial in trials if type(trial) is type(trials[0])]
-    return first[len(first) // 2]
+    laws = {type(trial): trial for trial in trials}
+    meant = [law for law, trial in laws.items() if named_parameters(trial).keys() == set(own)]
+    chosen = meant[0] if meant else type(trials[0])
+    alike = [trial for trial in trials if type(trial) is chosen]
+    return alike[len(alike) // 2]
 
 
 # A stack of common size, for compositions named before any recording is there.
@@ -112,11 +116,15 @@ def understood(given: Model | str, setting: Setting | None = None) -> Model:
     return given
 
 
-def parse_model(text: str, setting: Setting | None = None) -> Model:
+def parse_model(
+    text: str, setting: Setting | None = None, parameters: Collection[str] = ()
+) -> Model:
     """A model from its name, or from names joined by `>>` (series) and `+` (parallel).
 
     `+` binds tighter; parentheses group.  A name alone is a model; in a composition an effect of
-    that name comes first, at its typical size for `setting`.  Raises InputError for unknown names.
+    that name comes first, at its typical size for `setting`.  Of an effect with several laws it is
+    the first, or the one to which the model's `parameters` belong, named as `Model.parameters`.
+    Raises InputError for unknown names.
     """
     require_kind(text, str, "model", 'give a name such as "foh >> creep"')
 
@@ -126,14 +134,15 @@ def parse_model(text: str, setting: Setting | None = None) -> Model:
             f"{', '.join(MODELS)} and the effects {', '.join(EFFECTS)}"
         )
 
-    def build(node: ast.expr) -> AbstractBlock:
+    def build(node: ast.expr, path: str = "") -> AbstractBlock:
         match node:
             case ast.BinOp(left, ast.RShift(), right):
-                return build(left) >> build(right)
+                return build(left, f"{path}first.") >> build(right, f"{path}second.")
             case ast.BinOp(left, ast.Add(), right):
-                return build(left) + build(right)
+                return build(left, f"{path}first.") + build(right, f"{path}second.")
             case ast.Name(name) if name in EFFECTS and node is not whole:
-                return _typical_effect(name, setting)
+                own = {p.removeprefix(path) for p in parameters if p.startswith(path)}
+                return _typical_effect(name, setting, own)
             case ast.Name(name) if name in MODELS:
                 return MODELS[name]()
         raise refuse(f'"{ast.unparse(node)}"')

@@ -161,13 +161,16 @@ def test_plays_whose_slope_changes_sign_have_none():
     assert inverse is None or not inverse.exact
 
 
-def test_domain_walls_are_undone_by_plays():
-    block = blocks.AmplitudeDependence(0.2, span=100.0)
+@pytest.mark.parametrize(
+    ("exercised", "history"), [(0.0, "rest"), (0.0, "constant"), (1.0, "constant")]
+)
+def test_domain_walls_are_undone_by_plays(exercised, history):
+    block = blocks.AmplitudeDependence(0.2, exercised, span=100.0)
     inverse = inverse_of(block, 1.0)
     assert inverse is not None
     assert inverse.exact
     drive = 50 - 45 * np.cos(2 * np.pi * TIMES) * (1 - TIMES / 4)
-    grid = Grid(STEP, "rest")
+    grid = Grid(STEP, history)
     recovered = np.asarray(inverse.block(block(jax.numpy.asarray(drive), grid), grid))
     np.testing.assert_allclose(recovered, drive, atol=1e-9 * np.ptp(drive))
 

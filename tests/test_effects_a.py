@@ -280,6 +280,20 @@ def test_rayleigh_starts_on_the_virgin_parabola():
         np.testing.assert_allclose(found, 2 * ALPHA * drive**2 / SPAN, atol=GRAIN)
 
 
+@pytest.mark.parametrize(("exercised", "share"), [(0.0, 1.0), (0.5, 2 / 3), (1.0, 0.5)])
+def test_rayleigh_of_an_exercised_actuator_starts_on_a_later_branch(exercised, share):
+    """Come down from beyond its range it rises as from any turning point, by half the virgin
+    parabola; and where it comes back to, it does as before."""
+    rise = np.linspace(0, SPAN, 300)
+    drive = np.concatenate([rise, rise[::-1], rise])
+    block = AmplitudeDependence(ALPHA, exercised, span=SPAN)
+    found = respond(block, drive) - drive
+    first = found[:300] - found[0]
+    np.testing.assert_allclose(first, 2 * share * ALPHA * rise**2 / SPAN, atol=2 * GRAIN)
+    again = found[600:] - found[600]
+    np.testing.assert_allclose(again, ALPHA * rise**2 / SPAN, atol=2 * GRAIN)
+
+
 @pytest.mark.parametrize("width", [10.0, 20.0, 40.0, 80.0])
 def test_rayleigh_loops_are_parabolas_with_area_as_the_cube(width):
     rise = np.linspace(0, width, 400, endpoint=False)

@@ -1,6 +1,7 @@
 """Fitting: recovery from a truth of other numerics, honest intervals, and what a fit keeps to."""
 
 import json
+import os
 
 import jax
 import jax.numpy as jnp
@@ -11,6 +12,7 @@ import fracjax as fj
 from benchmarks.concealed.truth import BASES, OVER
 from fracjax._fit import _programs, other_histories, prepare, solve_from, take_of
 from fracjax._fit._programs import make_room
+from fracjax._fit._solve import starts_of
 from fracjax._operators._grid import History
 
 STEP = 2e-3
@@ -328,6 +330,18 @@ def test_a_derivative_near_overflow_does_not_stop_a_search():
     with jax.enable_x64(True):
         found = solve_from([fj.blocks.Creep() >> Steep()], preparation)
     assert np.isfinite(found.cost)
+
+
+def test_starts_side_by_side_end_where_they_end_one_after_the_other(monkeypatch):
+    block = fj.parse_model("foh >> creep").block
+    preparation = prepare([record(0)], noise=KNOWN, history="constant")
+    with jax.enable_x64(True):
+        found = {}
+        for cores in (1, 4):
+            monkeypatch.setattr(os, "cpu_count", lambda cores=cores: cores)
+            found[cores] = solve_from(starts_of(block, 6, 0), preparation)
+    assert found[1].start_costs == found[4].start_costs
+    np.testing.assert_array_equal(found[1].simulations[0], found[4].simulations[0])
 
 
 def test_of_steady_cycles_whole_periods_count_and_all_of_them():

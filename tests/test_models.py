@@ -1,5 +1,7 @@
 """Models by name, their composition in text, and properties that every one of them has."""
 
+import dataclasses
+import json
 import re
 
 import equinox as eqx
@@ -244,3 +246,29 @@ def test_every_gradient_is_the_finite_difference(name, seed):
         rounding = 1e-11 * np.abs(ends[0]).max() / move
         allowed = 1e-4 * np.abs(wanted).max() + rounding
         np.testing.assert_allclose(found[parameter], wanted, rtol=0, atol=allowed)
+
+
+LAWS = {
+    f"{type(trial).__name__} of {name}": (name, trial)
+    for name, effect in EFFECTS.items()
+    for trial in {type(t): t for t in effect.trials(COMMON)}.values()
+}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_a_fit_is_loaded_with_the_law_that_it_has(law, tmp_path):
+    """Also where its effect has several, and within others."""
+    name, trial = LAWS[law]
+    inner = EFFECTS[name].insert(FOH(), trial)
+    text = {"drive": "{} >> foh", "additive": "foh + {}"}.get(EFFECTS[name].site, "foh >> {}")
+    block = inner >> Resonance(900.0, 0.02)
+    model = fj.Model(block, f"({text.format(name)}) >> resonance")
+    values = {n: np.asarray(p.value).tolist() for n, p in model.parameters.items()}
+    setting = dataclasses.asdict(COMMON)
+    told = {"schema": "fracjax.fit/1", "model": model.name, "setting": setting, "values": values}
+    path = tmp_path / "fit.json"
+    path.write_text(json.dumps(told), encoding="utf-8")
+    loaded = fj.load_model(path)
+    assert jax.tree_util.tree_structure(loaded.block) == jax.tree_util.tree_structure(block)
+    for parameter, value in values.items():
+        np.testing.assert_array_equal(loaded.parameters[parameter].value, value)

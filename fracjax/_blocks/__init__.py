@@ -40,6 +40,7 @@ from .backlash import Backlash as Backlash
 from .bouc_wen import BoucWen as BoucWen
 from .clock_skew import ClockSkew as ClockSkew
 from .coulomb_friction import CoulombFriction as CoulombFriction
+from .coulomb_friction import LuGreFriction as LuGreFriction
 from .creep import Creep as Creep
 from .creep import KelvinVoigtCreep as KelvinVoigtCreep
 from .creep import LogarithmicCreep as LogarithmicCreep
@@ -55,6 +56,7 @@ from .gain_drift import GainDrift as GainDrift
 from .inverse_lfdh import InverseLFDH as InverseLFDH
 from .lfdh import LFDH as LFDH
 from .lost_contact import LostContact as LostContact
+from .lost_contact import ThrownLoad as ThrownLoad
 from .mains_interference import MainsInterference as MainsInterference
 from .minor_loop_memory import MinorLoopMemory as MinorLoopMemory
 from .pea_dynamics import PEADynamics as PEADynamics

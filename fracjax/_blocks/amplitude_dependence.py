@@ -27,8 +27,12 @@ class AmplitudeDependence(AbstractBlock):
     met, which goes on as if nothing had been.  A steady loop A wide has the mean slope 1 + α A/U,
     the opening α A²/(2U) and the area α A³/(3U): Rayleigh's coefficient d_0 + α A/U with the base's
     d_0 for unity.  Rayleigh's own constant is 2 α/U, for an amplitude E_0 = A/2.
-    α is dimensionless.  Soft ceramics gain tens of percent of slope below the coercive field, hard
-    ones a few; a hysteresis beside it may have taken up too much, hence a bound below zero.
+    An actuator that has been exercised is not virgin: its plays then stand by a share e of their
+    radius above the drive at t = 0, e = 1 after it came down from beyond its range, and the first
+    branch is 1/(1 + e) of the virgin one; e < 0 after it came up.
+    α and e are dimensionless.  Soft ceramics gain tens of percent of slope below the coercive
+    field, hard ones a few; a hysteresis beside it may have taken up too much, hence a bound below
+    zero.
     U [drive] is the span of the recording's drive: a larger one finds no further thresholds.
     The integral is a sum over 64 radii, exact but for 2.5e-4 α U at each turning point kept.
     Source: D. Damjanovic & M. Demartin, J. Phys. D 29 (1996) 2057; D. A. Hall, J. Mater. Sci. 36
@@ -37,9 +41,11 @@ class AmplitudeDependence(AbstractBlock):
     """
 
     alpha: Parameter
+    exercised: Parameter
     radii: Array | np.ndarray
 
-    def __init__(self, alpha: float, *, span: float):
+    def __init__(self, alpha: float, exercised: float = 0.0, *, span: float):
+        self.exercised = Parameter(exercised, lower=-1.0, upper=1.0)
         self.alpha = Parameter(alpha, lower=-0.5, upper=2.0, plausible=(0.0, 1.0))
         self.radii = (_PLACES * span).reshape(_GROUPS, _TOGETHER)
 
@@ -49,7 +55,8 @@ class AmplitudeDependence(AbstractBlock):
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
         def add(total: Array, radii: Array) -> tuple[Array, None]:
-            return total + play_after_history(drive, radii, grid).sum(axis=1), None
+            plays = play_after_history(drive, radii, grid, self.exercised.value)
+            return total + plays.sum(axis=1), None
 
         # A few radii at a time: all at once would be the largest array of a fit.
         total, _ = jax.lax.scan(add, jnp.zeros_like(drive), jnp.asarray(self.radii))
@@ -57,7 +64,8 @@ class AmplitudeDependence(AbstractBlock):
 
 
 def _trials(setting: Setting) -> list:
-    return [AmplitudeDependence(0.03, span=setting.drive_span)]
+    span = setting.drive_span
+    return [AmplitudeDependence(0.03, exercised, span=span) for exercised in (0.0, 1.0)]
 
 
 EFFECT = Effect(

@@ -6,6 +6,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
+from jax.typing import ArrayLike
 
 from .._operators import Grid
 from .._parameters import Parameter
@@ -16,7 +17,7 @@ _SHARES = np.array([0.02, 0.04, 0.07, 0.12, 0.18, 0.26, 0.36, 0.48])
 _STRETCH = 128
 
 
-def play(drive: Array, radii: Array, before: Array | float) -> Array:
+def play(drive: Array, radii: Array, before: ArrayLike) -> Array:
     """Play operators (N, R) with radii (R,): p_n = min(max(p_{n-1}, u_n - r), u_n + r).
 
     Each step clips the state to an interval, and clips compose to clips.  So all stretches of the
@@ -41,10 +42,10 @@ def play(drive: Array, radii: Array, before: Array | float) -> Array:
     return plays.swapaxes(0, 1).reshape(-1, radii.size)[:samples]
 
 
-def play_after_history(drive: Array, radii: Array, grid: Grid) -> Array:
-    """Play operators (N, R) of a drive on a grid, whose history says where they start."""
-    before = {"rest": 0.0, "constant": drive[0], "periodic": drive[-1]}[grid.history]
-    plays = play(drive, radii, before)
+def play_after_history(drive: Array, radii: Array, grid: Grid, exercised: ArrayLike = 0.0) -> Array:
+    """Play operators (N, R) of a drive on a grid, whose history says where they start: on the
+    drive, or by a share `exercised` of their radius above it."""
+    plays = play(drive, radii, grid.before(drive) + exercised * radii)
     return play(drive, radii, plays[-1]) if grid.history == "periodic" else plays
 
 

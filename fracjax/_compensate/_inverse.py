@@ -35,7 +35,7 @@ from .._blocks import (
     ThermalDrift,
 )
 from .._blocks._block import Parallel, Series
-from .._blocks.minor_loop_memory import play
+from .._blocks.minor_loop_memory import play_after_history
 from .._operators import Grid
 
 
@@ -49,23 +49,22 @@ class Inversion(NamedTuple):
 class InversePlaySum(AbstractBlock):
     """The inverse of w_0 u + Σ w_i play(u, r_i), of the same form: weights and radii (R,).
 
-    first [drive/response], weights [drive/response], radii [response].
+    first [drive/response], weights [drive/response], radii [response].  `exercised`: where the
+    plays start, as those of `AmplitudeDependence` do; exact for 0, with `constant` history also for
+    1 and -1, and else once the drive has moved far.
     """
 
     first: float
     weights: np.ndarray
     radii: np.ndarray
+    exercised: float = 0.0
 
     @property
     def linear(self) -> bool:
         return False
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
-        before = {"rest": 0.0, "constant": drive[0], "periodic": drive[-1]}[grid.history]
-        radii = jnp.asarray(self.radii)
-        plays = play(drive, radii, before)
-        if grid.history == "periodic":
-            plays = play(drive, radii, plays[-1])
+        plays = play_after_history(drive, jnp.asarray(self.radii), grid, self.exercised)
         return self.first * drive + plays @ jnp.asarray(self.weights)
 
 
@@ -129,7 +128,7 @@ def _inverse_play_sum(block: AmplitudeDependence | Parallel, frequency: float) -
     if isinstance(block, AmplitudeDependence):
         radii = np.ravel(block.radii)
         weights = np.full(radii.size, 4 * float(block.alpha.value) / radii.size)
-        return _undone(1.0, weights, radii, True)
+        return _undone(1.0, weights, radii, True, float(block.exercised.value))
     sides = (block.first, block.second)
     memory = next((side for side in sides if isinstance(side, MinorLoopMemory)), None)
     beside = next((_linear_part(side) for side in sides if side is not memory), None)
@@ -140,14 +139,17 @@ def _inverse_play_sum(block: AmplitudeDependence | Parallel, frequency: float) -
     return _undone(gain, np.asarray(memory.weights.value), np.asarray(memory.radii), exact)
 
 
-def _undone(first: float, weights: np.ndarray, radii: np.ndarray, exact: bool) -> Inversion | None:
+def _undone(
+    first: float, weights: np.ndarray, radii: np.ndarray, exact: bool, exercised: float = 0.0
+) -> Inversion | None:
     """The inverse of first · u + Σ w_i play(u, r_i)."""
     slopes = first + np.concatenate([[0.0], np.cumsum(weights)])
     if not (np.all(slopes > 0) or np.all(slopes < 0)):
         return None
     steps = np.diff(radii, prepend=0.0)
     reached = np.cumsum(np.abs(slopes[:-1]) * steps)
-    return Inversion(InversePlaySum(1 / first, np.diff(1 / slopes), reached), exact)
+    plays = InversePlaySum(1 / first, np.diff(1 / slopes), reached, exercised)
+    return Inversion(plays, exact)
 
 
 def without_disturbances(block: AbstractBlock) -> tuple[AbstractBlock | None, tuple[str, ...]]:

@@ -137,8 +137,9 @@ def load_model(path: str | Path) -> Model:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
         if content["schema"] != SCHEMA:
             raise KeyError(content["schema"])
-        model = parse_model(content["model"], Setting(**content["setting"]))
-        return model.with_values(content["values"])
+        values = content["values"]
+        model = parse_model(content["model"], Setting(**content["setting"]), values)
+        return model.with_values(values)
     except FileNotFoundError:
         raise InputError(
             f"{path}: expected a fit.json, found no such file; check the path"

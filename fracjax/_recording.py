@@ -117,9 +117,9 @@ class Recording:
 
         Constant is: no wider than white noise of the same successive differences
         (J. von Neumann, Ann. Math. Stat. 12, 1941). A stretch lasts at least `minimum_seconds`
-        [s], 64 samples (which give a noise level to 9 %) and a fiftieth of the recording.
+        [s], 64 samples (which give a noise level to 9 %) and a hundredth of the recording.
         """
-        minimum = max(64, len(self) // 50, math.ceil(minimum_seconds * self.rate))
+        minimum = max(64, len(self) // 100, math.ceil(minimum_seconds * self.rate))
         return _still(_unit_range(self.drive), minimum)
 
     def checks(self) -> tuple[str, ...]:

@@ -376,8 +376,10 @@ def test_an_interrupt_is_not_lost_in_the_garbage_collector(monkeypatch):
 
 def test_diagnose(loop, quick, capsys):
     options = ["--holdout", loop, "--repeat", loop, "--noise", "70 nm", "--settle", "0"]
+    options += ["--mask", "10 ms..20 ms", "--mask", "1 s..2 s"]
     assert run(["diagnose", loop, "--model", "foh", "--out", "results", *options]) == 0
     (told,) = quick
+    assert told["mask"] == ((0.01, 0.02), (1.0, 2.0))
     assert told["noise"] == "70 nm"
     assert told["settling"] == 0
     assert told["history"] is None

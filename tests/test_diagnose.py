@@ -480,5 +480,5 @@ def test_places_alone_must_be_surer(gained, p_value, verdict):
     course = SimpleNamespace(
         judged={"a": judged_of("a", gained)}, first=SimpleNamespace(p_value=p_value)
     )
-    conclusion: Any = SimpleNamespace(course=course)
+    conclusion: Any = SimpleNamespace(course=course, jumps=None)
     assert _Conclusion._verdict(conclusion, ()) == verdict

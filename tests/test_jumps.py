@@ -94,5 +94,22 @@ def test_no_name_is_given_to_an_effect_that_follows_jumps(jumps):
     assert (conclusion.jumps is not None) is jumps
     if jumps:
         extended: Any = SimpleNamespace(estimates=())
+        assert conclusion.stage is base  # so that no fit with the follower is reported
         assert conclusion._effects(extended) == ()
         assert conclusion._next_experiment("unexplained", recorded_limits([seen]), silent) is None
+
+
+def test_a_reading_held_for_a_moment_is_no_tail_of_the_noise_and_can_be_left_out():
+    """It makes the tails of the residual that it is judged among, and the floor from a short rest
+    seem so doubtful that no place stands out."""
+    drive = np.concatenate([np.zeros(100), DRIVE - 10])
+    plain = fj.simulate(fj.parse_model("lfdh"), drive, STEP, "constant").response
+    response = plain + SIGMA * np.random.default_rng(5).standard_normal(drive.size)
+    response[400:406] -= 150 * SIGMA
+    held = fj.Recording(drive, response, STEP, "V", "um")
+    found = fj.diagnose("lfdh", held)
+    assert found.verdict == "unexplained"
+    assert found.p_value < 1e-6
+    assert " um at 2 s" in found.sentence
+    assert " um at 2.03 s" in found.sentence
+    assert fj.diagnose("lfdh", held, mask=[(1.99, 2.04)]).verdict == "none"

@@ -26,7 +26,9 @@ AXES = [
 ]
 SETTING = SimpleNamespace(response_span=8.0)
 BASE: Any = SimpleNamespace(
-    model=SimpleNamespace(name="foh"), preparation=SimpleNamespace(setting=SETTING)
+    model=SimpleNamespace(name="foh"),
+    preparation=SimpleNamespace(setting=SETTING),
+    scores=SimpleNamespace(rmse=2.5),
 )
 HELD_OUT = HeldOut("stretches", 0.3, 0.1, (0.3,), (0.1,), "a.csv")
 
@@ -43,7 +45,7 @@ def test_the_first_place_that_stands_out_is_told():
     )
     nowhere = "Nowhere does the residual stand out from the noise."
     assert where_of(AXES, "none") == nowhere
-    assert where_of(AXES[1:2], "missing") == nowhere
+    assert where_of(AXES[1:2], "unexplained") == "The mismatch stands out along no axis."
 
 
 def said(
@@ -55,13 +57,24 @@ def said(
     held_out=HELD_OUT,
     too_small=None,
     free_form=None,
+    exceeds=False,
 ) -> str:
     candidates = [
         Candidate("creep", "series", 1.0, 0.0, 0.25, 0.9, ""),
         Candidate("resonance", "series", 1.0, 0.0, 0.5, 0.3, ""),
     ]
     return sentence_of(
-        verdict, effects, adopted, candidates, axes, BASE, noise, held_out, too_small, free_form
+        verdict,
+        effects,
+        adopted,
+        candidates,
+        axes,
+        BASE,
+        noise,
+        held_out,
+        too_small,
+        free_form,
+        exceeds,
     )
 
 
@@ -78,6 +91,13 @@ def test_a_verdict_of_none_names_what_could_be_hidden(monkeypatch):
     assert said("none").endswith("creep, which foh takes up whole on such a drive.")
     residual = fj.Noise(1.0, "um", "residual", np.ones(1), 1.0)
     assert "a mismatch cannot be excluded" in said("none", noise=residual)
+
+
+def test_an_error_above_the_noise_is_not_called_agreement():
+    assert said("none", exceeds=True).startswith(
+        "Nothing stands out from what foh leaves; yet that is 2.5 um where the noise floor of 1 um "
+        "(specification) would be left."
+    )
 
 
 def test_what_is_missing_is_told_with_what_it_brings():
@@ -97,7 +117,7 @@ def test_what_is_missing_is_told_with_what_it_brings():
     )
     jumps = "It looks like a jump of the response: +1 um at 2 s."
     assert said("unexplained", adopted=("creep",), free_form=jumps) == (
-        f"{beyond} {place}, {unknown} {jumps}"
+        f"{beyond}, {unknown} {jumps}"
     )
     assert said("unexplained", axes=AXES[1:2]) == (
         f"{beyond} all over, nowhere in particular, {unknown}"

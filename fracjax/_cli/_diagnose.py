@@ -10,7 +10,14 @@ import click
 from ._diagnosis import concluded, diagnosed
 from ._files import folder
 from ._given import Given
-from ._options import folder_option, recordings_argument, takes_given, takes_results
+from ._options import (
+    folder_option,
+    mask_option,
+    recordings_argument,
+    takes_asked,
+    takes_given,
+    takes_results,
+)
 from ._progress import stages
 from ._results import Results
 
@@ -27,6 +34,7 @@ from ._results import Results
     metavar='"0..100 V, 50 V/ms"',
     help="What the next experiment may ask for: the drive's range and its fastest change.",
 )
+@takes_asked(mask_option)
 @takes_given
 @takes_results
 def diagnose_command(
@@ -37,6 +45,7 @@ def diagnose_command(
     repeat: str | None,
     noise: str | None,
     limits: str | None,
+    asked: dict[str, Any],
     given: Given,
     results: Results,
 ) -> int:
@@ -44,6 +53,7 @@ def diagnose_command(
 
     Writes diagnosis.json, report.html and fit.json, the model with what was found; and
     next_experiment.csv, the drive that would tell look-alikes apart, where there are any.
+    --mask may be given more than once.
     """
     taken, (model,) = given.understood(recordings, [name])
     wishes: dict[str, Any] = {
@@ -54,5 +64,5 @@ def diagnose_command(
     }
     how = given.how(taken)
     with folder(out), stages(results.quiet) as progress:
-        diagnosis = diagnosed(model, taken, out, results, progress, **wishes, **how)
+        diagnosis = diagnosed(model, taken, out, results, progress, **wishes, **asked, **how)
     return concluded(diagnosis, out, results)

@@ -14,6 +14,7 @@ from .._computing import computing
 from .._fit import (
     Estimate,
     Fit,
+    Mask,
     Noise,
     Past,
     Progress,
@@ -39,6 +40,7 @@ from ._judgement import (
     EXPLAINED,
     SIGNIFICANCE,
     Judged,
+    excess_doubt,
     explained_fraction,
     freedom_of,
     is_exhausted,
@@ -70,6 +72,9 @@ _PLACES_ALONE = 1e-4
 _MOST_READINGS = 2
 _MOST_RIVALS = 4
 _WORTH_FITTING = 0.5
+_NORMAL = 3.0
+_CLEARLY = 0.4
+_CLEARLY_WORSE = 1.1
 
 
 def diagnose(
@@ -82,6 +87,7 @@ def diagnose(
     history: Past | None = None,
     settling: int | None = None,
     limits: Limits | str | None = None,
+    mask: Mask = (),
     seed: int = 0,
     progress: Progress = silent,
 ) -> Diagnosis:
@@ -93,7 +99,8 @@ def diagnose(
     specification, rms, a number in the response's unit or a text such as "0.07 um", used where
     neither repeats nor rests show the noise.
     `limits` of the drive, "0..100 V, 50 V/ms", bound the next experiment; without them the range
-    that was recorded and ten times its fastest change do.
+    that was recorded and ten times its fastest change do.  `mask` leaves out times [s] from the
+    first sample, ends included, of every recording but those two.
     Raises InputError where the recordings do not fit together.
     """
     listed = recordings_of(recordings)
@@ -107,7 +114,12 @@ def diagnose(
     with computing():
         progress("reading the noise floor")
         preparation = prepare(
-            listed, repeat=repeat, specification=noise, history=history, settling=settling
+            listed,
+            repeat=repeat,
+            specification=noise,
+            history=history,
+            settling=settling,
+            mask=mask,
         )
         progress(f"fitting {model.name} from {_STARTS} starts")
         solved, preparation = settle(
@@ -160,16 +172,20 @@ class _Conclusion:
         noise = base.preparation.takes[0].noise
         assert noise is not None  # settle() leaves none unknown
         self.noise: Noise = noise
-        self.explained = explained_fraction(base, course.stage.solved)
+
+    @property
+    def stage(self) -> Stage:
+        """What was adopted; the base alone, where effects have only followed jumps."""
+        return self.course.stage if self.jumps is None else self.base
 
     @property
     def rounds(self) -> list[Round]:
-        return self.course.rounds
+        return self.course.rounds if self.jumps is None else []
 
     def diagnosis(self, limits: Limits, progress: Progress) -> Diagnosis:
         """The verdict and everything that supports it."""
         progress("writing the verdict")
-        stage, first = self.course.stage, self.course.first
+        stage = self.stage
         base_fit = fit_of(self.model, self.base.solved, self.base.preparation)
         extended = None
         if self.rounds:
@@ -179,7 +195,7 @@ class _Conclusion:
         effects = (*self._effects(extended), *((coded,) if coded else ()))
         verdict = self._verdict(effects)
         candidates = self._candidates({e.name for e in effects})
-        axes, held_out = self._axes(effects), self._held_out()
+        axes, held_out = self._axes(effects), self.held_out
         return Diagnosis(
             verdict=verdict,
             sentence=sentence_of(
@@ -193,6 +209,7 @@ class _Conclusion:
                 held_out,
                 self.course.too_small,
                 self.jumps and self.jumps.sentence,
+                self.exceeds_the_noise,
             ),
             base=base_fit,
             extended=extended,
@@ -202,26 +219,45 @@ class _Conclusion:
             where=where_of(axes, verdict),
             noise=self.noise,
             numerics=self.numerics,
-            p_value=first.least if effects else first.p_value,
+            p_value=self._p_value(effects),
             held_out=held_out,
             next_experiment=self._next_experiment(verdict, limits, progress),
             warnings=self._warnings(),
         )
 
     def _verdict(self, effects: tuple[NamedEffect, ...]) -> Verdict:
-        if not effects:
-            # Where no effect gains anything, places alone must be surer: a noise level that was
-            # read from few samples with heavy tails is off by more than it says.
-            gains = any(j.delta_bic >= DELTA_BIC for j in self.course.judged.values())
-            limit = SIGNIFICANCE if gains else _PLACES_ALONE
-            return "none" if self.course.first.p_value >= limit else "unexplained"
-        return "confusable" if any(e.confusable_with for e in effects) else "missing"
+        if effects:
+            return "confusable" if any(e.confusable_with for e in effects) else "missing"
+        if self.jumps is not None:
+            return "unexplained"
+        # Where no effect gains anything, places alone must be surer: a noise level that was read
+        # from few samples with heavy tails is off by more than it says.
+        gains = any(j.delta_bic >= DELTA_BIC for j in self.course.judged.values())
+        limit = SIGNIFICANCE if gains else _PLACES_ALONE
+        return "none" if self.course.first.p_value >= limit else "unexplained"
+
+    @property
+    def exceeds_the_noise(self) -> bool:
+        """Whether the base clearly leaves more than noise whose tails are those that the noise
+        itself has shown.
+
+        A burst does, which the tests take for a tail of the residual that it is in.
+        """
+        solved = self.base.solved
+        doubt = excess_doubt(self.base.preparation, solved, _NORMAL)
+        return self.base.excess > solved.samples * max(doubt, _CLEARLY)
+
+    def _p_value(self, effects: tuple[NamedEffect, ...]) -> float:
+        """The first test's, or that of jumps which it took for the noise's tails."""
+        first = self.course.first
+        found = first.least if effects else first.p_value
+        return found if self.jumps is None else min(found, self.jumps.p_value(self.base))
 
     @cached_property
     def jumps(self) -> Jumps | None:
         """Jumps, if they tell more than the adopted effects do, and enough."""
         base, stage = self.base, self.course.stage
-        if self.course.first.least >= SIGNIFICANCE:
+        if self.course.first.least >= SIGNIFICANCE and not self.exceeds_the_noise:
             return None
         gained = base.solved.bic - stage.solved.bic
         jumps = find_jumps(base, _WORTH_FITTING * max(gained, base.excess))
@@ -232,11 +268,13 @@ class _Conclusion:
 
     def _effects(self, extended: Fit | None) -> tuple[NamedEffect, ...]:
         """The adopted effects, if together they explain the mismatch."""
-        stage = self.course.stage
-        enough = self.explained >= EXPLAINED and is_exhausted(self.base, stage)
-        if extended is None or not enough or self.jumps is not None:
+        stage = self.stage
+        enough = explained_fraction(self.base, stage.solved) >= EXPLAINED and is_exhausted(
+            self.base, stage
+        )
+        if extended is None or not enough:
             return ()
-        if leaves_a_pattern(self.base, stage, self.course.last.axes):
+        if leaves_a_pattern(self.base, stage, self.course.last.axes) or self.foretells_worse:
             return ()
         return tuple(
             self._named(round_, self._own_parameters(k, extended))
@@ -252,15 +290,13 @@ class _Conclusion:
             explained_fraction=float(np.clip(winner.explained, 0.0, 1.0)),
             parameters=own,
             confusable_with=tuple(
-                j.name
-                for j in rivals_of(winner, round_.found)
-                if j.name not in self.course.stage.adopted
+                j.name for j in rivals_of(winner, round_.found) if j.name not in self.stage.adopted
             ),
         )
 
     def _own_parameters(self, k: int, extended: Fit) -> tuple[Estimate, ...]:
         """The estimates that came with the k-th effect, by its own names."""
-        path = path_of(self.course.stage.layers, k)
+        path = path_of(self.stage.layers, k)
         own = [e for e in extended.estimates if e.name.startswith(path)]
         return tuple(replace(e, name=e.name.removeprefix(path)) for e in own)
 
@@ -273,11 +309,13 @@ class _Conclusion:
     def _candidate(
         self, score: EffectScore, judged: Judged | None, named: Collection[str]
     ) -> Candidate:
-        adopted, p_value = self.course.stage.adopted, self.course.first.p_value
+        adopted, p_value = self.stage.adopted, self.course.first.p_value
         forbidding = 0.0 if self.course.is_real else self.numerics
         why = reason(score, judged, adopted, p_value, forbidding)
         if score.effect.name in named and score.effect.name not in adopted:
             why = "named: the response lies on a grid whose steps are as large as the noise"
+        if self.jumps is not None and judged is not None and judged.admissible:
+            why = "rejected: jumps of the response tell more"
         return Candidate(
             name=score.effect.name,
             site=score.effect.site,
@@ -320,8 +358,19 @@ class _Conclusion:
         problems = preparation.problems()
         return frequency(bare, problems, residual_of(solved, preparation), freedom)
 
-    def _held_out(self) -> HeldOut:
-        take, stage = self.unseen, self.course.stage
+    @property
+    def foretells_worse(self) -> bool:
+        """Whether what was adopted foretells a recording that was held out clearly worse than the
+        base does: then it has followed something else, however well."""
+        told = self.held_out
+        if self.unseen is None or told.extended_rmse is None:
+            return False
+        return told.extended_rmse > _CLEARLY_WORSE * told.base_rmse
+
+    @cached_property
+    def held_out(self) -> HeldOut:
+        """The scores on data held out."""
+        take, stage = self.unseen, self.stage
         base = self.predict(self.base.solved, self.base.preparation)
         source = "" if take is None else take.recording.source
         method = "stretches set aside in turn" if take is None else "recording"

@@ -162,10 +162,10 @@ def leaves_a_pattern(base: Stage, stage: Stage, axes: Sequence[Axis]) -> bool:
     return left > _PATTERN * (left + fall)
 
 
-def excess_doubt(preparation: Preparation, solved: Solved) -> float:
+def excess_doubt(preparation: Preparation, solved: Solved, kurtosis: float | None = None) -> float:
     """Three standard errors of an excess χ² per sample, by the χ² distribution and by the noise
-    level's own error."""
-    known = noise_doubt(preparation, solved.kurtosis)
+    level's own error; its tails those of what the fit leaves, where no other kurtosis is given."""
+    known = noise_doubt(preparation, solved.kurtosis if kurtosis is None else kurtosis)
     return float(3 * np.sqrt(2 / solved.samples + known**2))
 
 

@@ -1,6 +1,6 @@
 r"""Jumps of the response that nothing in the drive calls for: a description without a law.
 
-A mount that slips, a domain that switches, a counter that loses a fringe:
+A mount that slips, a domain that switches, a counter that loses a fringe, a reading that is held:
 
     y + Σ_i a_i 1[t ≥ t_i]
 
@@ -15,6 +15,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
+from scipy.stats import chi2
 
 from .._fit import Preparation, Problem, Solved, solve_from
 from ._residual import beside_fit, residual_of
@@ -46,6 +47,13 @@ class Jumps:
         takes = zip(self.preparation.takes, self.solved.own, strict=True)
         return [own[own.size - len(take.jumps) :] for take, own in takes]
 
+    def p_value(self, base: Stage) -> float:
+        """P(jumps that gain so much in χ²) where the base is right, wherever they may be."""
+        count = sum(len(take.jumps) for take in self.preparation.takes)
+        fall = base.solved.cost - self.solved.cost
+        places = count * float(np.log(self.solved.samples))
+        return float(np.exp(min(0.0, chi2.logsf(fall, 2 * count) + places)))
+
     @property
     def sentence(self) -> str:
         """Sizes and times in words."""
@@ -60,7 +68,8 @@ class Jumps:
         many = "jumps" if len(told) > 1 else "a jump"
         return (
             f"It looks like {many} of the response: {', '.join(told)}. Record the same drive "
-            "again: such jumps come at other times, what the drive causes at the same."
+            "again, for such jumps come at other times and what the drive causes at the same; or "
+            "leave out the time that they spoil (--mask)."
         )
 
 

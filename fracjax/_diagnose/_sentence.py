@@ -18,8 +18,10 @@ _FAR = 2.0
 def where_of(axes: Sequence[Axis], verdict: Verdict) -> str:
     """One sentence on the place: the first axis that stands out, and its strongest stretch."""
     standing_out = [axis for axis in axes if axis.p_value < _SIGNIFICANCE]
-    if verdict == "none" or not standing_out:
+    if verdict == "none":
         return "Nowhere does the residual stand out from the noise."
+    if not standing_out:
+        return "The mismatch stands out along no axis."
     axis = standing_out[0]
     stretches = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in axis.intervals[:3])
     unit = "" if axis.unit == "1" else f" {axis.unit}"
@@ -40,6 +42,7 @@ def sentence_of(
     held_out: HeldOut,
     too_small: str | None,
     free_form: str | None,
+    exceeds_the_noise: bool,
 ) -> str:
     """The plain sentence that everything else supports."""
     unit = noise.unit
@@ -51,6 +54,13 @@ def sentence_of(
             return (
                 f"No effect stands out from what {name} leaves, but that residual is all there is "
                 "to judge the noise by, so a mismatch cannot be excluded; record repeats or a rest."
+            )
+        if exceeds_the_noise:
+            return (
+                f"Nothing stands out from what {name} leaves; yet that is {base.scores.rmse:.3g} "
+                f"{unit} where {floor} would be left. Either a few samples are outliers, or the "
+                "noise has tails that so little of it does not show: record repeats or a longer "
+                "rest, or leave out the times of the outliers (--mask)."
             )
         seen = f"which {name} takes up whole on such a drive"
         if hidden.is_seen_within(base.preparation.setting.response_span):
@@ -78,10 +88,10 @@ def sentence_of(
         if all(axis.p_value >= _SIGNIFICANCE for axis in axes):
             place = "all over, nowhere in particular"
         partly = f" It is partly {' and '.join(adopted)}-like.{improvement}" if adopted else ""
-        return (
-            f"{name} and the recording differ beyond noise {place}, and no effect of the "
-            f"catalogue explains it.{partly if free_form is None else f' {free_form}'}"
-        )
+        unknown = "and no effect of the catalogue explains it."
+        if free_form is not None:
+            return f"{name} and the recording differ beyond noise, {unknown} {free_form}"
+        return f"{name} and the recording differ beyond noise {place}, {unknown}{partly}"
     if too_small:
         differ = "laws differ" if len(effects) > 1 else "law differs"
         improvement += (

@@ -74,3 +74,4 @@ from ._spelling import options_of as options_of
 from ._uncertainty import Estimate as Estimate
 from ._uncertainty import orthonormal as orthonormal
 from ._uncertainty import physical_unit as physical_unit
+from ._weights import Mask as Mask

@@ -91,6 +91,8 @@ def test_the_named_parameter_is_in_its_interval(concealed):
     centre = 0.5 * (case.voltage.max() + case.voltage.min())
     expected = truth["q"] * span / (1 + 2 * truth["q"] * (centre - truth["u0"]))
     assert abs(q.value - expected) < 4 * q.standard_error + 0.02 * abs(expected)
+    assert q.ends is not None  # told by the profile, in the fit that is saved too
+    assert q.interval in {e.interval for e in diagnosis.extended.estimates}
 
 
 def test_the_noise_floor_is_the_simulated_one(concealed, null):

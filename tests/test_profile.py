@@ -9,7 +9,7 @@ import pytest
 from scipy.signal import lfilter
 
 import fracjax as fj
-from fracjax._fit import prepare
+from fracjax._fit import prepare, with_profiled_intervals
 from fracjax._fit._compare import Unseen, _folds, _memory
 from fracjax._parameters import replace_parameters
 
@@ -85,6 +85,50 @@ def test_a_logarithmic_parameter_is_known_by_a_factor():
     assert known == pytest.approx((10 - 1.96e-3, 10 + 1.96e-3), rel=1e-7)
     low, high = replace(drift, standard_error=np.inf).interval
     assert 0 < low < 10 < high < np.inf
+
+
+def intervals(found: fj.Fit, *names: str) -> dict[str, tuple[float, float]]:
+    return {e.name: e.interval for e in with_profiled_intervals(found, names).estimates}
+
+
+def test_intervals_end_where_profiles_do(creep):
+    told = intervals(creep, "mu")
+    assert told["mu"] == pytest.approx(fj.profile(creep, "mu").interval_95, rel=2e-3)
+    assert told["k_c"] == next(e for e in creep.estimates if e.name == "k_c").interval
+
+
+LONG = 0.02 * SAMPLES
+DRIFTING = fj.Model(fj.parse_model("creep").block + fj.blocks.ThermalDrift(3.0, longest=LONG))
+DRIFT = {
+    "first.k_c": 0.08,
+    "first.mu": 0.02,
+    "second.amplitude": 0.5,
+    "second.slope": 0.02,
+    "second.time_constant": 1.5 * LONG,
+}
+
+
+def drifting(seed: int) -> fj.Fit:
+    step = LONG / SAMPLES
+    response = np.asarray(DRIFTING.with_values(DRIFT).block(jnp.asarray(DRIVE), fj.Grid(step)))
+    noise = SIGMA * np.random.default_rng(seed).standard_normal(SAMPLES)
+    recording = fj.Recording(DRIVE, response + noise, step)
+    return fj.fit(DRIFTING, recording, noise=KNOWN, starts=3, history="constant", settling=0)
+
+
+def test_a_time_constant_longer_than_the_recording_is_within_its_interval():
+    """A parabola at an optimum far too short leaves it out, and often."""
+    name = "second.time_constant"
+    fits = [drifting(seed) for seed in range(16)]
+    ends = [intervals(found, name)[name] for found in fits if by_name(found, name).identified]
+    assert len(ends) >= 8
+    assert sum(low <= DRIFT[name] <= high for low, high in ends) >= len(ends) - 1
+    # Of what may be as long as you like the bound of the search is no end.
+    assert any(high > 3 * LONG for _, high in ends)
+
+
+def by_name(found: fj.Fit, name: str) -> fj.Estimate:
+    return next(e for e in found.estimates if e.name == name)
 
 
 def test_ties_and_priors_are_kept_while_a_parameter_is_held():

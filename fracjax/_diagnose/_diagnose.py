@@ -29,6 +29,7 @@ from .._fit import (
     steady_of,
     take_of,
     too_coarse,
+    with_profiled_intervals,
 )
 from .._fit._border import model_of, recordings_of, require_recording, whole
 from .._models import Model
@@ -187,10 +188,7 @@ class _Conclusion:
         progress("writing the verdict")
         stage = self.stage
         base_fit = fit_of(self.model, self.base.solved, self.base.preparation)
-        extended = None
-        if self.rounds:
-            model = Model(stage.solved.block, stage.name)
-            extended = fit_of(model, stage.solved, stage.preparation)
+        extended = self._extended(progress) if self.rounds else None
         coded = seen_in_codes(self.base, stage)
         effects = (*self._effects(extended), *((coded,) if coded else ()))
         verdict = self._verdict(effects)
@@ -266,15 +264,31 @@ class _Conclusion:
         ahead = (stage.solved.bic - jumps.bic) / jumps.solved.left
         return jumps if ahead >= DELTA_BIC else None
 
+    def _extended(self, progress: Progress) -> Fit:
+        """The fit with what was adopted, and the intervals of what is named."""
+        stage = self.stage
+        fit = fit_of(Model(stage.solved.block, stage.name), stage.solved, stage.preparation)
+        if not self.is_explained:
+            return fit
+        paths = tuple(path_of(stage.layers, k) for k in range(len(self.rounds)))
+        own = [e.name for e in fit.estimates if e.name.startswith(paths)]
+        progress(f"finding the intervals of {len(own)} parameters")
+        return with_profiled_intervals(fit, own)
+
+    @cached_property
+    def is_explained(self) -> bool:
+        """Whether what was adopted explains the mismatch."""
+        stage = self.stage
+        return (
+            explained_fraction(self.base, stage.solved) >= EXPLAINED
+            and is_exhausted(self.base, stage)
+            and not leaves_a_pattern(self.base, stage, self.course.last.axes)
+            and not self.foretells_worse
+        )
+
     def _effects(self, extended: Fit | None) -> tuple[NamedEffect, ...]:
         """The adopted effects, if together they explain the mismatch."""
-        stage = self.stage
-        enough = explained_fraction(self.base, stage.solved) >= EXPLAINED and is_exhausted(
-            self.base, stage
-        )
-        if extended is None or not enough:
-            return ()
-        if leaves_a_pattern(self.base, stage, self.course.last.axes) or self.foretells_worse:
+        if extended is None or not self.is_explained:
             return ()
         return tuple(
             self._named(round_, self._own_parameters(k, extended))

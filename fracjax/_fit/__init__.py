@@ -58,6 +58,7 @@ from ._problem import Problem as Problem
 from ._problem import top_frequency as top_frequency
 from ._profile import Profile as Profile
 from ._profile import profile as profile
+from ._profile import with_profiled_intervals as with_profiled_intervals
 from ._profile import with_profiles as with_profiles
 from ._residuals import ResidualAnalysis as ResidualAnalysis
 from ._residuals import analyse_residuals as analyse_residuals

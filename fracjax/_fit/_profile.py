@@ -16,14 +16,14 @@ import numpy as np
 from scipy.stats import norm
 
 from .._blocks import AbstractBlock
-from .._computing import computing
+from .._computing import computing, side_by_side
 from .._parameters import Parameter, named_parameters, replace_parameters
 from .._recording import InputError, require_kind
 from ._conditions import Conditions
 from ._fit import Fit
 from ._preparation import Preparation
 from ._solve import Progress, silent, solve_from
-from ._uncertainty import uncertainty_of
+from ._uncertainty import Estimate, uncertainty_of
 
 _MOST = 14
 _STEP = 0.5
@@ -33,6 +33,12 @@ _LONGEST, _SHORTEST = 3.0, 0.4
 _PARTS = 12
 """In which a step never takes more than one of the way between the bounds."""
 _LOWER = 0.05
+_REACH = 1.96
+_NEAR = 0.03
+"""As near to it as √Δ is looked for; the rest is a straight line."""
+_LOOKS = 8
+_BEYOND_BOUNDS = 1e3
+_LEAST_STRETCH, _LARGEST_STRETCH = 1.1, 3.0
 
 Interval = tuple[float | None, float | None]
 
@@ -94,6 +100,37 @@ def with_profiles(fit: Fit, names: Iterable[str], progress: Progress = silent) -
     return replace(fit, profiles=tuple(found), warnings=fit.warnings + (warnings if better else ()))
 
 
+def with_profiled_intervals(fit: Fit, names: Iterable[str]) -> Fit:
+    """The fit with 95 % intervals of the named numbers that end where their profiles reach 3.84.
+
+    A time constant near the recording's length, or a threshold near the drive's peak, is known far
+    better on one side than on the other, which no standard error tells.  Numbers that the data
+    leave open, that are one recording's own or part of a vector keep the interval that they have.
+    """
+    parameters = named_parameters(fit.model.block)
+    wanted = [
+        k
+        for k, estimate in enumerate(fit.estimates)
+        if estimate.name in set(names) & parameters.keys() and estimate.identified
+    ]
+    if not wanted:
+        return fit
+    curvatures = _curvatures(fit)
+
+    def end(which: tuple[int, int]) -> float:
+        k, side = which
+        estimate = fit.estimates[k]
+        held = _held(fit, estimate, _BEYOND_BOUNDS)
+        factor = (estimate.standard_error / curvatures[k]) ** 2
+        return _end(held, held.at(0.0), factor, side)
+
+    ends = iter(side_by_side(end, [(k, side) for k in wanted for side in (-1, 1)]))
+    told = list(fit.estimates)
+    for k in wanted:
+        told[k] = replace(told[k], ends=(next(ends), next(ends)))
+    return replace(fit, estimates=tuple(told))
+
+
 def profile(fit: Fit, name: str) -> Profile:
     """The profile likelihood of one parameter, from the fit outwards on both sides.
 
@@ -112,17 +149,10 @@ def profile(fit: Fit, name: str) -> Profile:
         )
     with computing():
         at = labels.index(name)
-        preparation = fit.weighed
-        blocks = tuple(model.block for model in fit.models)
-        problems = preparation.problems()
         estimate = fit.estimates[at]
-        alone = uncertainty_of(
-            blocks, problems, preparation.conditions, units=("1", "1"), inflation=1.0
-        )
-        curvature = alone.curvature[at]
-        held = _Held(parameters[name], estimate.standard_error, fit.model.block, name, preparation)
+        held = _held(fit, estimate)
         centre = held.at(0.0)
-        factor = (estimate.standard_error / curvature) ** 2
+        factor = (estimate.standard_error / _curvatures(fit)[at]) ** 2
         low, high = (_walk(held, centre, factor, side) for side in (-1, 1))
     z = np.array([*low[0][::-1], 0.0, *high[0]])
     delta = np.array([*low[1][::-1], 0.0, *high[1]])
@@ -141,8 +171,25 @@ def profile(fit: Fit, name: str) -> Profile:
     )
 
 
+def _curvatures(fit: Fit) -> np.ndarray:
+    """The errors (n,) that χ² alone gives the fit's estimates."""
+    preparation = fit.weighed
+    blocks = tuple(model.block for model in fit.models)
+    problems, conditions = preparation.problems(), preparation.conditions
+    return uncertainty_of(blocks, problems, conditions, units=("1", "1"), inflation=1.0).curvature
+
+
+def _held(fit: Fit, estimate: Estimate, beyond: float = 1.0) -> _Held:
+    block, name = fit.model.block, estimate.name
+    parameter = named_parameters(block)[name]
+    return _Held(parameter, estimate.standard_error, block, name, fit.weighed, beyond)
+
+
 class _Held:
-    """The best fit with one parameter held, at a distance from the estimate in standard errors."""
+    """The best fit with one parameter held, at a distance from the estimate in standard errors.
+
+    A logarithmic parameter may go by a factor `beyond` its bounds, which only say where to search.
+    """
 
     def __init__(
         self,
@@ -151,8 +198,11 @@ class _Held:
         block: AbstractBlock,
         name: str,
         preparation: Preparation,
+        beyond: float = 1.0,
     ):
         self.parameter, self.error, self.block, self.name = parameter, error, block, name
+        beyond = beyond if parameter.logarithmic else 1.0
+        self.lower, self.upper = float(parameter.lower) / beyond, float(parameter.upper) * beyond
         asked = preparation.conditions
         # Those tied to it are held with it.
         self.followers = {n: f for n, (source, f) in asked.ties.items() if source == name}
@@ -174,7 +224,7 @@ class _Held:
             moved = start * np.exp(np.clip(z * self.error / start, -300, 300))
         else:
             moved = start + z * self.error
-        return float(np.clip(moved, self.parameter.lower, self.parameter.upper))
+        return float(np.clip(moved, self.lower, self.upper))
 
     @property
     def longest(self) -> float:
@@ -233,6 +283,28 @@ def _walk(held: _Held, centre: float, factor: float, side: int) -> tuple[list[fl
         root = now
     held.block = block
     return places, deltas
+
+
+def _end(held: _Held, centre: float, factor: float, side: int) -> float:
+    """Where √Δ reaches 1.96 to one side, by secants from where it would if it were straight; the
+    parameter's bound where it does not."""
+    z, inside, outside = _REACH, (0.0, 0.0), None
+    for _ in range(_LOOKS):
+        root = float(np.sqrt(max(held.at(side * z) - centre, 0.0) / factor))
+        if abs(root - _REACH) < _NEAR:
+            return held.value(side * z * _REACH / root)
+        if root > _REACH:
+            outside = z, root
+        elif held.value(side * z) in (held.lower, held.upper):
+            break
+        else:
+            inside = z, root
+        if outside is None:
+            z *= float(np.clip(_REACH / max(root, 1e-9), _LEAST_STRETCH, _LARGEST_STRETCH))
+        else:
+            share = (_REACH - inside[1]) / (outside[1] - inside[1])
+            z = inside[0] + share * (outside[0] - inside[0])
+    return held.value(side * z)
 
 
 def _interval(values: np.ndarray, delta: np.ndarray, level: float) -> Interval:

@@ -31,7 +31,8 @@ class Estimate:
     `identified` is false where the data leave it open by more than half its plausible range, or, of
     a gain, by more than 5 % of the response.  `at_bound` says that the fit ended on a bound.
     `logarithmic` is the parameter's own: a time constant known to half its value is known by a
-    factor, and never negative.
+    factor, and never negative.  `ends` are those of the 95 % interval by the parameter's profile,
+    where that was asked for.
     """
 
     name: str
@@ -41,10 +42,14 @@ class Estimate:
     identified: bool
     at_bound: bool
     logarithmic: bool = False
+    ends: tuple[float, float] | None = None
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The 95 % interval: v ± 1.96 s or, of a logarithmic parameter, v exp(± 1.96 s/v)."""
+        """The 95 % interval: the profile's, or v ± 1.96 s and, of a logarithmic parameter,
+        v exp(± 1.96 s/v)."""
+        if self.ends is not None:
+            return self.ends
         half = 1.96 * self.standard_error
         if self.logarithmic:
             return logarithmic_interval(self.value, half)

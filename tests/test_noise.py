@@ -4,6 +4,7 @@ from itertools import pairwise
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import fracjax as fj
 from fracjax._fit import measured_noise, residual_noise
@@ -205,3 +206,39 @@ def test_several_recordings_are_as_large_as_the_largest_of_each():
         assert getattr(both, name) == max(values)
     for name in ("step", "response_low", "resolution"):
         assert getattr(both, name) == min(getattr(s, name) for s in (one, other))
+
+
+# Tones --------------------------------------------------------------------------------------------
+
+
+def test_a_tone_in_the_rests_is_told():
+    drive = staircase()
+    times = STEP * np.arange(drive.size)
+    tone = 0.6 * SIGMA * np.sqrt(2) * np.sin(2 * np.pi * 37.3 * times)
+    noise = SIGMA * np.random.default_rng(6).standard_normal(drive.size)
+    found = measured_noise(recorded(drive, noise + tone))
+    assert found is not None
+    assert found.tone is not None
+    assert found.tone.frequency / STEP == pytest.approx(37.3, abs=0.5)
+    assert found.tone.rms == pytest.approx(0.6 * SIGMA, rel=0.2)
+
+
+def test_noise_of_any_colour_holds_no_tone():
+    drive, seen = staircase(), 0
+    for seed in range(60):
+        generator = np.random.default_rng(seed)
+        noise = generator.standard_normal(drive.size) * generator.gamma(4, 0.25, drive.size)
+        reddened = lfilter([1.0], [1.0, -(seed % 3) * 0.45], noise)
+        found = measured_noise(recorded(drive, SIGMA * np.asarray(reddened)))
+        seen += found is not None and found.tone is not None
+    assert seen == 0
+
+
+def test_a_diagnosis_warns_of_a_tone():
+    drive = staircase()
+    times = STEP * np.arange(drive.size)
+    noise = SIGMA * np.random.default_rng(8).standard_normal(drive.size)
+    tone = SIGMA * np.sin(2 * np.pi * 83.0 * times)
+    found = fj.diagnose(fj.parse_model("foh"), recorded(drive, noise + tone))
+    (told,) = [warning for warning in found.warnings if "a tone near" in warning]
+    assert float(told.split(" Hz")[0].split()[-1]) == pytest.approx(83.0, abs=0.5)

@@ -434,7 +434,23 @@ class _Conclusion:
         found += too_coarse(self.numerics)
         if not self.base.solved.converged:
             found.append("The base fit did not converge; its figures are those of its best point.")
-        return (*found, *self._displaced())
+        return (*found, *self._tones(), *self._displaced())
+
+    def _tones(self) -> list[str]:
+        """Tones that count as noise, for no drive causes them, if they are not of the mains."""
+        if "mains_interference" in self.stage.adopted:
+            return []
+        said = []
+        for take in self.stage.preparation.takes:
+            tone, recording = take.noise and take.noise.tone, take.recording
+            if tone:
+                said.append(
+                    f"{recording.source}: the noise floor holds a tone near "
+                    f"{tone.frequency * recording.rate:.4g} Hz of about {tone.rms:.2g} "
+                    f"{recording.response_unit} rms, such as interference or a vibration. It "
+                    "counts as noise and hides what is smaller; keep it out of the recording."
+                )
+        return said
 
     def _displaced(self) -> list[str]:
         """Base parameters outside their usual range: what is missing may hide in them."""

@@ -13,6 +13,7 @@ from scipy.stats import chi2, kurtosis
 
 from .._recording import InputError, Recording
 from ._problem import resolution
+from ._tone import Tone, tone_in
 
 Method = Literal["repeats", "static", "specification", "residual"]
 _LARGEST_ORDER = 12
@@ -46,7 +47,8 @@ class Noise:
     `is_leftover`: it was read from what a fit left over, so that a better fit tells it better.
     `course`: sample numbers and the noise's size there (n,), of which it is 1 on average; none
     where the noise is as large everywhere as far as can be seen.  `crest`: its rms over what the
-    median of its differences says, 1 for normal noise, and where it does not vary.
+    median of its differences says, 1 for normal noise, and where it does not vary.  `tone`: one
+    that it surely holds.
     """
 
     sigma: float
@@ -61,6 +63,7 @@ class Noise:
     is_leftover: bool = False
     course: tuple[np.ndarray, np.ndarray] = _NONE
     crest: float = 1.0
+    tone: Tone | None = None
 
     def size_at(self, samples: int) -> np.ndarray | None:
         """How large the noise is at each sample (N,), 1 on average; None where it does not vary."""
@@ -175,6 +178,7 @@ def _noise(
         shared=shared,
         course=course,
         crest=float(np.sqrt(np.mean(white**2))) / typical if typical else 1.0,
+        tone=tone_in(whitened, taps, sigma, shared),
     )
 
 

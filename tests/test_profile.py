@@ -127,6 +127,19 @@ def test_a_time_constant_longer_than_the_recording_is_within_its_interval():
     assert any(high > 3 * LONG for _, high in ends)
 
 
+def test_a_vector_of_one_number_has_its_profile():
+    """A mains line without harmonics: one sine and one cosine, in vectors of one."""
+    line = fj.blocks.MainsInterference(50.0, 1)
+    model = fj.Model(fj.parse_model("creep").block + line)
+    hum = 0.05 * np.sin(2 * np.pi * 50 * TIMES)
+    recording = fj.Recording(DRIVE, CREEP.response + hum, STEP)
+    found = fj.fit(model, recording, fixed={"second.frequency": 50.0}, **OPTIONS)
+    told = intervals(found, "second.sines", "second.cosines")
+    for name in ("second.sines", "second.cosines"):
+        assert told[name] == pytest.approx(by_name(found, name).interval, rel=1e-3), name
+    assert not fj.profile(found, "second.sines").open
+
+
 def by_name(found: fj.Fit, name: str) -> fj.Estimate:
     return next(e for e in found.estimates if e.name == name)
 

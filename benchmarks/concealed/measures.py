@@ -169,23 +169,31 @@ def intervals(pairs: Sequence[Pair]) -> Measure:
     return Measure(name, ".93 to .97", value, *wilson(hits, n), n, missed)
 
 
-def calibration(pairs: Sequence[Pair], bins: int = 10) -> Measure:
-    """Expected calibration error of the first effect's probability, with a bootstrap interval."""
+def calibration(pairs: Sequence[Pair], bins: int = 10) -> list[Measure]:
+    """Expected calibration error of the first effect's probability, with a bootstrap interval; and
+    what it would be of exact probabilities, with the range of 95 % of such exams.
+
+    The second is not 0, for in a bin of few cases the share that is right is left to chance.
+    """
+    name, exact = "calibration error of the probability", "calibration error of exact probabilities"
     named = [(a.effects[0]["probability"], a.first in _names(x)) for x, a in pairs if a.effects]
     if not named:
-        return Measure("calibration error of the probability", "<= .05", np.nan, 0.0, 1.0, 0)
+        return [Measure(name, "<= .05", np.nan, 0.0, 1.0, 0)]
     p, right = np.array(named, float).T
 
-    def error(take: np.ndarray) -> float:
-        which = np.minimum((p[take] * bins).astype(int), bins - 1)
-        gaps = np.bincount(which, p[take] - right[take], bins)
-        return float(np.sum(np.abs(gaps)) / len(take))
+    def error(p: np.ndarray, right: np.ndarray) -> float:
+        which = np.minimum((p * bins).astype(int), bins - 1)
+        return float(np.sum(np.abs(np.bincount(which, p - right, bins))) / len(p))
 
     rng, n = np.random.default_rng(0), len(p)
-    draws = [error(rng.integers(n, size=n)) for _ in range(400)]
-    low, high = np.percentile(draws, [2.5, 97.5])
-    return Measure("calibration error of the probability", "<= .05", error(np.arange(n)),
-                   float(low), float(high), n)  # fmt: skip
+    takes = [rng.integers(n, size=n) for _ in range(400)]
+    low, high = np.percentile([error(p[take], right[take]) for take in takes], [2.5, 97.5])
+    chance = [error(p, rng.random(n) < p) for _ in range(400)]
+    least, most = np.percentile(chance, [2.5, 97.5])
+    return [
+        Measure(name, "<= .05", error(p, right), float(low), float(high), n),
+        Measure(exact, "", float(np.mean(chance)), float(least), float(most), n),
+    ]
 
 
 def measure_all(pairs: Sequence[Pair]) -> list[Measure]:
@@ -228,7 +236,7 @@ def measure_all(pairs: Sequence[Pair]) -> list[Measure]:
               [p for p in places if truth_of(p[0])["spot"]], _right_bin),
         *heldout(pairs),
         intervals(pairs),
-        calibration(pairs),
+        *calibration(pairs),
         share("two effects, both named", ">= .80", [p for p in pairs if len(p[0]["effects"]) == 2],
               lambda x, a: _names(x) <= set(a.names)),
     ]  # fmt: skip

@@ -294,9 +294,12 @@ def test_parameters_and_units() -> None:
 
 def test_calibration() -> None:
     pairs = [(label(k), answer(said("backlash" if k % 5 else "delay", 0.8))) for k in range(50)]
-    assert calibration(pairs).value == pytest.approx(0.0, abs=1e-12)
+    found, exact = calibration(pairs)
+    assert found.value == pytest.approx(0.0, abs=1e-12)
+    # The mean size of a binomial's deviation, 50 cases of probability 0.8, over 50.
+    assert exact.value == pytest.approx(np.sqrt(2 / np.pi * 0.8 * 0.2 / 50), rel=0.1)
     sure = [(x, answer(said(a.first, 1.0))) for x, a in pairs]
-    assert calibration(sure).value == pytest.approx(0.2)
+    assert calibration(sure)[0].value == pytest.approx(0.2)
 
 
 def test_diagnosis_file_is_read(tmp_path: Path) -> None:

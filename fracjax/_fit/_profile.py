@@ -202,7 +202,8 @@ class _Held:
     ):
         self.parameter, self.error, self.block, self.name = parameter, error, block, name
         beyond = beyond if parameter.logarithmic else 1.0
-        self.lower, self.upper = float(parameter.lower) / beyond, float(parameter.upper) * beyond
+        self.lower = np.asarray(parameter.lower).item() / beyond
+        self.upper = np.asarray(parameter.upper).item() * beyond
         asked = preparation.conditions
         # Those tied to it are held with it.
         self.followers = {n: f for n, (source, f) in asked.ties.items() if source == name}
@@ -219,7 +220,7 @@ class _Held:
 
     def value(self, z: float) -> float:
         """The value `z` standard errors off, within the bounds."""
-        start = float(self.parameter.value)
+        start = np.asarray(self.parameter.value).item()
         if self.parameter.logarithmic:
             moved = start * np.exp(np.clip(z * self.error / start, -300, 300))
         else:
@@ -231,7 +232,7 @@ class _Held:
         """The longest step [standard errors]."""
         if not self.parameter.bounded:
             return np.inf
-        return float(self.parameter.slope()) / self.error / _PARTS
+        return np.asarray(self.parameter.slope()).item() / self.error / _PARTS
 
     def at(self, z: float) -> float:
         """χ² and what the priors add, all other parameters at their best."""
@@ -252,7 +253,7 @@ def _with_fixed(block: AbstractBlock, values: Mapping[str, float]) -> AbstractBl
         block,
         {
             n: Parameter(
-                v,
+                np.full(np.shape(parameters[n].value), v),
                 parameters[n].unit,
                 lower=np.minimum(parameters[n].lower, v),
                 upper=np.maximum(parameters[n].upper, v),

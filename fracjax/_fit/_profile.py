@@ -39,6 +39,7 @@ _NEAR = 0.03
 _LOOKS = 8
 _BEYOND_BOUNDS = 1e3
 _LEAST_STRETCH, _LARGEST_STRETCH = 1.1, 3.0
+_LEAST_SHARE = 0.2
 
 Interval = tuple[float | None, float | None]
 
@@ -289,9 +290,12 @@ def _walk(held: _Held, centre: float, factor: float, side: int) -> tuple[list[fl
 def _end(held: _Held, centre: float, factor: float, side: int) -> float:
     """Where √Δ reaches 1.96 to one side, by secants from where it would if it were straight; the
     parameter's bound where it does not."""
-    z, inside, outside = _REACH, (0.0, 0.0), None
+    z, inside, outside, block = _REACH, (0.0, 0.0), None, held.block
     for _ in range(_LOOKS):
-        root = float(np.sqrt(max(held.at(side * z) - centre, 0.0) / factor))
+        # From where the fit was still good: beyond, it may have gone astray.
+        held.block = block
+        rise = (held.at(side * z) - centre) / factor
+        root = float(np.sqrt(rise)) if rise > 0 else 0.0
         if abs(root - _REACH) < _NEAR:
             return held.value(side * z * _REACH / root)
         if root > _REACH:
@@ -299,12 +303,12 @@ def _end(held: _Held, centre: float, factor: float, side: int) -> float:
         elif held.value(side * z) in (held.lower, held.upper):
             break
         else:
-            inside = z, root
+            inside, block = (z, root), held.block
         if outside is None:
             z *= float(np.clip(_REACH / max(root, 1e-9), _LEAST_STRETCH, _LARGEST_STRETCH))
         else:
             share = (_REACH - inside[1]) / (outside[1] - inside[1])
-            z = inside[0] + share * (outside[0] - inside[0])
+            z = inside[0] + max(share, _LEAST_SHARE) * (outside[0] - inside[0])
     return held.value(side * z)
 
 

@@ -365,9 +365,9 @@ def test_what_a_refit_gains_where_each_noise_is_what_it_leaves_itself(monkeypatc
     assert _procedure._seen_past(base, solved) == (-np.inf, preparation)
 
 
-def fine_judged(name: str, gained: float, plausible: bool) -> Judged:
+def fine_judged(name: str, gained: float, plausible: bool, left: float = 1.0) -> Judged:
     gain = Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0)
-    refit: Any = SimpleNamespace(name=name, solved=gained)
+    refit: Any = SimpleNamespace(name=name, solved=SimpleNamespace(gained=gained, left=left))
     unseen: Any = None
     return Judged(
         refit, unseen, gained, gained, 0.0, 0.0, 1.0, 0.0, gain, unseen, unseen, plausible
@@ -387,10 +387,10 @@ def refined_contenders(
 
         def answered(self, solved: Any, preparation: Any, numerics: float) -> Judged:
             asked.append(self.name)
-            gained: Any = finer.get(self.name, solved)
+            gained = finer.get(self.name, solved.gained)
             return fine_judged(self.name, gained, plausible=True)
 
-    def fine_enough(solved: float, preparation: Any, _: Any) -> tuple[float, Any, float]:
+    def fine_enough(solved: Any, preparation: Any, _: Any) -> tuple[Any, Any, float]:
         return solved, preparation, 0.1
 
     monkeypatch.setattr(_procedure, "fine_enough", fine_enough)
@@ -422,3 +422,10 @@ def test_what_gains_nearly_as_much_is_judged_on_a_fine_grid_too(second, best, mo
     assert winner is not None
     assert winner.name == best
     assert asked == (["a", "b"] if best == "b" else ["a"])
+
+
+@pytest.mark.parametrize(("left", "asked"), [(1.1, ["a", "b"]), (1.0, ["a"])])
+def test_what_a_coarse_grid_leaves_over_does_not_count_twice(left, asked, monkeypatch):
+    """A mode gained less by it, and that again was divided by what it left: two modes won."""
+    found = [fine_judged("a", 1000, plausible=True), fine_judged("b", 850, True, left)]
+    assert refined_contenders(found, {"b": 1100}, monkeypatch)[0] == asked

@@ -421,9 +421,14 @@ def _sought_further(
 
 
 def _gaining(judged: list[Judged], share: float) -> set[int]:
-    """Which of them gain at least a share of what any gains."""
-    most = max((j.delta_bic for j in judged), default=0.0)
-    return {k for k, j in enumerate(judged) if j.delta_bic >= max(share * most, DELTA_BIC)}
+    """Which of them gain at least a share of what any gains.
+
+    Undivided by what each leaves: what a grid too coarse for a mode leaves over would count against
+    it twice, as gained by another and as noise.
+    """
+    gains = [j.delta_bic * j.solved.left for j in judged]
+    most = max(gains, default=0.0)
+    return {k for k, gained in enumerate(gains) if gained >= max(share * most, DELTA_BIC)}
 
 
 def _reconsidered(

@@ -387,7 +387,7 @@ def refined_contenders(
 
         def answered(self, solved: Any, preparation: Any, numerics: float) -> Judged:
             asked.append(self.name)
-            gained = finer.get(self.name, solved.gained)
+            gained: Any = finer.get(self.name, solved.gained)
             return fine_judged(self.name, gained, plausible=True)
 
     def fine_enough(solved: Any, preparation: Any, _: Any) -> tuple[Any, Any, float]:

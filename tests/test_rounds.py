@@ -269,7 +269,7 @@ def test_a_fit_outside_its_usual_ranges_is_also_seen_from_within(
 
 
 def cost_of(cost: float) -> Any:
-    return SimpleNamespace(cost=cost, samples=1000, kurtosis=3.0)
+    return SimpleNamespace(cost=cost, samples=1000, left=max(1.0, cost / 1000), kurtosis=3.0)
 
 
 def known() -> Any:

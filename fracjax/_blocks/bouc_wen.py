@@ -135,8 +135,7 @@ class BoucWen(AbstractBlock):
             level, turned = branch.at(travel)
             return (travel, turned, direction), direction * level
 
-        before = grid.before(drive)
-        increments = jnp.diff(drive, prepend=before)
+        increments = grid.changes(drive)
         start = (jnp.zeros_like(farthest), jnp.zeros_like(farthest), jnp.zeros_like(increments[0]))
         if grid.history == "periodic":
             # The state before the record, once further cycles no longer change it.

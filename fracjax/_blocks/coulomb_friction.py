@@ -52,7 +52,7 @@ class CoulombFriction(AbstractBlock):
         return False
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
-        moves = _moves(drive, grid)
+        moves = grid.changes(drive)
         force = relax(jnp.sign(moves), jnp.abs(moves) / self.presliding.value, grid.history)
         return drive - self.amplitude.value * force
 
@@ -104,7 +104,7 @@ class LuGreFriction(AbstractBlock):
         return False
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
-        moves = _moves(drive, grid)
+        moves = grid.changes(drive)
         slow = jnp.exp(-((moves / grid.step / self.speed.value) ** 2))
         stiffness = self.amplitude.value / self.presliding.value
         ways = jnp.abs(moves) / self.presliding.value
@@ -126,11 +126,6 @@ class LuGreFriction(AbstractBlock):
         if grid.history == "periodic":
             start, _ = jax.lax.scan(step, start, steps)
         return drive - self.amplitude.value * jax.lax.scan(step, start, steps)[1]
-
-
-def _moves(drive: Array, grid: Grid) -> Array:
-    """How far the motion goes from sample to sample (N,)."""
-    return jnp.diff(drive, prepend=grid.before(drive))
 
 
 def _lambert(logarithm: Array) -> Array:

@@ -108,12 +108,8 @@ def with_profiled_intervals(fit: Fit, names: Iterable[str]) -> Fit:
     better on one side than on the other, which no standard error tells.  Numbers that the data
     leave open, that are one recording's own or part of a vector keep the interval that they have.
     """
-    parameters = named_parameters(fit.model.block)
-    wanted = [
-        k
-        for k, estimate in enumerate(fit.estimates)
-        if estimate.name in set(names) & parameters.keys() and estimate.identified
-    ]
+    single = named_parameters(fit.model.block).keys() & set(names)
+    wanted = [k for k, e in enumerate(fit.estimates) if e.name in single and e.identified]
     if not wanted:
         return fit
     curvatures = _curvatures(fit)

@@ -30,6 +30,10 @@ class Grid(eqx.Module):
         """What a signal (N,) was just before its first sample."""
         return {"rest": jnp.zeros(()), "constant": signal[0], "periodic": signal[-1]}[self.history]
 
+    def changes(self, signal: Array) -> Array:
+        """How far a signal goes from sample to sample (N,), the first from before it."""
+        return jnp.diff(signal, prepend=self.before(signal))
+
 
 # A staircase changes rarely, and from one sample to the next; a ramp's changes follow each other.
 _STAIRCASE_SHARE = 0.05

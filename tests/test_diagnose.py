@@ -243,6 +243,7 @@ def judged_of(
     spared: float = 0.0,
     conceded: float = 0.0,
     before: float = 0.0,
+    foretells_worse: bool = False,
 ) -> Judged:
     unseen: Any = None
     refit: Any = SimpleNamespace(name=name)
@@ -256,6 +257,7 @@ def judged_of(
         explained=1.0,
         numerics=0.0,
         gain=gain,
+        foretells_worse=foretells_worse,
         prediction=unseen,
         predict=unseen,
         plausible=plausible,
@@ -269,6 +271,10 @@ def test_rivals_are_those_within_25_or_a_hundredth():
     assert best_of(found) is best
     # One outside its usual range is not adopted, but not excluded either.
     assert rivals_of(best, found) == [bad, close]
+    # Nor is one that foretells a recording worse than without it, however much it gains.
+    wild = judged_of("i", 10_200, foretells_worse=True)
+    assert best_of([*found, wild]) is best
+    assert rivals_of(best, [*found, wild]) == [wild, bad, close]
     # What needs to leave its range and still fits less well only mimics the winner.
     mimic = judged_of("e", 9990, plausible=False)
     assert rivals_of(best, [*found, mimic]) == [bad, close]

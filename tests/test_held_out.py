@@ -13,7 +13,13 @@ from scipy.signal import lfilter
 import fracjax as fj
 from fracjax._blocks import EFFECTS
 from fracjax._diagnose._diagnose import held_out_take
-from fracjax._diagnose._held_out import Prediction, gain, predict_recording, predict_stretches
+from fracjax._diagnose._held_out import (
+    Prediction,
+    foretells_worse,
+    gain,
+    predict_recording,
+    predict_stretches,
+)
 from fracjax._fit import Noise, Preparation, Solved, prepare, settle, solve_from, take_of
 from fracjax._operators._grid import History
 from fracjax._parameters import set_values
@@ -242,6 +248,33 @@ def test_a_fold_that_the_training_leaves_open_is_no_objection():
     unsure = Prediction(1.0, (1.0,) * 5, noise + off, fold, open_)
     assert gain(base, sure).improved == pytest.approx(0.8)
     assert gain(base, unsure).improved == 1.0
+
+
+def test_what_training_leaves_open_excuses_no_worse_prediction_of_a_recording():
+    """A cubic fitted within ±1 to what bends off beyond; its own numbers are open that far out."""
+    generator, level = np.random.default_rng(9), np.linspace(-1.0, 1.0, 400)
+    noise, fold = 0.02 * generator.standard_normal((2, 400)), np.arange(400) % 5
+    train, further = np.tanh(level) + noise[0], np.tanh(4 * level) + noise[1]
+
+    def predicted(powers: list[int]) -> Prediction:
+        columns, beyond = (np.stack([u**p for p in powers], axis=1) for u in (level, 4 * level))
+        error = further - beyond @ np.linalg.lstsq(columns, train)[0]
+        spread = beyond @ np.linalg.inv(np.linalg.qr(columns)[1])
+        folds = tuple(float(np.sqrt(np.mean(error[fold == k] ** 2))) for k in range(5))
+        return Prediction(float(np.sqrt(np.mean(error**2))), folds, error / 0.02, fold, spread)
+
+    line, cubic = predicted([1]), predicted([1, 3, 5, 7, 9])
+    assert cubic.rmse > 10 * line.rmse
+    assert gain(line, cubic).convincing  # for what it claims to know
+    assert foretells_worse(predict_another, line, cubic)
+    assert not foretells_worse(predict_another, cubic, line)
+    assert not foretells_worse(predict_another, line, replace(line, rmse=1.09 * line.rmse))
+    # Between stretches no model is worse for what its neighbours do not tell.
+    assert not foretells_worse(predict_stretches, line, cubic)
+
+
+def predict_another(*_: Any) -> Any:
+    """Stands for the prediction of a recording."""
 
 
 def test_a_fold_speaks_against_an_effect_beyond_its_own_standard_error():

@@ -56,6 +56,7 @@ def judged(stage: Stage, name: str) -> Judged:
         explained=1.0,
         numerics=0.0,
         gain=Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0),
+        foretells_worse=False,
         prediction=SimpleNamespace(),  # type: ignore[arg-type]
         predict=lambda *_: SimpleNamespace(),  # type: ignore[arg-type, return-value]
         plausible=True,
@@ -370,7 +371,7 @@ def fine_judged(name: str, gained: float, plausible: bool, left: float = 1.0) ->
     refit: Any = SimpleNamespace(name=name, solved=SimpleNamespace(gained=gained, left=left))
     unseen: Any = None
     return Judged(
-        refit, unseen, gained, gained, 0.0, 0.0, 1.0, 0.0, gain, unseen, unseen, plausible
+        refit, unseen, gained, gained, 0.0, 0.0, 1.0, 0.0, gain, False, unseen, unseen, plausible
     )
 
 

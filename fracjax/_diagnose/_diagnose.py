@@ -35,7 +35,14 @@ from .._fit._border import model_of, recordings_of, require_recording, whole
 from .._models import Model
 from .._recording import Recording, require_units_of
 from ._codes import seen_in_codes
-from ._held_out import Predict, gain, predict_recording, predict_stretches
+from ._held_out import (
+    Predict,
+    Prediction,
+    foretells_worse,
+    gain,
+    predict_recording,
+    predict_stretches,
+)
 from ._judgement import (
     DELTA_BIC,
     EXPLAINED,
@@ -75,7 +82,6 @@ _MOST_RIVALS = 4
 _WORTH_FITTING = 0.5
 _NORMAL = 3.0
 _CLEARLY = 0.4
-_CLEARLY_WORSE = 1.1
 
 
 def diagnose(
@@ -283,7 +289,8 @@ class _Conclusion:
             explained_fraction(self.base, stage.solved) >= EXPLAINED
             and is_exhausted(self.base, stage)
             and not leaves_a_pattern(self.base, stage, self.course.last.axes)
-            and not self.foretells_worse
+            # However well it fits, it has followed something else.
+            and not foretells_worse(self.predict, *self._predicted)
         )
 
     def _effects(self, extended: Fit | None) -> tuple[NamedEffect, ...]:
@@ -372,25 +379,21 @@ class _Conclusion:
         problems = preparation.problems()
         return frequency(bare, problems, residual_of(solved, preparation), freedom)
 
-    @property
-    def foretells_worse(self) -> bool:
-        """Whether what was adopted foretells a recording that was held out clearly worse than the
-        base does: then it has followed something else, however well."""
-        told = self.held_out
-        if self.unseen is None or told.extended_rmse is None:
-            return False
-        return told.extended_rmse > _CLEARLY_WORSE * told.base_rmse
-
     @cached_property
+    def _predicted(self) -> tuple[Prediction, Prediction]:
+        """What the base and what was adopted make of data held out."""
+        base, stage = self.base, self.stage
+        before = self.predict(base.solved, base.preparation)
+        return before, self.predict(stage.solved, stage.preparation) if self.rounds else before
+
+    @property
     def held_out(self) -> HeldOut:
         """The scores on data held out."""
-        take, stage = self.unseen, self.stage
-        base = self.predict(self.base.solved, self.base.preparation)
+        take, (base, extended) = self.unseen, self._predicted
         source = "" if take is None else take.recording.source
         method = "stretches set aside in turn" if take is None else "recording"
         if not self.rounds:
             return HeldOut(method, base.rmse, None, base.folds, (), source)
-        extended = self.predict(stage.solved, stage.preparation)
         found = gain(base, extended)
         if take is not None or not any(found.foretold):
             return HeldOut(method, base.rmse, extended.rmse, base.folds, extended.folds, source)

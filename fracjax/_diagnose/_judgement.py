@@ -35,7 +35,8 @@ class Judged:
 
     `delta_bic` is what it gains over the stage before it, `altogether` over the base with nothing
     adopted; `spared`: how much less its numbers cost by Laplace's evidence than by BIC, and
-    `conceded` what keeping to usual ranges cost it, both in BIC's units; `predict` is what made the
+    `conceded` what keeping to usual ranges cost it, both in BIC's units; `foretells_worse` where a
+    recording held out is clearly further from it than from the stage; `predict` is what made the
     prediction, of whatever data held out can tell.
     """
 
@@ -48,6 +49,7 @@ class Judged:
     explained: float
     numerics: float
     gain: Gain
+    foretells_worse: bool
     prediction: Prediction
     predict: Predict
     plausible: bool
@@ -70,6 +72,7 @@ class Judged:
         return (
             self.delta_bic >= DELTA_BIC
             and self.gain.convincing
+            and not self.foretells_worse
             and self.plausible
             and self.numerics <= LIMIT
         )
@@ -215,6 +218,8 @@ def reason(
         return f"rejected: the refit gains only {judged.delta_bic:.3g} in BIC"
     if not judged.plausible:
         return "rejected: its refitted parameters lie outside their plausible range"
+    if judged.foretells_worse:
+        return "rejected: the recording held out is foretold worse with it than without"
     if not judged.gain.convincing:
         return "rejected: the refit does not predict held-out data better beyond doubt"
     return "fits less well than the adopted effect"

@@ -12,7 +12,7 @@ from .._blocks import EFFECTS, AbstractBlock
 from .._fit import LIMIT, Preparation, Progress, Solved, fine_enough, residual_noise
 from .._parameters import named_parameters, set_values
 from ._evidence import spared
-from ._held_out import Predict, Prediction, gain, predict_stretches
+from ._held_out import Predict, Prediction, foretells_worse, gain, predict_stretches
 from ._judgement import (
     DELTA_BIC,
     SIGNIFICANCE,
@@ -348,10 +348,12 @@ class _Question:
 
     def answered(self, solved: Solved, preparation: Preparation, numerics: float) -> Judged:
         """Everything the naming rule asks."""
+        worse = False
         # A recording that does not show the effect can say nothing for it or against it.
         for predict in (self.predict, predict_stretches):
-            prediction = predict(solved, preparation)
-            gained = gain(self.before(predict), prediction)
+            before, prediction = self.before(predict), predict(solved, preparation)
+            gained = gain(before, prediction)
+            worse = worse or foretells_worse(predict, before, prediction)
             if predict is predict_stretches or not gained.is_open:
                 break
         return Judged(
@@ -364,6 +366,7 @@ class _Question:
             explained=explained_fraction(self.base, solved),
             numerics=numerics,
             gain=gained,
+            foretells_worse=worse,
             prediction=prediction,
             predict=predict,
             plausible=is_plausible(solved, self.attempt.layer),

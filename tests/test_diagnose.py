@@ -16,11 +16,11 @@ from benchmarks.concealed.cases import make_case
 from fracjax._blocks import EFFECTS
 from fracjax._diagnose import _procedure, _refit
 from fracjax._diagnose._diagnose import _Conclusion
+from fracjax._diagnose._evidence import delta_bic
 from fracjax._diagnose._held_out import Gain
 from fracjax._diagnose._judgement import (
     Judged,
     best_of,
-    delta_bic,
     excess_doubt,
     explained_fraction,
     freedom_of,
@@ -345,9 +345,9 @@ def known_to(doubt: float) -> Any:
     return SimpleNamespace(takes=[SimpleNamespace(noise=n) for n in (less, more, None)])
 
 
-def ended_at(cost: float, excess: float = 0.0, doubt: float = 0.1) -> Any:
+def ended_at(cost: float, excess: float = 0.0, doubt: float = 0.1, free: int = 3) -> Any:
     left = max(1.0, cost / 1000)
-    solved = SimpleNamespace(cost=cost, samples=1000, left=left, kurtosis=3.0, bic=cost + 7)
+    solved = SimpleNamespace(cost=cost, samples=1000, left=left, kurtosis=3.0, free=free)
     return SimpleNamespace(solved=solved, preparation=known_to(doubt), excess=excess)
 
 
@@ -375,6 +375,9 @@ def test_the_shares_that_an_effect_explains():
 def test_evidence_counts_in_units_of_what_is_left():
     assert delta_bic(ended_at(3000).solved, ended_at(2000).solved) == pytest.approx(500)
     assert delta_bic(ended_at(3000).solved, ended_at(500).solved) == pytest.approx(2500)
+    # What a number costs does not fall with it.
+    more = delta_bic(ended_at(3000).solved, ended_at(2000, free=5).solved)
+    assert more == pytest.approx(500 - 2 * np.log(1000))
 
 
 @pytest.mark.parametrize(("excess", "left"), [(40.0, False), (300.0, True)])

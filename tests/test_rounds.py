@@ -227,7 +227,10 @@ def test_those_that_gain_most_are_sought_further_where_the_best_leaves_more_than
         (
             SimpleNamespace(attempt=name, stage=None),
             SimpleNamespace(
-                name=name, delta_bic=gain, preparation=known(), solved=cost_of(1000 * left)
+                name=name,
+                delta_bic=gain,
+                preparation=known(),
+                solved=cost_of(1000 * left, -gain),
             ),
         )
         for name, gain in gains.items()
@@ -239,7 +242,8 @@ def test_those_that_gain_most_are_sought_further_where_the_best_leaves_more_than
         return attempt
 
     monkeypatch.setattr(_procedure, "sought_further", sought)
-    assert _procedure._sought_further(found, 0, silent) == found
+    before: Any = cost_of(5000.0)
+    assert _procedure._sought_further(before, found, 0, silent) == found
     assert tried == asked
 
 
@@ -269,8 +273,9 @@ def test_a_fit_outside_its_usual_ranges_is_also_seen_from_within(
     assert found.least == min(p_value, hidden)
 
 
-def cost_of(cost: float) -> Any:
-    return SimpleNamespace(cost=cost, samples=1000, left=max(1.0, cost / 1000), kurtosis=3.0)
+def cost_of(cost: float, bic: float = 0.0) -> Any:
+    left = max(1.0, cost / 1000)
+    return SimpleNamespace(cost=cost, samples=1000, left=left, kurtosis=3.0, bic=bic)
 
 
 def known() -> Any:
@@ -368,7 +373,8 @@ def test_what_a_refit_gains_where_each_noise_is_what_it_leaves_itself(monkeypatc
 
 def fine_judged(name: str, gained: float, plausible: bool, left: float = 1.0) -> Judged:
     gain = Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0)
-    refit: Any = SimpleNamespace(name=name, solved=SimpleNamespace(gained=gained, left=left))
+    solved = SimpleNamespace(gained=gained, bic=-gained * left)
+    refit: Any = SimpleNamespace(name=name, solved=solved)
     unseen: Any = None
     return Judged(
         refit, unseen, gained, gained, 0.0, 0.0, 1.0, 0.0, gain, False, unseen, unseen, plausible
@@ -396,7 +402,8 @@ def refined_contenders(
 
     monkeypatch.setattr(_procedure, "fine_enough", fine_enough)
     questions: Any = [(Question(judged.name), judged) for judged in found]
-    return asked, _procedure._contenders_refined(questions, silent)
+    before: Any = SimpleNamespace(bic=0.0)
+    return asked, _procedure._contenders_refined(before, questions, silent)
 
 
 @pytest.mark.parametrize(

@@ -35,6 +35,7 @@ from .._fit._border import model_of, recordings_of, require_recording, whole
 from .._models import Model
 from .._recording import Recording, require_units_of
 from ._codes import seen_in_codes
+from ._evidence import delta_bic
 from ._held_out import (
     Predict,
     Prediction,
@@ -267,7 +268,7 @@ class _Conclusion:
         jumps = find_jumps(base, _WORTH_FITTING * max(gained, base.excess))
         if jumps is None or explained_fraction(base, jumps.solved) < EXPLAINED:
             return None
-        ahead = (stage.solved.bic - jumps.bic) / jumps.solved.left
+        ahead = delta_bic(stage.solved, jumps.solved) - jumps.searched
         return jumps if ahead >= DELTA_BIC else None
 
     def _extended(self, progress: Progress) -> Fit:

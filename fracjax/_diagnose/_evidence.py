@@ -1,4 +1,5 @@
-r"""Laplace's evidence for an effect: what its numbers cost, as far as the data know them.
+r"""The evidence for an effect: what it gains in BIC, and what its numbers cost by Laplace's
+evidence, as far as the data know them.
 
     2 ln Z = -χ² - ln det(1 + S F S) + const,     F = Dᵀ(1 - QQᵀ)D
 
@@ -19,9 +20,16 @@ from .._parameters import Parameter
 from ._stage import Layer
 
 
+def delta_bic(before: Solved, after: Solved) -> float:
+    """What the later fit gains in BIC, χ² in units of what it leaves, where that exceeds the noise:
+    a number costs no less for all that is left unexplained."""
+    numbers = after.free - before.free
+    return (before.cost - after.cost) / after.left - numbers * float(np.log(after.samples))
+
+
 def spared(solved: Solved, preparation: Preparation, layer: Layer) -> float:
-    """How much less than BIC's k ln n the outermost effect's own numbers cost, in units of what is
-    left unexplained, where that exceeds the noise."""
+    """How much less than BIC's k ln n the outermost effect's own numbers cost, where what is left
+    unexplained counts as noise."""
     parameters, known = layer.own(solved.block), sensitivity_of(solved, preparation)
     derivative = known.whitened
     own = np.flatnonzero([number.name in parameters for number in known.numbers])
@@ -31,8 +39,8 @@ def spared(solved: Solved, preparation: Preparation, layer: Layer) -> float:
     basis = np.linalg.qr(others / (np.linalg.norm(others, axis=0) + 1e-300))[0]
     moved = derivative[:, own] * sizes
     beside = np.nan_to_num(moved - basis @ (basis.T @ moved))
-    cost = np.linalg.slogdet(np.eye(own.size) + beside.T @ beside)[1]
-    return float(own.size * np.log(solved.samples) - cost) / solved.left
+    cost = np.linalg.slogdet(np.eye(own.size) + beside.T @ beside / solved.left)[1]
+    return float(own.size * np.log(solved.samples) - cost)
 
 
 def _expected(parameter: Parameter) -> np.ndarray:

@@ -132,11 +132,6 @@ def probability_of(winner: Judged, found: Sequence[Judged]) -> float:
     return SUREST / (1 + float(np.sum(np.exp(-np.array(behind) / _TEMPERED))))
 
 
-def delta_bic(before: Solved, after: Solved) -> float:
-    """Evidence in units of what is left unexplained, where that exceeds the noise."""
-    return (before.bic - after.bic) / after.left
-
-
 def explained_fraction(base: Stage, solved: Solved) -> float:
     """The share of the base's excess residual that is gone, as far as that is known."""
     doubt = solved.samples * excess_doubt(base.preparation, solved)

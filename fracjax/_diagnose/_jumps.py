@@ -36,10 +36,14 @@ class Jumps:
     solved: Solved
 
     @property
-    def bic(self) -> float:
-        """That of the fit, and the times that were searched for."""
-        count = sum(len(take.jumps) for take in self.preparation.takes)
-        return self.solved.bic + count * float(np.log(self.solved.samples))
+    def count(self) -> int:
+        """Of all recordings together."""
+        return sum(len(take.jumps) for take in self.preparation.takes)
+
+    @property
+    def searched(self) -> float:
+        """What the times cost in BIC, which are numbers too and not among those of the fit."""
+        return self.count * float(np.log(self.solved.samples))
 
     @property
     def sizes(self) -> list[np.ndarray]:
@@ -49,10 +53,8 @@ class Jumps:
 
     def p_value(self, base: Stage) -> float:
         """P(jumps that gain so much in χ²) where the base is right, wherever they may be."""
-        count = sum(len(take.jumps) for take in self.preparation.takes)
         fall = base.solved.cost - self.solved.cost
-        places = count * float(np.log(self.solved.samples))
-        return float(np.exp(min(0.0, chi2.logsf(fall, 2 * count) + places)))
+        return float(np.exp(min(0.0, chi2.logsf(fall, 2 * self.count) + self.searched)))
 
     @property
     def sentence(self) -> str:

@@ -11,7 +11,7 @@ import numpy as np
 from .._blocks import EFFECTS, AbstractBlock
 from .._fit import LIMIT, Preparation, Progress, Solved, fine_enough, residual_noise
 from .._parameters import named_parameters, set_values
-from ._evidence import spared
+from ._evidence import delta_bic, spared
 from ._held_out import Predict, Prediction, foretells_worse, gain, predict_stretches
 from ._judgement import (
     DELTA_BIC,
@@ -19,7 +19,6 @@ from ._judgement import (
     WORTH_NAMING,
     Judged,
     best_of,
-    delta_bic,
     excess_doubt,
     explained_fraction,
     freedom_of,
@@ -311,7 +310,8 @@ def _judge(
         found.append((question, question.answered(attempt.solved, stage.preparation, 0.0)))
         if not waiting:
             waiting = _look_alikes_missed([judged for _, judged in found], scores)
-    return _contenders_refined(_sought_further(found, seed, progress), progress)
+    found = _sought_further(stage.solved, found, seed, progress)
+    return _contenders_refined(stage.solved, found, progress)
 
 
 def _kept_usual(attempt: Refit, stage: Stage) -> Refit:
@@ -373,7 +373,9 @@ class _Question:
         )
 
 
-def _contenders_refined(found: list[tuple[_Question, Judged]], progress: Progress) -> list[Judged]:
+def _contenders_refined(
+    before: Solved, found: list[tuple[_Question, Judged]], progress: Progress
+) -> list[Judged]:
     """The judged, their numerics checked where it matters: of the best, of its rivals and of what
     gains nearly as much, for of two modes that one would fall behind whose grid stays coarse.
 
@@ -386,7 +388,7 @@ def _contenders_refined(found: list[tuple[_Question, Judged]], progress: Progres
     while True:
         best = best_of(judged)
         near = [] if best is None else [best, *rivals_of(best, judged)]
-        asked = _gaining(judged, share) | {k for k, j in enumerate(judged) if j in near}
+        asked = _gaining(before, judged, share) | {k for k, j in enumerate(judged) if j in near}
         todo = sorted(asked - checked)
         if not todo:
             break
@@ -400,7 +402,7 @@ def _contenders_refined(found: list[tuple[_Question, Judged]], progress: Progres
 
 
 def _sought_further(
-    found: list[tuple[_Question, Judged]], seed: int, progress: Progress
+    before: Solved, found: list[tuple[_Question, Judged]], seed: int, progress: Progress
 ) -> list[tuple[_Question, Judged]]:
     """Those that gain most, from more starts, where even the best leaves more than noise: that is
     another effect, a law unlike ours, or a basin that no start has left."""
@@ -411,7 +413,7 @@ def _sought_further(
     ):
         return found
     again = list(found)
-    gaining = sorted(_gaining(judged, 0.0), key=lambda k: -judged[k].delta_bic)
+    gaining = sorted(_gaining(before, judged, 0.0), key=lambda k: -judged[k].delta_bic)
     for k in gaining[:_SHORTLIST]:
         question, answer = found[k]
         progress(f"refitting with {answer.name} from more starts")
@@ -423,13 +425,13 @@ def _sought_further(
     return again
 
 
-def _gaining(judged: list[Judged], share: float) -> set[int]:
-    """Which of them gain at least a share of what any gains.
+def _gaining(before: Solved, judged: list[Judged], share: float) -> set[int]:
+    """Which of them gain on a fit at least a share of what any gains.
 
-    Undivided by what each leaves: what a grid too coarse for a mode leaves over would count against
-    it twice, as gained by another and as noise.
+    In χ² undivided by what each leaves: what a grid too coarse for a mode leaves over would count
+    against it twice, as gained by another and as noise.
     """
-    gains = [j.delta_bic * j.solved.left for j in judged]
+    gains = [before.bic - j.solved.bic for j in judged]
     most = max(gains, default=0.0)
     return {k for k, gained in enumerate(gains) if gained >= max(share * most, DELTA_BIC)}
 
@@ -471,7 +473,7 @@ def _reconsidered(
                 stage, rounds, too_small = less, others, winner.name
             else:
                 rounds[k] = Round(winner, found)
-        elif winner.solved.bic < stage.solved.bic:
+        elif delta_bic(stage.solved, winner.solved) > 0:
             stage = less.extended(winner.layer, winner.solved, winner.preparation)
             rounds, waiting = [*others, Round(winner, found)], others.copy()
     return stage, rounds, too_small

@@ -11,6 +11,7 @@ import numpy as np
 from .._blocks import AbstractBlock
 from .._fit import Preparation, Solved, layout_of, solve_from
 from .._parameters import named_parameters, replace_parameters, set_values
+from ._evidence import delta_bic
 from ._score import EffectScore
 from ._stage import Layer, Stage
 
@@ -53,7 +54,7 @@ def refit(
     for k, trial in enumerate(score.trials):
         kinds.setdefault(jax.tree_util.tree_structure(trial), []).append(k)
     attempts = [_of_one_kind(score.only(k), stage, fits, seed, hopeless) for k in kinds.values()]
-    return min(attempts, key=lambda attempt: attempt.solved.bic)
+    return max(attempts, key=lambda attempt: delta_bic(stage.solved, attempt.solved))
 
 
 def _of_one_kind(

@@ -10,13 +10,14 @@ from fracjax._blocks.delay import Delay
 from fracjax._diagnose._next_experiment import (
     Drive,
     Limits,
+    _most_telling,
     _Trial,
     drives,
     parse_limits,
     propose,
     recorded_limits,
 )
-from fracjax._fit import Noise, prepare
+from fracjax._fit import Noise, prepare, silent
 from fracjax._parameters import set_values
 
 STEP, LEAD = 1e-3, 204
@@ -133,6 +134,44 @@ def test_a_lag_and_a_delay_part_on_a_fast_drive():
     assert "choosing the next experiment" in said[0]
 
 
+def test_two_that_nothing_tells_apart_are_no_reason_to_leave_the_others_together():
+    noise = Noise(0.005, "um", "specification", np.ones(1), 0.005)
+    with jax.enable_x64(True):
+        preparation = prepare([recording(0.5)], noise=noise, history="constant")
+        base = fj.parse_model("foh").block
+        lag, late = DriveLag(2e-3) >> base, Delay(2e-3, longest=0.01) >> base
+        alike = propose([lag, lag, late], preparation, Limits(0, 100, 1e5), silent)
+        among = propose([late, lag, lag], preparation, Limits(0, 100, 1e5), silent)
+        alone = propose([lag, lag], preparation, Limits(0, 100, 1e5), silent)
+    assert (alike.told, alike.all_apart) == ((2,), False)
+    assert (among.told, among.all_apart) == ((1, 2), False)
+    assert alike.probability == pytest.approx(among.probability)
+    assert alike.probability > 0.95
+    assert (alone.told, alone.all_apart) == ((1,), True)
+    assert alone.probability < 1e-3
+
+
+def probabilities(*drives: tuple[float, float, float]) -> np.ndarray:
+    """Of three rivals, that each drive tells the first from the second and third, and these."""
+    return np.array([[[1, a, b], [a, 1, c], [b, c, 1]] for a, b, c in drives])
+
+
+@pytest.mark.parametrize(
+    ("drives", "chosen"),
+    [
+        # All apart, if that is likely at all.
+        ([(0.9, 0.5, 0.4), (0.6, 0.5, 0.5)], (1, (1, 2), True)),
+        # Else both from the first, else one of them.
+        ([(0.99, 0.4, 0.0), (0.6, 0.5, 0.4)], (1, (1, 2), False)),
+        ([(0.1, 0.8, 0.0), (0.7, 0.4, 0.4)], (0, (2,), False)),
+        # Else the least unlikely.
+        ([(0.1, 0.4, 0.0), (0.1, 0.2, 0.3)], (1, (1, 2), True)),
+    ],
+)
+def test_the_most_telling_drive(drives, chosen):
+    assert _most_telling(probabilities(*drives)) == chosen
+
+
 def test_what_a_drive_would_show_is_told_in_units_of_the_noise():
     """Of a delay and none: the rms of their difference over the noise's, whatever the grid."""
     drive = Drive("sine", 50 + 40 * np.sin(2 * np.pi * 5 * TIMES), STEP)
@@ -141,7 +180,7 @@ def test_what_a_drive_would_show_is_told_in_units_of_the_noise():
     with jax.enable_x64(True):
         block = Delay(lag, longest=0.1)
         late, punctual = (set_values(block, {"delay": d}) for d in (lag, 0.0))
-        found = _Trial(drive, noise, 2).gap([late, punctual])
+        (found,) = _Trial(drive, noise, 2).gaps([late, punctual])
     wanted = 0.5 * (40 * 2 * np.sin(np.pi * 5 * lag) / sigma) ** 2
     assert found == pytest.approx(wanted, rel=0.02)
 

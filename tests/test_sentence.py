@@ -146,18 +146,36 @@ def test_an_error_on_held_out_data_that_rises_is_not_said_to_fall():
     )
 
 
-@pytest.mark.parametrize(("chance", "sure"), [(0.5, True), (0.49, False)])
-def test_the_next_experiment_promises_no_more_than_its_chance(chance, sure):
+@pytest.mark.parametrize(
+    ("names", "told", "all_apart", "chance", "said"),
+    [
+        (("creep", "thermal_drift"), (1,), True, 0.5,
+         "Record a sine of 3 Hz: it tells creep from thermal_drift with a probability of 0.50."),
+        (("creep", "thermal_drift"), (1,), True, 0.49,
+         "No drive within the limits is likely to tell creep from thermal_drift: the best of them, "
+         "a sine of 3 Hz, does so with a probability of 0.49. Better would be {advice}."),
+        (("creep", "backlash"), (1,), True, 1e-9,
+         "No drive within the limits is likely to tell creep from backlash: the best of them, "
+         "a sine of 3 Hz, does so with a probability of less than 0.01. Wider limits, less noise "
+         "or a longer recording may help."),
+        (("creep", "thermal_drift", "backlash"), (2,), False, 0.9,
+         "Record a sine of 3 Hz: it tells creep from backlash with a probability of 0.90. No one "
+         "drive within the limits is likely to tell it from thermal_drift too; better for that "
+         "would be {advice}."),
+        (("creep", "thermal_drift", "backlash"), (1,), False, 0.9,
+         "Record a sine of 3 Hz: it tells creep from thermal_drift with a probability of 0.90. No "
+         "one drive within the limits is likely to tell it from backlash too."),
+        (("creep", "thermal_drift", "backlash"), (1, 2), False, 0.9,
+         "Record a sine of 3 Hz: it tells creep from thermal_drift and backlash with a probability "
+         "of 0.90. What tells thermal_drift and backlash apart too is not among the drives within "
+         "the limits."),
+    ],
+)  # fmt: skip
+def test_the_next_experiment_promises_no_more_than_its_chance(names, told, all_apart, chance, said):
     drive = Drive("a sine of 3 Hz", np.zeros(2), STEP)
-    told = next_experiment(["creep", "thermal_drift"], Proposal(drive, chance))
-    assert told.separates == ("creep", "thermal_drift")
-    assert told.sentence == "Record a sine of 3 Hz: " + (
-        "it tells creep from thermal_drift with a probability of 0.50."
-        if sure
-        else "of the drives within the limits it is the best to tell creep from thermal_drift, but "
-        "succeeds only with a probability of 0.49. Better would be "
-        f"{fj.EFFECTS['creep'].separated_by['thermal_drift']}."
-    )
+    found = next_experiment(names, Proposal(drive, chance, told, all_apart))
+    assert found.separates == (names[0], *(names[k] for k in told))
+    assert found.sentence == said.format(advice=advice("creep", "thermal_drift"))
 
 
 def test_advice_is_found_whichever_effect_holds_it():

@@ -9,9 +9,9 @@ one axis answers to its own drive alone.  Drive and response alike lose everythi
 zero-phase filter, then every 2nd sample), so that no mode is driven.  Every recording is one period
 of steady motion.  Each axis is diagnosed on one triple of realisations; the second period is the
 repeat, the other triple is held out.  Then the full band is unsealed: the mode of an axis is the
-highest peak of its frequency response, of which there are several.  What superposing makes of the hysteresis of three actuators
-repeats with the period and follows no law of the one drive: `linear_nm` is what any smooth linear
-law leaves over.
+highest peak of its frequency response, of which there are several.  What superposing makes of the
+hysteresis of three actuators repeats with the period and follows no law of the one drive:
+`linear_nm` is what any smooth linear law leaves over.
 
 *Coupling.* One realisation as it was recorded: all three drives act, one is shown.  What the base
 fit leaves is regressed on the drives that were hidden.

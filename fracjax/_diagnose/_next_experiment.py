@@ -6,7 +6,7 @@ For two fitted explanations k and l the drive is worth
 
 with P_l the projection onto what l's own parameters could still take up: the fall of χ² that the
 right one of them would show, N(λ, 4λ) distributed.  The drive with the largest least λ over all
-pairs is proposed.
+pairs is proposed; where that is likely to fail, over those of the first with as many as possible.
 Source: Atkinson & Fedorov, Biometrika 62 (1975) 57 (T-optimality).
 """
 
@@ -33,6 +33,8 @@ _DELTA_BIC = 10.0
 _REST, _LEAD, _LONGEST_LEAD = 0.2, 0.05, 0.25
 _ROUNDING = np.array([1, 4, 6, 4, 1]) / 16
 _EXAMINED = 10
+LIKELY = 0.5
+"""A drive that is more likely to fail tells nothing."""
 
 
 @dataclass(frozen=True)
@@ -201,10 +203,13 @@ def _allowed(values: np.ndarray, limits: Limits, step: float, start: float) -> n
 
 @dataclass(frozen=True)
 class Proposal:
-    """The drive to record next and the least probability with which it separates any pair."""
+    """The drive to record next, the rivals that it is to tell from the first, and the least
+    probability with which it does; `all_apart` where it is to tell each from every other too."""
 
     drive: Drive
     probability: float
+    told: tuple[int, ...]
+    all_apart: bool
 
 
 def propose(
@@ -213,7 +218,11 @@ def propose(
     limits: Limits,
     progress: Callable[[str], None],
 ) -> Proposal:
-    """The drive on which the fitted rivals part the most."""
+    """The drive on which the fitted rivals part the most.
+
+    Where none is likely to tell each of them from every other, the one that tells most from the
+    first: two that nothing tells apart are no reason to leave the others together.
+    """
     take = preparation.takes[0]
     noise = take.noise
     assert noise is not None  # a diagnosis has one
@@ -221,18 +230,34 @@ def propose(
     start = float(recording.drive[0])
     candidates = drives(limits, recording.dt, recording.drive_unit, start)
     progress(f"choosing the next experiment among {len(candidates)} drives")
-    grids = [_Trial(drive, noise, preparation.oversampling) for drive in candidates]
+    trials = [_Trial(drive, noise, preparation.oversampling) for drive in candidates]
     # What the parameters can take up costs ten times more to find than the responses themselves.
-    gaps = [trial.gap(rivals) for trial in grids]
-    promising = np.argsort(gaps)[::-1][:_EXAMINED]
-    worth = {int(k): grids[k].separability(rivals) for k in promising}
-    best = max(worth, key=worth.__getitem__)
-    return Proposal(candidates[best], _probability(worth[best]))
+    gaps = np.array([trial.gaps(rivals) for trial in trials])
+    promising = np.argsort(-np.mean(np.log(gaps + 1e-300), axis=1))[:_EXAMINED]
+    apart = _probability(np.array([trials[k].separability(rivals) for k in promising]))
+    k, told, all_apart = _most_telling(apart)
+    probability = float(apart[k].min() if all_apart else apart[k, 0, told].min())
+    return Proposal(candidates[promising[k]], probability, told, all_apart)
 
 
-def _probability(separability: float) -> float:
+def _most_telling(apart: np.ndarray) -> tuple[int, tuple[int, ...], bool]:
+    """Which drive, and what it is to tell from the first, of the probabilities (drives, rivals,
+    rivals) that it tells two apart; with whether it tells each from every other."""
+    others, least = tuple(range(1, apart.shape[1])), apart.min(axis=(1, 2))
+    if least.max() < LIKELY:
+        from_first = apart[:, 0, 1:]
+        for count in range(len(others), 0, -1):
+            worst = np.sort(from_first, axis=1)[:, -count]
+            k = int(np.argmax(worst))
+            if worst[k] >= LIKELY:
+                told = 1 + np.argsort(-from_first[k], kind="stable")[:count]
+                return k, tuple(sorted(told.tolist())), False
+    return int(np.argmax(least)), others, True
+
+
+def _probability(separability: np.ndarray) -> np.ndarray:
     """P(fall of χ² ≥ 10) where the fall is N(λ, 4λ)."""
-    return float(norm.cdf((separability - _DELTA_BIC) / (2 * np.sqrt(separability) + 1e-12)))
+    return norm.cdf((separability - _DELTA_BIC) / (2 * np.sqrt(separability) + 1e-12))
 
 
 class _Trial:
@@ -248,13 +273,13 @@ class _Trial:
         sampled = signals[:: self.oversampling]
         return np.asarray(lfilter(self.noise.whitening, 1.0, sampled, axis=0))
 
-    def gap(self, rivals: Sequence[AbstractBlock]) -> float:
-        """The least difference of two rivals' responses, before any parameter takes it up."""
+    def gaps(self, rivals: Sequence[AbstractBlock]) -> list[float]:
+        """How far every two rivals' responses are apart, before any parameter takes it up."""
         found = [self._whitened(block.respond(self.fine, self.grid)) for block in rivals]
-        return min(float(np.var(one - other)) for one, other in combinations(found, 2))
+        return [float(np.var(one - other)) for one, other in combinations(found, 2)]
 
-    def separability(self, rivals: Sequence[AbstractBlock]) -> float:
-        """The least λ over all pairs of rivals."""
+    def separability(self, rivals: Sequence[AbstractBlock]) -> np.ndarray:
+        """λ (rivals, rivals), the lesser of both orders of a pair."""
         responses, bases = [], []
         for block in rivals:
             layout = layout_of(block)
@@ -264,9 +289,9 @@ class _Trial:
             own = np.ones((self.fine.size, 1))
             bases.append(orthonormal(self._whitened(np.concatenate([*pieces, own], axis=1))))
             responses.append(self._whitened(response))
-        worth = []
+        worth = np.diag(np.full(len(rivals), np.finfo(float).max))
         for one, other in permutations(range(len(rivals)), 2):
             difference = responses[one] - responses[other]
             left = difference - bases[other] @ (bases[other].T @ difference)
-            worth.append(float(left @ left))
-        return float(np.nan_to_num(min(worth), nan=0.0))
+            worth[one, other] = np.nan_to_num(left @ left, nan=0.0)
+        return np.minimum(worth, worth.T)

@@ -6,11 +6,10 @@ from collections.abc import Sequence
 
 from .._blocks import EFFECTS
 from .._fit import Fit, Noise
-from ._next_experiment import Proposal
+from ._next_experiment import LIKELY, Proposal
 from ._result import Axis, Candidate, HeldOut, NamedEffect, NextExperiment, Verdict
 
 _SIGNIFICANCE = 0.01
-_LIKELY = 0.5
 _FAR = 2.0
 """Noise floors from which on an error on data held out is remarked on."""
 
@@ -115,17 +114,29 @@ def advice(one: str, other: str) -> str | None:
 
 def next_experiment(names: Sequence[str], proposal: Proposal) -> NextExperiment:
     """The proposed drive, with what to expect of it."""
-    told = " from ".join((names[0], " and ".join(names[1:])))
+    first, drive = names[0], proposal.drive
+    told = [names[k] for k in proposal.told]
+    rest = [name for name in names[1:] if name not in told]
+    parted, left = " and ".join(told), " and ".join(rest)
     chance = proposal.probability
-    sentence = f"Record {proposal.drive.description}: "
-    if chance >= _LIKELY:
-        sentence += f"it tells {told} with a probability of {chance:.2f}."
-    else:
-        sentence += (
-            f"of the drives within the limits it is the best to tell {told}, but succeeds only "
-            f"with a probability of {chance:.2g}."
+    probability = f"{chance:.2f}" if chance >= 0.01 else "less than 0.01"
+    if chance < LIKELY:
+        sentence = (
+            f"No drive within the limits is likely to tell {first} from {parted}: the best of "
+            f"them, {drive.description}, does so with a probability of {probability}. "
         )
-    known = advice(names[0], names[1])
-    if known and chance < _LIKELY:
-        sentence += f" Better would be {known}."
-    return NextExperiment(sentence, tuple(names), chance, proposal.drive)
+        known = advice(first, told[0])
+        remedy = "Wider limits, less noise or a longer recording may help."
+        sentence += f"Better would be {known}." if known else remedy
+    else:
+        sentence = (
+            f"Record {drive.description}: it tells {first} from {parted} with a probability of "
+            f"{probability}."
+        )
+        if rest:
+            sentence += f" No one drive within the limits is likely to tell it from {left} too"
+            known = advice(first, rest[0])
+            sentence += f"; better for that would be {known}." if known else "."
+        elif not proposal.all_apart:
+            sentence += f" What tells {parted} apart too is not among the drives within the limits."
+    return NextExperiment(sentence, (first, *told), chance, drive)

@@ -37,7 +37,8 @@ from scipy.stats import norm
 import fracjax as fj
 from fracjax._blocks import EFFECTS
 from fracjax._computing import computing
-from fracjax._diagnose._judgement import DELTA_BIC, SIGNIFICANCE, delta_bic, margin_of
+from fracjax._diagnose._evidence import delta_bic
+from fracjax._diagnose._judgement import DELTA_BIC, SIGNIFICANCE, margin_of
 from fracjax._diagnose._refit import refit
 from fracjax._diagnose._residual import residual_of
 from fracjax._diagnose._score import Residual, Scorer

@@ -59,6 +59,33 @@ def test_times_and_sizes_are_found_small_or_large(scale):
     assert told.searched == pytest.approx(2 * np.log(told.solved.samples))
 
 
+def test_what_is_back_at_once_is_a_tail_of_the_noise_and_tells_nothing():
+    """A reading that is off by thirty times the noise once, beside a jump that stays and alone."""
+    off = [(0.8, 0.3), (0.8 + STEP, -0.3)]
+    for lasting in ([(1.9, 0.06)], []):
+        seen = recording(*off, *lasting)
+        with jax.enable_x64(True):
+            base = fitted(seen)
+            told = find_jumps(base, 10.0)
+        assert told is not None
+        assert told.count == 2 + len(lasting)
+        ahead = told.ahead_of(base.solved)
+        assert told._brief(0) == [slice(160, 162)]
+        if lasting:
+            wanted = ahead_without_samples(told, base, slice(160, 162)) - 2 * np.log(600)
+            assert ahead == pytest.approx(wanted)
+            assert ahead > 10
+        else:
+            assert ahead == -np.inf
+            assert base.solved.cost - told.solved.cost > 500
+
+
+def ahead_without_samples(told: Jumps, base: Stage, out: slice) -> float:
+    """What jumps take from χ² of a recording, but for some samples, in units of what they leave."""
+    (own,), (others,) = told.solved.whitened, base.solved.whitened
+    return float(np.sum(np.delete(others**2 - own**2, np.r_[out]))) / told.solved.left
+
+
 def test_noise_alone_jumps_nowhere():
     assert found(recording(), least=0.0) is None
 

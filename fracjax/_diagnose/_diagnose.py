@@ -35,7 +35,6 @@ from .._fit._border import model_of, recordings_of, require_recording, whole
 from .._models import Model
 from .._recording import Recording, require_units_of
 from ._codes import seen_in_codes
-from ._evidence import delta_bic
 from ._held_out import (
     Predict,
     Prediction,
@@ -268,8 +267,7 @@ class _Conclusion:
         jumps = find_jumps(base, _WORTH_FITTING * max(gained, base.excess))
         if jumps is None or explained_fraction(base, jumps.solved) < EXPLAINED:
             return None
-        ahead = delta_bic(stage.solved, jumps.solved) - jumps.searched
-        return jumps if ahead >= DELTA_BIC else None
+        return jumps if jumps.ahead_of(stage.solved) >= DELTA_BIC else None
 
     def _extended(self, progress: Progress) -> Fit:
         """The fit with what was adopted, and the intervals of what is named."""

@@ -6,7 +6,8 @@ A mount that slips, a domain that switches, a counter that loses a fringe, a rea
 
 found one after the other by the projected score test, with a step at every sample for a column,
 then fitted together with the base.  Each costs two numbers in BIC.  Effects of the catalogue that
-leave more than that have only followed them.
+leave more than that have only followed them.  What is back after a few samples is no jump but a
+tail of the noise, and says nothing for or against an effect.
 Source: Basseville & Nikiforov, Detection of Abrupt Changes (1993), section 2.6.
 """
 
@@ -26,6 +27,7 @@ _MOST = 6
 _PLACES = 400
 _AT_ONCE = 4_000_000
 _LEAST_SEEN = 1e-6
+_BRIEF, _BACK = 5, 0.5
 
 
 @dataclass(frozen=True)
@@ -50,6 +52,36 @@ class Jumps:
         """Of each recording's jumps, in the response's unit."""
         takes = zip(self.preparation.takes, self.solved.own, strict=True)
         return [own[own.size - len(take.jumps) :] for take, own in takes]
+
+    def ahead_of(self, other: Solved) -> float:
+        """What jumps that last gain in BIC over another fit, where the noise is not in its tails;
+        -inf where none lasts."""
+        if 2 * sum(len(self._brief(k)) for k in range(len(self.sizes))) == self.count:
+            return -np.inf
+        cost, numbers = 0.0, self.solved.free - other.free + self.count
+        pairs = zip(self.solved.whitened, other.whitened, strict=True)
+        for k, (own, others) in enumerate(pairs):
+            counted = np.ones(own.size, dtype=bool)
+            for brief in self._brief(k):
+                counted[brief] = False
+                numbers -= 4
+            cost += float(np.sum((others**2 - own**2)[counted]))
+        return cost / self.solved.left - numbers * float(np.log(self.solved.samples))
+
+    def _brief(self, k: int) -> list[slice]:
+        """Where a jump of the k-th recording is back after a few samples, with what whitening makes
+        of it."""
+        take = self.preparation.takes[k]
+        assert take.noise is not None  # a diagnosis has one
+        steps = sorted(zip(take.jumps, self.sizes[k], strict=True))
+        found = []
+        while len(steps) > 1:
+            (at, size), (then, back), *_ = steps
+            returns = abs(size + back) < _BACK * max(abs(size), abs(back))
+            if then - at <= _BRIEF and returns:
+                found.append(slice(at, then + take.noise.whitening.size))
+            steps = steps[2 if then - at <= _BRIEF and returns else 1 :]
+        return found
 
     def p_value(self, base: Stage) -> float:
         """P(jumps that gain so much in χ²) where the base is right, wherever they may be."""

@@ -12,7 +12,7 @@ import pytest
 import fracjax as fj
 from fracjax._blocks import EFFECTS
 from fracjax._diagnose import _procedure, _refit
-from fracjax._diagnose._held_out import Gain, Predict, Prediction
+from fracjax._diagnose._held_out import Gain, Predict, Prediction, predict_stretches
 from fracjax._diagnose._judgement import Judged, best_of
 from fracjax._diagnose._refit import Refit, sought_further, within_usual_ranges
 from fracjax._diagnose._stage import Layer, Stage, wrapped
@@ -64,7 +64,10 @@ def judged(stage: Stage, name: str) -> Judged:
 
 
 def judged_again(
-    names: tuple[str, ...], beside: tuple[str, ...], monkeypatch
+    names: tuple[str, ...],
+    beside: tuple[str, ...],
+    monkeypatch,
+    predict: Predict = predict_stretches,
 ) -> tuple[list[str], str | None]:
     """The effects that stay when each but the last is judged again among `beside`, and the one that
     was too small to."""
@@ -76,8 +79,7 @@ def judged_again(
     with jax.enable_x64(True):
         base, stage = stage_of(()), stage_of(names)
         rounds = [_procedure.Round(judged(base, name), []) for name in names]
-        unused: Any = None
-        stage, rounds, small = _procedure._reconsidered(base, stage, rounds, unused, 0, silent)
+        stage, rounds, small = _procedure._reconsidered(base, stage, rounds, predict, 0, silent)
     assert [layer.effect.name for layer in stage.layers] == [r.winner.name for r in rounds]
     return [r.winner.name for r in rounds], small
 
@@ -92,6 +94,22 @@ def test_what_was_first_adopted_gives_way_to_what_does_better_beside_the_second(
     beside = ("sensor_nonlinearity", "electrostriction")
     found = reconsidered(("sensor_nonlinearity", "drive_lag"), beside, monkeypatch)
     assert found == ["drive_lag", "electrostriction"]
+
+
+@pytest.mark.parametrize(("rmse", "stays"), [(1.2, True), (1.05, False)])
+def test_what_was_first_adopted_stays_where_the_better_fit_foretells_worse(
+    rmse, stays, monkeypatch
+):
+    def predict(solved: Any, _: Any) -> Any:
+        squares = any(name.endswith(".q") for name in named_parameters(solved.block))
+        return SimpleNamespace(rmse=rmse if squares else 1.0)
+
+    names, beside = (
+        ("sensor_nonlinearity", "drive_lag"),
+        ("sensor_nonlinearity", "electrostriction"),
+    )
+    found, _ = judged_again(names, beside, monkeypatch, predict)
+    assert found == (list(names) if stays else ["drive_lag", "electrostriction"])
 
 
 def test_what_was_adopted_beside_one_that_has_given_way_is_judged_again(monkeypatch):

@@ -448,8 +448,8 @@ def _reconsidered(
     other again, where one has given way to another.
 
     It is dropped where they have made it superfluous or too small to stand beside them, which is
-    then told; and gives way where another now does better: what was first to be adopted may have
-    stood in for two.
+    then told; and gives way where another now does better, unless that foretells a held-out
+    recording worse: what was first to be adopted may have stood in for two.
     """
     waiting, too_small = rounds[:-1], None
     for _ in range(_MOST_JUDGED_AGAIN):
@@ -473,7 +473,20 @@ def _reconsidered(
                 stage, rounds, too_small = less, others, winner.name
             else:
                 rounds[k] = Round(winner, found)
-        elif delta_bic(stage.solved, winner.solved) > 0:
-            stage = less.extended(winner.layer, winner.solved, winner.preparation)
+            continue
+        other = less.extended(winner.layer, winner.solved, winner.preparation)
+        if _does_better(other, stage, predict):
+            stage = other
             rounds, waiting = [*others, Round(winner, found)], others.copy()
     return stage, rounds, too_small
+
+
+def _does_better(other: Stage, stage: Stage, predict: Predict) -> bool:
+    """Whether a stage explains more than the one it is to replace, and foretells no worse."""
+    if delta_bic(stage.solved, other.solved) <= 0:
+        return False
+    # Stretches never foretell worse, and each asks for a refit.
+    if predict is predict_stretches:
+        return True
+    before, after = (predict(each.solved, each.preparation) for each in (stage, other))
+    return not foretells_worse(predict, before, after)

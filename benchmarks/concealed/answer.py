@@ -22,6 +22,8 @@ from typing import TYPE_CHECKING
 
 import numpy as np
 
+from .exam import part_of
+
 if TYPE_CHECKING:
     from fracjax import Diagnosis
 
@@ -73,12 +75,11 @@ def tell_each(work: Callable[[dict], str], cases: Iterable[dict], answers: Path,
             print(line, flush=True)
 
 
-def cases_of(exam: Path, part: str) -> list[dict]:
-    """What a diagnosis is given of the cases in a part of the list, such as "0:100"."""
+def cases_of(exam: Path, part: slice) -> list[dict]:
+    """What a diagnosis is given of the cases in a part of the list."""
     labels = json.loads((exam / "labels.json").read_text())
-    first, last = (int(end) if end else None for end in part.split(":"))
     told = ("case", "holdout", "base", "samples")
-    return [{key: label.get(key) for key in told} for label in labels[first:last]]
+    return [{key: label.get(key) for key in told} for label in labels[part]]
 
 
 def main() -> None:
@@ -86,7 +87,7 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=main.__doc__)
     parser.add_argument("--exam", type=Path, required=True)
     parser.add_argument("--answers", type=Path, required=True)
-    parser.add_argument("--cases", default=":")
+    parser.add_argument("--cases", type=part_of, default=":")
     parser.add_argument("--jobs", type=int, default=1)
     options = parser.parse_args()
     work = partial(answer, exam=options.exam, answers=options.answers)

@@ -46,6 +46,7 @@ from fracjax._diagnose._stage import Stage
 from fracjax._fit import fine_enough, fit_of, prepare, settle, silent
 
 from .answer import cases_of, tell_each
+from .exam import part_of
 from .grade import load, table, write_rows
 from .measures import Pair, measure_all
 
@@ -310,7 +311,7 @@ def main() -> None:
     parser.add_argument("--exam", type=Path, required=True)
     parser.add_argument("--answers", type=Path, required=True, help="a folder of each way's")
     parser.add_argument("--ways", nargs="+", choices=list(WAYS), default=list(WAYS))
-    parser.add_argument("--cases", default=":")
+    parser.add_argument("--cases", type=part_of, default=":")
     parser.add_argument("--jobs", type=int, default=1)
     parser.add_argument("--table", type=Path, help="write this table and answer nothing")
     parser.add_argument("--fracjax", type=Path, help="fracjax's own answers, for the table")

@@ -36,6 +36,11 @@ def seal(labels: Sequence[dict]) -> str:
     return hashlib.sha256(canonical(labels).encode()).hexdigest()
 
 
+def part_of(text: str) -> slice:
+    """A part of the list of cases, such as "0:100"."""
+    return slice(*(int(end) if end else None for end in text.split(":")))
+
+
 def write_case(numbered: tuple[int, Spec], folder: File) -> dict:
     """Build and write one case; its label, with the case's name."""
     index, spec = numbered
@@ -91,7 +96,7 @@ def main() -> None:
     p = argparse.ArgumentParser(description=main.__doc__)
     p.add_argument("--out", type=File, required=True)
     p.add_argument("--seed", type=int, default=SEED)
-    p.add_argument("--cases", help="first:last of the list, such as 0:100")
+    p.add_argument("--cases", type=part_of, default=":", help="part of the list, such as 0:100")
     p.add_argument("--subset", choices=["ci"])
     p.add_argument("--kind", choices=list(CI), help="only cases of this kind")
     p.add_argument("--jobs", type=int, default=1)
@@ -100,9 +105,7 @@ def main() -> None:
     specs = design(a.seed)
     which = subset(specs) if a.subset else range(len(specs))
     which = [k for k in which if a.kind in (None, specs[k].kind)]
-    if a.cases:
-        first, last = (int(x) if x else None for x in a.cases.split(":"))
-        which = which[first:last]
+    which = which[a.cases]
     start = time.perf_counter()
     labels = write_exam(a.out, [(k, specs[k]) for k in which], a.jobs)
     seconds = time.perf_counter() - start

@@ -1,6 +1,6 @@
 """Grade a folder of diagnoses against the sealed labels.
 
-Run: python -m benchmarks.concealed.grade --exam DIR --answers OUT --to FOLDER
+Run: python -m benchmarks.concealed.grade --exam DIR --answers OUT --to FOLDER [--cases 0:100]
 
 OUT holds case_0001/diagnosis.json and so on. Writes grade.csv (measure, target, value, low, high,
 n), concealed.csv (the same of the concealed cases alone), failures.csv (every case that missed a
@@ -17,17 +17,17 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path as File
 
 from .answers import Answer, read_answer
-from .exam import is_concealed, seal
+from .exam import is_concealed, part_of, seal
 from .measures import FAINT, Measure, Pair, followed, measure_all, single, truth_of, wilson
 
 
-def load(exam: File, answers: File) -> list[Pair]:
-    """Labels, whose hash must be the sealed one, with the answers to them."""
+def load(exam: File, answers: File, part: slice = slice(None)) -> list[Pair]:
+    """A part of the labels, whose hash must be the sealed one, with the answers to them."""
     labels = json.loads((exam / "labels.json").read_text())
     sealed = (exam / "labels.sha256").read_text().split()[0]
     if seal(labels) != sealed:
         raise SystemExit(f"labels.json has not the sealed hash {sealed}")
-    return [(x, read_answer(answers / x["case"] / "diagnosis.json")) for x in labels]
+    return [(x, read_answer(answers / x["case"] / "diagnosis.json")) for x in labels[part]]
 
 
 def failures(measures: Sequence[Measure], pairs: Sequence[Pair]) -> list[dict]:
@@ -110,8 +110,9 @@ def main() -> None:
     p.add_argument("--exam", type=File, required=True, help="folder with labels.json")
     p.add_argument("--answers", type=File, required=True, help="folder of case_0001/diagnosis.json")
     p.add_argument("--to", type=File, required=True, help="folder for the tables")
+    p.add_argument("--cases", type=part_of, default=":", help="part of the labels, such as 0:100")
     a = p.parse_args()
-    pairs = load(a.exam, a.answers)
+    pairs = load(a.exam, a.answers, a.cases)
     measures = measure_all(pairs)
     whole, hidden = table(measures), table(concealed(pairs))
     a.to.mkdir(parents=True, exist_ok=True)

@@ -11,7 +11,7 @@ import pytest
 from .answers import Answer, covered, read_answer
 from .build import Spec, build
 from .design import LEVELS, design, subset
-from .exam import canonical, describe, is_concealed, plain, seal, write_exam
+from .exam import canonical, describe, is_concealed, part_of, plain, seal, write_exam
 from .grade import by_effect, concealed, failures, load, main, table
 from .measures import calibration, confidently_wrong, heldout, measure_all, wilson
 from .survey import look
@@ -114,6 +114,7 @@ def test_exam_is_written_and_sealed(tmp_path: Path) -> None:
         assert text[0] == "time_s,voltage_V,displacement_um"
         assert len(text) > 1900
     assert len(load(tmp_path, tmp_path)) == 2
+    assert [x["case"] for x, _ in load(tmp_path, tmp_path, part_of("1:"))] == ["case_0042"]
     altered = [labels[0] | {"base": "lfdh"}, labels[1]]
     (tmp_path / "labels.json").write_text(json.dumps(altered))
     with pytest.raises(SystemExit, match="sealed hash"):

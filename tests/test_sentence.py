@@ -1,5 +1,6 @@
 """What a diagnosis says in words."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -87,6 +88,14 @@ def test_a_verdict_of_none_names_what_could_be_hidden(monkeypatch):
         "foh and the recording agree within the noise floor of 1 um (specification); best hidden "
         "would be creep, seen only if it changes the response by more than 0.25 um rms."
     )
+    elsewhere = replace(HELD_OUT, method="recording", base_rmse=40.0)
+    assert said("none", held_out=elsewhere) == said("none") + (
+        " But it is 40 um off on the recording held out, 40 times the noise: that shows what this "
+        "one does not, or this one leaves the numbers too open to predict it; diagnose both "
+        "together."
+    )
+    assert said("none", held_out=replace(elsewhere, base_rmse=1.9)) == said("none")
+    assert said("none", held_out=replace(elsewhere, method="stretches")) == said("none")
     monkeypatch.setattr(SETTING, "response_span", 0.2)
     assert said("none").endswith("creep, which foh takes up whole on such a drive.")
     residual = fj.Noise(1.0, "um", "residual", np.ones(1), 1.0)

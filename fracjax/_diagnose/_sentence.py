@@ -60,6 +60,7 @@ def sentence_of(
                 f"{unit} where {floor} would be left. Either a few samples are outliers, or the "
                 "noise has tails that so little of it does not show: record repeats or a longer "
                 "rest, or leave out the times of the outliers (--mask)."
+                + _shown_elsewhere(held_out, noise)
             )
         seen = f"which {name} takes up whole on such a drive"
         if hidden.is_seen_within(base.preparation.setting.response_span):
@@ -67,7 +68,7 @@ def sentence_of(
             seen = f"seen only if it changes the response by more than {least}"
         return (
             f"{name} and the recording agree within {floor}; best hidden would be "
-            f"{hidden.name}, {seen}."
+            f"{hidden.name}, {seen}.{_shown_elsewhere(held_out, noise)}"
         )
     improvement = ""
     if held_out.extended_rmse is not None:
@@ -105,6 +106,18 @@ def sentence_of(
             f"{', '.join(others)}.{improvement}"
         )
     return f"{name} leaves out {parts}.{improvement}"
+
+
+def _shown_elsewhere(held_out: HeldOut, noise: Noise) -> str:
+    """What is to be said of a recording held out that a base without mismatch does not predict."""
+    times = held_out.base_rmse / noise.sigma
+    if held_out.method != "recording" or times <= _FAR:
+        return ""
+    return (
+        f" But it is {held_out.base_rmse:.3g} {noise.unit} off on the recording held out, "
+        f"{times:.2g} times the noise: that shows what this one does not, or this one leaves the "
+        "numbers too open to predict it; diagnose both together."
+    )
 
 
 def advice(one: str, other: str) -> str | None:

@@ -123,6 +123,21 @@ def test_of_a_rest_a_parabola_and_logarithms_of_time_are_no_noise():
     assert np.std(_without_relaxation(slow + x**5)) > 1e-3
 
 
+@pytest.mark.parametrize("periods", [3, 4])
+def test_of_few_periods_the_decay_of_a_memory_and_a_drift_are_no_noise(periods):
+    """Of three there is one second difference, and nothing tells when it has settled."""
+    period = 400
+    times = STEP * np.arange(periods * period)
+    drive = 50 - 40 * np.cos(2 * np.pi * np.arange(times.size) / period)
+    slow = 0.5 * np.log1p(times / 0.05) - 2.0 * np.exp(-times / 1.5)
+    noise = SIGMA * np.random.default_rng(4).standard_normal(times.size)
+    found = measured_noise(recorded(drive, slow + noise))
+    assert found is not None
+    assert found.method == "repeats"
+    assert found.sigma == pytest.approx(SIGMA, rel=0.1)
+    assert found.filter.size == 1
+
+
 def test_a_rest_whose_code_never_changes_tells_no_noise():
     """The noise is smaller than the converter's step there, not nought."""
     drive = staircase()

@@ -21,6 +21,7 @@ _REST_SECONDS = 0.2
 # Successive second differences have the correlations -2/3 and 1/6: 1 + 2 Σ ρ² ≈ 2.
 _SHARED = 2.0
 _RELAXATION = 5
+_FEW, _LEAST_PER_TERM = 3, 10
 _PIECES = 12
 _SHORTEST_PIECE = 40
 _SURELY_VARYING = 1e-4
@@ -276,6 +277,11 @@ def _from_repeats(
         blocks, starts = blocks[whole], starts[whole]
         if not len(blocks):
             return []
+    if len(blocks) < _FEW and period > _LEAST_PER_TERM * _RELAXATION:
+        # Too few to tell when that has settled: its slow bend is taken off.  Of many it is not, for
+        # it would take the slow part of the noise too.
+        pairs = zip(blocks, starts, strict=True)
+        return [_Stretch(_without_relaxation(b), int(start), _RELAXATION) for b, start in pairs]
     spread = blocks.std(axis=1)
     settled = int(np.argmax(spread <= 1.2 * np.median(spread)))
     mean = blocks[settled:].mean()

@@ -281,12 +281,12 @@ def answer(case: dict, exam: Path, answers: Path, ways: Sequence[str]) -> str:
     return "\n".join(lines)
 
 
-def compared(exam: Path, fracjax: Path, answers: Path) -> list[dict]:
-    """The measures of every way on the cases that it and fracjax have tried; where a way has not
-    tried all of fracjax's, fracjax's on the same ones too."""
+def compared(exam: Path, fracjax: Path, answers: Path, part: slice = slice(None)) -> list[dict]:
+    """The measures of every way on the cases of a part that it and fracjax have tried; where a way
+    has not tried all of fracjax's, fracjax's on the same ones too."""
 
     def tried(folder: Path) -> dict[str, Pair]:
-        pairs = {label["case"]: (label, found) for label, found in load(exam, folder)}
+        pairs = {label["case"]: (label, found) for label, found in load(exam, folder, part)}
         return {case: pair for case, pair in pairs.items() if (folder / case).exists()}
 
     def rows_of(way: str, pairs: Iterable[Pair]) -> list[dict]:
@@ -319,7 +319,8 @@ def main() -> None:
     if options.table:
         if options.fracjax is None:
             parser.error("--table needs --fracjax")
-        write_rows(options.table, compared(options.exam, options.fracjax, options.answers))
+        told = compared(options.exam, options.fracjax, options.answers, options.cases)
+        write_rows(options.table, told)
         return
     work = partial(answer, exam=options.exam, answers=options.answers, ways=options.ways)
     tell_each(work, cases_of(options.exam, options.cases), options.answers, options.jobs)

@@ -38,7 +38,8 @@ def seal(labels: Sequence[dict]) -> str:
 
 def part_of(text: str) -> slice:
     """A part of the list of cases, such as "0:100"."""
-    return slice(*(int(end) if end else None for end in text.split(":")))
+    first, last = (int(end) if end else None for end in text.split(":"))
+    return slice(first, last)
 
 
 def write_case(numbered: tuple[int, Spec], folder: File) -> dict:

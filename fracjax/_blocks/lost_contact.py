@@ -24,11 +24,12 @@ class LostContact(AbstractBlock):
     Above the threshold y_c [response] the load follows, behind a contact that yields as Hertz's,
     the less the more it is pressed (c Y is what it has yielded one span Y [response] above; c = 0:
     a rigid one); below it, by the share 1 - w of the motion (w = 1: the load stays where a stop or
-    its own spring holds it).  y is counted from the response at the first sample, as y_c is: a
-    recording does not tell where the zero of its sensor lies, and a law with memory leaves its own
-    level open by what happened before.  Recordings that are fitted together, or predicted, must
-    therefore start from the same displacement; and the response must count positive in the
-    direction in which the actuator pushes.
+    its own spring holds it).  y is counted from the response at the first sample, as y_c is, but
+    after a rest from that at rest: where a drive jumps from it, what follows at once depends on the
+    step.  For a recording does not tell where the zero of its sensor lies, and a law with memory
+    leaves its own level open by what happened before.  Recordings that are fitted together, or
+    predicted, must therefore start from the same displacement; and the response must count
+    positive in the direction in which the actuator pushes.
     Between samples nothing is assumed: the kink acts at each instant.  A load that its own inertia
     throws off is `ThrownLoad`'s.
     Ranges: y_c anywhere in the stroke, w from 0 to 1 by its meaning, c some percent.
@@ -60,7 +61,8 @@ class LostContact(AbstractBlock):
         return False
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
-        above = drive - drive[0] - self.threshold.value
+        begun = 0.0 if grid.history == "rest" else drive[0]
+        above = drive - begun - self.threshold.value
         # A cube root has no derivative at 0.
         pressed = jnp.maximum(above / self.span, _LEAST) ** (2 / 3)
         missing = self.share.value * jnp.minimum(above, 0.0)

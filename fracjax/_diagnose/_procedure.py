@@ -8,7 +8,7 @@ from functools import cache
 
 import numpy as np
 
-from .._blocks import EFFECTS, AbstractBlock
+from .._blocks import EFFECTS, AbstractBlock, Effect
 from .._fit import LIMIT, Preparation, Progress, Solved, fine_enough, residual_noise
 from .._parameters import named_parameters, set_values
 from ._evidence import delta_bic, spared
@@ -311,7 +311,7 @@ def _judge(
         if not waiting:
             waiting = _look_alikes_missed([judged for _, judged in found], scores)
     found = _sought_further(stage.solved, found, seed, progress)
-    return _contenders_refined(stage.solved, found, progress)
+    return _contenders_refined(stage.solved, found, seed, progress)
 
 
 def _kept_usual(attempt: Refit, stage: Stage) -> Refit:
@@ -326,14 +326,18 @@ def _look_alikes_missed(found: list[Judged], scores: list[EffectScore]) -> list[
     if best is None:
         return []
     refitted = {judged.name for judged in found}
-    effect = best.layer.effect
     return [
         score
         for score in scores
         if score.effect.name not in refitted
-        and (score.effect.name in effect.separated_by or best.name in score.effect.separated_by)
+        and _look_alike(score.effect, best.layer.effect)
         and np.max(score.z**2) >= DELTA_BIC
     ]
+
+
+def _look_alike(one: Effect, other: Effect) -> bool:
+    """Whether the catalogue says how to tell the two apart."""
+    return one.name in other.separated_by or other.name in one.separated_by
 
 
 @dataclass(frozen=True)
@@ -374,31 +378,62 @@ class _Question:
 
 
 def _contenders_refined(
-    before: Solved, found: list[tuple[_Question, Judged]], progress: Progress
+    before: Solved, found: list[tuple[_Question, Judged]], seed: int, progress: Progress
 ) -> list[Judged]:
     """The judged, their numerics checked where it matters: of the best, of its rivals and of what
     gains nearly as much, for of two modes that one would fall behind whose grid stays coarse.
 
     Where none is admissible, of those that gain at least half of what any does: on too coarse a
-    grid a mode seems damped, and the number that makes up for it implausible.
+    grid a mode seems damped, and the number that makes up for it implausible.  Where a finer grid
+    makes more of one, its look-alikes are sought on that grid too: on the coarse one they may have
+    ended far off.
     """
-    judged = [answer for _, answer in found]
-    share = _NEARLY if best_of(judged) else _HALF
+    found = list(found)
+    share = _NEARLY if best_of([answer for _, answer in found]) else _HALF
     checked: set[int] = set()
+    sought: set[int] = set()
     while True:
+        judged = [answer for _, answer in found]
         best = best_of(judged)
         near = [] if best is None else [best, *rivals_of(best, judged)]
         asked = _gaining(before, judged, share) | {k for k, j in enumerate(judged) if j in near}
         todo = sorted(asked - checked)
         if not todo:
-            break
+            return judged
         k = todo[0]
-        solved, preparation, numerics = fine_enough(
-            judged[k].solved, judged[k].preparation, progress
-        )
-        judged[k] = found[k][0].answered(solved, preparation, numerics)
+        question, coarse = found[k]
+        refined = _refined(question, coarse, progress)
+        found[k] = question, refined
         checked.add(k)
-    return judged
+        if coarse.solved.cost - refined.solved.cost >= DELTA_BIC:
+            alike = {
+                k for k, j in enumerate(judged) if _look_alike(j.layer.effect, refined.layer.effect)
+            }
+            for i in sorted(alike - checked - sought):
+                progress(f"refitting with {judged[i].name} on the grid of {refined.name}")
+                found[i] = _sought_on(refined.preparation, found[i][0], seed)
+                sought.add(i)
+
+
+def _refined(question: _Question, judged: Judged, progress: Progress) -> Judged:
+    """A candidate on a grid that is fine enough, in its usual ranges where that costs little."""
+    solved, preparation, numerics = fine_enough(judged.solved, judged.preparation, progress)
+    attempt = replace(question.attempt, solved=solved)
+    kept = _kept_usual(attempt, replace(question.stage, preparation=preparation))
+    if kept is not attempt:
+        question = replace(question, attempt=kept)
+        solved, preparation, numerics = fine_enough(kept.solved, preparation, progress)
+    return question.answered(solved, preparation, numerics)
+
+
+def _sought_on(
+    preparation: Preparation, question: _Question, seed: int
+) -> tuple[_Question, Judged]:
+    """A candidate refitted anew on another grid."""
+    stage = replace(question.stage, preparation=preparation)
+    attempt = refit(question.attempt.score, stage, [stage.solved.block], seed, np.inf)
+    question = replace(question, attempt=_kept_usual(attempt, stage))
+    return question, question.answered(question.attempt.solved, preparation, 0.0)
 
 
 def _sought_further(

@@ -302,6 +302,19 @@ def test_rivals_are_those_within_25_or_a_hundredth():
     assert rivals_of(judged_of("a", 50, conceded=2), [usual]) == []
 
 
+def test_a_law_of_many_numbers_is_named_where_it_has_the_evidence_but_is_no_rival_for_having_them():
+    rigid, many = judged_of("c", 59, spared=2), judged_of("m", 43, spared=49)
+    assert best_of([rigid, many]) is many
+    assert rivals_of(many, [rigid, many]) == []
+    # Behind in both, or ahead in one alone and near in the other, it is told.
+    close = judged_of("c", 71, spared=2)
+    assert rivals_of(many, [close, many]) == [close]
+    assert probability_of(many, [close, many]) == pytest.approx(0.96 / (1 + np.exp(-19 / 8)))
+    simple, imitating = judged_of("a", 200, spared=-2), judged_of("m", 148, spared=41)
+    assert best_of([imitating, simple]) is simple
+    assert rivals_of(simple, [imitating, simple]) == []
+
+
 SCORED: Any = SimpleNamespace()
 
 

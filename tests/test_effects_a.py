@@ -4,6 +4,7 @@ What all blocks have in common is tested in test_blocks.py.
 """
 
 from itertools import pairwise
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -14,7 +15,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from scipy import signal
 from scipy.integrate import solve_ivp
-from scipy.optimize import linprog
+from scipy.optimize import brentq, least_squares, linprog
 from scipy.special import gammainc
 
 from fracjax._blocks import (
@@ -26,6 +27,7 @@ from fracjax._blocks import (
     DriveLag,
     Resonance,
     SecondMode,
+    SensorFilter,
     SensorLag,
     SensorNonlinearity,
     Setting,
@@ -116,6 +118,51 @@ def test_sensor_lag_is_its_differential_equation_to_fourth_order(order):
     error, shown = order_of(SensorLag(6.0, order), numerator, denominator, 500)
     assert error < 1e-7
     assert shown == pytest.approx(4, abs=0.2)
+
+
+@pytest.mark.parametrize(("order", "damping"), [(2, 0.8660254037844386), (2, 0.5**0.5), (4, 1.0)])
+def test_a_sensor_filter_is_bessels_butterworths_or_a_chain(order, damping):
+    block = SensorFilter(40.0, order, damping)
+    pair = np.array([1, 2 * damping, 1.0])
+    pole = float(block.frequency)
+    denominator = np.array([1.0])
+    for _ in range(order // 2):
+        denominator = np.polymul(denominator, pair * [1 / pole**2, 1 / pole, 1.0])
+    frequencies = np.geomspace(0.1, 4000, 50)
+    wanted = gains(np.ones(1), denominator, frequencies)
+    np.testing.assert_allclose(frequency_response(block, frequencies), wanted, rtol=1e-10)
+    assert abs(frequency_response(block, 40.0)[0]) == pytest.approx(1 / np.sqrt(2), rel=1e-12)
+
+
+ANALOG: dict[str, Any] = {
+    "bessel": lambda order: signal.bessel(order, 100.0, analog=True),
+    "butter": lambda order: signal.butter(order, 100.0, analog=True),
+}
+
+
+@pytest.mark.parametrize(
+    ("design", "order", "limit"),
+    [("bessel", 3, 1e-4), ("bessel", 4, 8e-4), ("butter", 3, 1e-3), ("butter", 4, 6e-3)],
+)
+def test_a_sensor_filter_comes_close_to_those_of_unlike_pairs(design, order, limit):
+    numerator, denominator = ANALOG[design](order)
+    frequencies = np.geomspace(0.1, 0.5 * corner_of(numerator, denominator), 200)
+    wanted = gains(numerator, denominator, frequencies)
+
+    def miss(numbers: np.ndarray) -> np.ndarray:
+        block = SensorFilter(numbers[0], numbers[1], numbers[2])
+        change = frequency_response(block, frequencies) - wanted
+        return np.concatenate([np.real(change), np.imag(change)])
+
+    bounds = ([5.0, 1.01, 0.66], [50.0, 3.999, 0.99])
+    found = least_squares(miss, [16.0, 3.0, 0.8], bounds=bounds, x_scale=[10, 1, 0.1])
+    assert np.sqrt(2 * found.cost / frequencies.size) < limit
+
+
+def corner_of(numerator, denominator) -> float:
+    """Where the gain is 1/√2, in Hz."""
+    root: Any = brentq(lambda f: np.abs(gains(numerator, denominator, f)) - np.sqrt(0.5), 0.1, 100)
+    return root
 
 
 @pytest.mark.parametrize("order", [1.3, 2.0, 3.6])

@@ -65,6 +65,7 @@ from .quasi_static_force import QuasiStaticForce as QuasiStaticForce
 from .resonance import Resonance as Resonance
 from .saturation import Saturation as Saturation
 from .second_mode import SecondMode as SecondMode
+from .sensor_lag import SensorFilter as SensorFilter
 from .sensor_lag import SensorLag as SensorLag
 from .sensor_nonlinearity import SensorNonlinearity as SensorNonlinearity
 from .single_operator import SingleOperator as SingleOperator

@@ -6,7 +6,9 @@ evidence, as far as the data know them.
 D (L, k) the derivatives of the whitened response by the effect's own numbers, Q an orthonormal
 basis of those by all others, S the sd that was expected of each number.  BIC's k ln n is what this
 tends to where the data know every number well.  Of an effect near the noise they do not: numbers
-that change nothing cost nothing, and a law is not excluded for having them.
+that change nothing cost nothing, and a law is not excluded for having them.  Where no size was
+expected of a number its own is taken, and what the noise makes of that is counted against it: 1,
+the expectation of χ².
 Source: MacKay, Neural Computation 4 (1992) 415 (Occam factor); Kass & Raftery, J. Am. Stat. Assoc.
 90 (1995) 773.
 """
@@ -40,7 +42,8 @@ def spared(solved: Solved, preparation: Preparation, layer: Layer) -> float:
     moved = derivative[:, own] * sizes
     beside = np.nan_to_num(moved - basis @ (basis.T @ moved))
     cost = np.linalg.slogdet(np.eye(own.size) + beside.T @ beside / solved.left)[1]
-    return float(own.size * np.log(solved.samples) - cost)
+    read_off = sum(int(np.sum(~np.isfinite(p.expected_sd))) for p in parameters.values())
+    return float(own.size * np.log(solved.samples) - cost - read_off)
 
 
 def _expected(parameter: Parameter) -> np.ndarray:

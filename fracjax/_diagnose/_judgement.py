@@ -67,6 +67,11 @@ class Judged:
         return self.refit.solved
 
     @property
+    def evidence(self) -> float:
+        """What it gains by Laplace's evidence, in BIC's units."""
+        return self.delta_bic + self.spared
+
+    @property
     def admissible(self) -> bool:
         """Better beyond doubt, also on data held out, within its range, and not an artefact."""
         return (
@@ -79,8 +84,17 @@ class Judged:
 
 
 def best_of(found: Sequence[Judged]) -> Judged | None:
-    """The admissible candidate that fits best."""
-    return max((j for j in found if j.admissible), key=lambda j: j.delta_bic, default=None)
+    """The admissible candidate with the most evidence.
+
+    By BIC each of eight plays costs as much as a number that the data know well, and a law of few
+    numbers that fits and foretells less would take its name.
+    """
+    return max((j for j in found if j.admissible), key=lambda j: j.evidence, default=None)
+
+
+def _ahead(j: Judged, winner: Judged) -> float:
+    """How far another is ahead of the winner in BIC and in evidence: the lesser of both."""
+    return min(j.delta_bic - winner.delta_bic, j.evidence - winner.evidence)
 
 
 def margin_of(gain: float) -> float:
@@ -100,7 +114,7 @@ def unusual_loss(gain: float) -> float:
 
 
 def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
-    """The effects that fit as well as the winner or better, best first.
+    """The effects that fit as well as the winner or better, by BIC and by evidence, best first.
 
     One outside its expected range is not adopted, nor one that folds of held-out data speak
     against; yet what fits better is not excluded by either.  What fits less well, and only far from
@@ -111,11 +125,11 @@ def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
     margin = margin_of(winner.altogether)
 
     def comes_close(j: Judged) -> bool:
-        ahead = j.delta_bic - winner.delta_bic
         possible = j.plausible and not j.gain.refuted
         spared = np.clip(j.spared - winner.spared, 0.0, DELTA_BIC)
-        near = ahead + j.conceded - winner.conceded + spared > -margin
-        return j.numerics <= LIMIT and (ahead > 0 or (possible and near))
+        behind = min(j.delta_bic - winner.delta_bic + spared, j.evidence - winner.evidence)
+        near = behind + j.conceded - winner.conceded > -margin
+        return j.numerics <= LIMIT and (_ahead(j, winner) > 0 or (possible and near))
 
     close = [j for j in found if j is not winner and comes_close(j)]
     return sorted(close, key=lambda j: -j.delta_bic)
@@ -128,7 +142,7 @@ def probability_of(winner: Judged, found: Sequence[Judged]) -> float:
     of that, by which 61 first names of an exam made for development are the most probable.  In
     three before it one effect in thirty that had no rival was another.
     """
-    behind = [max(0.0, winner.delta_bic - j.delta_bic) for j in rivals_of(winner, found)]
+    behind = [max(0.0, -_ahead(j, winner)) for j in rivals_of(winner, found)]
     return SUREST / (1 + float(np.sum(np.exp(-np.array(behind) / _TEMPERED))))
 
 

@@ -329,7 +329,7 @@ SCORED: Any = SimpleNamespace()
         (judged_of("b", 9.9), 0.001, 0.0, "rejected: the refit gains only 9.9 in BIC"),
         (judged_of("b", 100, plausible=False), 0.001, 0.0, "outside their plausible range"),
         (judged_of("b", 100, gain=replace(CONVINCING, fall=1.9)), 0.001, 0.0, "not predict held-o"),
-        (judged_of("b", 100), 0.001, 0.0, "fits less well than the adopted effect"),
+        (judged_of("b", 100), 0.001, 0.0, "has less evidence than the adopted effect"),
     ],
 )
 def test_every_candidate_is_told_why(judged, p_value, numerics, said):

@@ -231,4 +231,4 @@ def reason(
         return "rejected: the recording held out is foretold worse with it than without"
     if not judged.gain.convincing:
         return "rejected: the refit does not predict held-out data better beyond doubt"
-    return "fits less well than the adopted effect"
+    return "has less evidence than the adopted effect"

@@ -1,7 +1,7 @@
 """The rounds of a diagnosis: look-alikes from the catalogue, a second look at the first effect,
 optima far out in a flat valley."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -391,8 +391,9 @@ def test_what_a_refit_gains_where_each_noise_is_what_it_leaves_itself(monkeypatc
 
 def fine_judged(name: str, gained: float, plausible: bool, left: float = 1.0) -> Judged:
     gain = Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0)
-    solved = SimpleNamespace(gained=gained, bic=-gained * left)
-    refit: Any = SimpleNamespace(name=name, solved=solved)
+    solved = SimpleNamespace(gained=gained, bic=-gained * left, cost=-gained * left)
+    layer = SimpleNamespace(effect=SimpleNamespace(name=name))
+    refit: Any = SimpleNamespace(name=name, solved=solved, layer=layer)
     unseen: Any = None
     return Judged(
         refit, unseen, gained, gained, 0.0, 0.0, 1.0, 0.0, gain, False, unseen, unseen, plausible
@@ -400,28 +401,31 @@ def fine_judged(name: str, gained: float, plausible: bool, left: float = 1.0) ->
 
 
 def refined_contenders(
-    found: list[Judged], finer: dict[str, float], monkeypatch
+    found: list[Judged], finer: dict[str, float], monkeypatch, alike: str = ""
 ) -> tuple[list[str], list[Judged]]:
     """Who was judged on a finer grid, in order, and all as they are judged then; `finer` holds what
-    some gain there."""
+    some gain there, and those `alike` are look-alikes of each other."""
     asked = []
 
-    class Question:
-        def __init__(self, name: str):
-            self.name = name
+    def judged_finer(name: str, gained: float) -> Judged:
+        return fine_judged(name, finer.get(name, gained), plausible=True)
 
-        def answered(self, solved: Any, preparation: Any, numerics: float) -> Judged:
-            asked.append(self.name)
-            gained: Any = finer.get(self.name, solved.gained)
-            return fine_judged(self.name, gained, plausible=True)
+    def refined(_: Any, judged: Any, __: Any) -> Judged:
+        asked.append(judged.name)
+        return judged_finer(judged.name, judged.solved.gained)
 
-    def fine_enough(solved: Any, preparation: Any, _: Any) -> tuple[Any, Any, float]:
-        return solved, preparation, 0.1
+    def sought_on(_: Any, name: Any, __: int) -> tuple[Any, Judged]:
+        asked.append(f"{name} anew")
+        return name, judged_finer(name, 0.0)
 
-    monkeypatch.setattr(_procedure, "fine_enough", fine_enough)
-    questions: Any = [(Question(judged.name), judged) for judged in found]
+    monkeypatch.setattr(_procedure, "_refined", refined)
+    monkeypatch.setattr(_procedure, "_sought_on", sought_on)
+    monkeypatch.setattr(
+        _procedure, "_look_alike", lambda one, other: {one.name, other.name} <= set(alike)
+    )
+    questions: Any = [(judged.name, judged) for judged in found]
     before: Any = SimpleNamespace(bic=0.0)
-    return asked, _procedure._contenders_refined(before, questions, silent)
+    return asked, _procedure._contenders_refined(before, questions, 0, silent)
 
 
 @pytest.mark.parametrize(
@@ -448,6 +452,55 @@ def test_what_gains_nearly_as_much_is_judged_on_a_fine_grid_too(second, best, mo
     assert winner is not None
     assert winner.name == best
     assert asked == (["a", "b"] if best == "b" else ["a"])
+
+
+@pytest.mark.parametrize(("on_the_finer", "best"), [(1130, "b"), (900, "a")])
+def test_look_alikes_of_what_a_fine_grid_helps_are_sought_there_anew(
+    on_the_finer, best, monkeypatch
+):
+    """On the coarse one a resonance had ended far off, and a second mode took its name."""
+    gained = {"a": 1000, "b": 300, "c": 300}
+    found = [fine_judged(name, gain, plausible=True) for name, gain in gained.items()]
+    finer = {"a": 1100, "b": on_the_finer}
+    asked, judged = refined_contenders(found, finer, monkeypatch, alike="ab")
+    winner = best_of(judged)
+    assert winner is not None
+    assert winner.name == best
+    assert asked == (["a", "b anew", "b"] if best == "b" else ["a", "b anew"])
+    # Where the grid makes no difference, nothing is sought again.
+    assert refined_contenders(found, {"a": 1005}, monkeypatch, alike="ab")[0] == ["a"]
+
+
+def test_a_refined_candidate_keeps_to_its_usual_ranges_on_its_own_grid(monkeypatch):
+    """Of two modes one left them there for nothing, and was excluded for it."""
+
+    @dataclass(frozen=True)
+    class Question:
+        attempt: Any
+        stage: Any
+
+        def answered(self, solved: Any, preparation: Any, numerics: float) -> Any:
+            return solved, preparation, numerics, self.attempt.conceded
+
+    @dataclass(frozen=True)
+    class Part:
+        solved: Any = None
+        preparation: Any = None
+        conceded: float = 0.0
+
+    def kept_usual(attempt: Any, stage: Any) -> Any:
+        assert (attempt.solved, stage.preparation) == ("out+", "fine+")
+        return Part("in", conceded=3.0)
+
+    monkeypatch.setattr(
+        _procedure, "fine_enough", lambda solved, grid, _: (f"{solved}+", f"{grid}+", 0.1)
+    )
+    monkeypatch.setattr(_procedure, "_kept_usual", kept_usual)
+    question: Any = Question(Part("out"), Part(preparation="coarse"))
+    coarse: Any = Part("out", "fine")
+    assert _procedure._refined(question, coarse, silent) == ("in+", "fine++", 0.1, 3.0)
+    monkeypatch.setattr(_procedure, "_kept_usual", lambda attempt, _: attempt)
+    assert _procedure._refined(question, coarse, silent) == ("out+", "fine+", 0.1, 0.0)
 
 
 @pytest.mark.parametrize(("left", "asked"), [(1.1, ["a", "b"]), (1.0, ["a"])])

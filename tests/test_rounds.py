@@ -151,6 +151,25 @@ def test_look_alikes_that_the_catalogue_knows_are_refitted_too():
 
 
 @pytest.mark.parametrize(
+    ("explained", "plausible", "asked"),
+    [(0.6, True, []), (0.4, True, ["delay", "creep"]), (0.6, False, ["delay", "creep"])],
+)
+def test_where_nothing_that_may_be_named_explains_half_every_other_promising_effect_is_refitted(
+    explained, plausible, asked
+):
+    """A drift that the base had absorbed scored less than ten others, of which none explained it."""
+
+    def scored(name: str, z: float) -> Any:
+        return SimpleNamespace(effect=EFFECTS[name], z=np.array([z]), log_evidence=z)
+
+    best = replace(fine_judged("saturation", 1000, plausible), explained=explained)
+    scores = [scored("saturation", 9.0), scored("creep", 3.5), scored("delay", 4.0)]
+    scores.append(scored("backlash", 2.0))
+    passed_over = _procedure._passed_over([best], scores, 20.0)
+    assert [score.effect.name for score in passed_over] == asked
+
+
+@pytest.mark.parametrize(
     ("height", "numerics", "is_looked_into"),
     [(6.0, 0.9, True), (6.0, 1.1, False), (100.0, 9.0, True), (100.0, 11.0, False)],
 )

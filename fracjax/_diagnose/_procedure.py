@@ -260,11 +260,8 @@ def _candidates(
 
 def _shortlist(scores: list[EffectScore], least: float) -> list[EffectScore]:
     """The effects with the most evidence, those that look like them, and those that score nearly
-    as much as any.
-
-    What a refit gains in χ² is about z²; where even twice that is less than `least`, none is made.
-    """
-    promising = [s for s in scores if 2 * float(np.max(s.z**2)) >= least]
+    as much as any."""
+    promising = _promising(scores, least)
     ranked = sorted(promising, key=lambda s: -s.log_evidence)
     # Far from the base a secant may even have the wrong sign: the largest score is tried too.
     largest = sorted(promising, key=lambda s: -s.height)[:1]
@@ -273,6 +270,12 @@ def _shortlist(scores: list[EffectScore], least: float) -> list[EffectScore]:
     alike = [s for s in rest if any(confusability(s, t) > _LIKE for t in top)]
     near = [s for s in rest if s not in alike and s.height > _LIKE * largest[0].height]
     return [*top, *alike, *near][:_LONGEST_SHORTLIST]
+
+
+def _promising(scores: list[EffectScore], least: float) -> list[EffectScore]:
+    """What a refit gains in χ² is about z²; where even twice that is less than `least`, none is
+    made."""
+    return [s for s in scores if 2 * float(np.max(s.z**2)) >= least]
 
 
 def _judge(
@@ -309,7 +312,8 @@ def _judge(
         question = _Question(base, stage, attempt, before, predict)
         found.append((question, question.answered(attempt.solved, stage.preparation, 0.0)))
         if not waiting:
-            waiting = _look_alikes_missed([judged for _, judged in found], scores)
+            answers = [judged for _, judged in found]
+            waiting = _look_alikes_missed(answers, scores) or _passed_over(answers, scores, least)
     found = _sought_further(stage.solved, found, seed, progress)
     return _contenders_refined(stage.solved, found, seed, progress)
 
@@ -333,6 +337,17 @@ def _look_alikes_missed(found: list[Judged], scores: list[EffectScore]) -> list[
         and _look_alike(score.effect, best.layer.effect)
         and np.max(score.z**2) >= DELTA_BIC
     ]
+
+
+def _passed_over(found: list[Judged], scores: list[EffectScore], least: float) -> list[EffectScore]:
+    """Every other promising effect, where none that may be named explains half of the mismatch:
+    what the base has absorbed of a large effect leaves little evidence for it."""
+    best = best_of(found)
+    if best is not None and best.explained >= _HALF:
+        return []
+    refitted = {judged.name for judged in found}
+    rest = [score for score in _promising(scores, least) if score.effect.name not in refitted]
+    return sorted(rest, key=lambda s: -s.log_evidence)
 
 
 def _look_alike(one: Effect, other: Effect) -> bool:

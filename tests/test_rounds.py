@@ -157,7 +157,7 @@ def test_look_alikes_that_the_catalogue_knows_are_refitted_too():
 def test_where_nothing_that_may_be_named_explains_half_every_other_promising_effect_is_refitted(
     explained, plausible, asked
 ):
-    """A drift that the base had absorbed scored less than ten others, of which none explained it."""
+    """A drift that the base had absorbed scored less than ten others, and none explained it."""
 
     def scored(name: str, z: float) -> Any:
         return SimpleNamespace(effect=EFFECTS[name], z=np.array([z]), log_evidence=z)

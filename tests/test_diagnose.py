@@ -110,6 +110,8 @@ def test_what_is_written_follows_the_schema(concealed, null, tmp_path: Path):
         assert required | {"candidates", "where", "fit", "sentence"} <= set(content)
         assert content["verdict"] in VERDICTS
         assert {c["name"] for c in content["candidates"]} == set(fj.EFFECTS)
+        evidence = [("delta_bic" in c, c["log_evidence"]) for c in content["candidates"]]
+        assert evidence == sorted(evidence, reverse=True)
         for axis in content["where"]["axes"]:
             assert len(axis["edges"]) == len(axis["strength"]) + 1
 

@@ -321,10 +321,12 @@ class _Conclusion:
         return tuple(replace(e, name=e.name.removeprefix(path)) for e in own)
 
     def _candidates(self, named: Collection[str]) -> tuple[Candidate, ...]:
-        """Every effect of the catalogue, by the evidence for it in what the base left."""
-        ranked = sorted(self.course.first.scores, key=lambda s: -s.log_evidence)
-        judged = self.course.judged
-        return tuple(self._candidate(s, judged.get(s.effect.name), named) for s in ranked)
+        """Every effect of the catalogue, by the evidence for it: those that were refitted first."""
+        scores, judged = self.course.first.scores, self.course.judged
+        found = [self._candidate(s, judged.get(s.effect.name), named) for s in scores]
+        return tuple(
+            sorted(found, key=lambda c: (c.delta_bic is not None, c.log_evidence), reverse=True)
+        )
 
     def _candidate(
         self, score: EffectScore, judged: Judged | None, named: Collection[str]
@@ -340,7 +342,7 @@ class _Conclusion:
             name=score.effect.name,
             site=score.effect.site,
             score=score.height,
-            log_evidence=score.log_evidence,
+            log_evidence=score.log_evidence if judged is None else 0.5 * judged.evidence,
             detectable_amplitude=score.detectable_amplitude,
             concealment=float(np.clip(score.concealments[score.best], 0.0, 1.0)),
             reason=why,

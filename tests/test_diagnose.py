@@ -14,7 +14,7 @@ from scipy.stats import kstest
 import fracjax as fj
 from benchmarks.concealed.cases import make_case
 from fracjax._blocks import EFFECTS
-from fracjax._diagnose import _procedure, _refit
+from fracjax._diagnose import _detect, _refit, _round
 from fracjax._diagnose._diagnose import _Conclusion
 from fracjax._diagnose._evidence import delta_bic
 from fracjax._diagnose._held_out import Gain
@@ -417,9 +417,9 @@ def test_an_effect_is_refitted_once_however_it_came_to_be_listed():
         displaced=True, name="foh", preparation=None, solved=solved, undisplaced=solved
     )
     with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_procedure, "residual_of", lambda *_: None)
-        patch.setattr(_procedure, "_scored", lambda *_: listed[::-1])
-        found = _procedure._candidates(stage, listed, 0.0, silent)[0]
+        patch.setattr(_detect, "residual_of", lambda *_: None)
+        patch.setattr(_detect, "scored", lambda *_: listed[::-1])
+        found = _round._candidates(stage, listed, 0.0, silent)[0]
     assert sorted(score.effect.name for score in found) == sorted(names)
     assert [score.effect.name for score in found[:4]] == list(names[:4])
 
@@ -436,7 +436,7 @@ def test_an_effect_that_scores_nearly_as_much_as_any_is_refitted_too():
             concealments=np.zeros(1), sizes=np.ones(1), directions=directions[k : k + 1],
         )  # fmt: skip
 
-    listed = _procedure._shortlist([scored(k) for k in range(len(names))], 10.0)
+    listed = _round._shortlist([scored(k) for k in range(len(names))], 10.0)
     assert [score.effect.name for score in listed] == list(names[:5])
 
 

@@ -11,7 +11,7 @@ import pytest
 
 import fracjax as fj
 from fracjax._blocks import EFFECTS
-from fracjax._diagnose import _procedure, _refit
+from fracjax._diagnose import _detect, _procedure, _refit, _round
 from fracjax._diagnose._held_out import Gain, Predict, Prediction, predict_stretches
 from fracjax._diagnose._judgement import Judged, best_of
 from fracjax._diagnose._refit import Refit, sought_further, within_usual_ranges
@@ -71,10 +71,10 @@ def judged_again(
 ) -> tuple[list[str], str | None]:
     """The effects that stay when each but the last is judged again among `beside`, and the one that
     was too small to."""
-    monkeypatch.setattr(_procedure, "_scored", lambda *_: [])
+    monkeypatch.setattr(_procedure, "scored", lambda *_: [])
     monkeypatch.setattr(_procedure, "residual_of", lambda *_: None)
     monkeypatch.setattr(
-        _procedure, "_judge", lambda base, less, *_: [judged(less, name) for name in beside]
+        _procedure, "judge", lambda base, less, *_: [judged(less, name) for name in beside]
     )
     with jax.enable_x64(True):
         base, stage = stage_of(()), stage_of(names)
@@ -145,9 +145,9 @@ def test_look_alikes_that_the_catalogue_knows_are_refitted_too():
         best = judged(stage_of(()), "drive_lag")
     scores = [scored("delay", 9.0), scored("creep", 2.0), scored("saturation", 9.0)]
     scores.append(scored("drive_lag", 9.0))
-    missed = _procedure._look_alikes_missed([best], scores)
+    missed = _round._look_alikes_missed([best], scores)
     assert [score.effect.name for score in missed] == ["delay"]
-    assert _procedure._look_alikes_missed([], scores) == []
+    assert _round._look_alikes_missed([], scores) == []
 
 
 @pytest.mark.parametrize(
@@ -165,7 +165,7 @@ def test_where_nothing_that_may_be_named_explains_half_every_other_promising_eff
     best = replace(fine_judged("saturation", 1000, plausible), explained=explained)
     scores = [scored("saturation", 9.0), scored("creep", 3.5), scored("delay", 4.0)]
     scores.append(scored("backlash", 2.0))
-    passed_over = _procedure._passed_over([best], scores, 20.0)
+    passed_over = _round._passed_over([best], scores, 20.0)
     assert [score.effect.name for score in passed_over] == asked
 
 
@@ -178,8 +178,8 @@ def test_only_a_mismatch_far_beyond_the_numerical_error_is_looked_into(
 ):
     asked = []
     scored: Any = [SimpleNamespace(height=height), SimpleNamespace(height=1.0)]
-    monkeypatch.setattr(_procedure, "_detect", lambda *_: _procedure.Detection(scored, [], 1e-9))
-    monkeypatch.setattr(_procedure, "_judge", lambda *_: asked.append(True) or [])
+    monkeypatch.setattr(_procedure, "detect", lambda *_: _detect.Detection(scored, [], 1e-9))
+    monkeypatch.setattr(_procedure, "judge", lambda *_: asked.append(True) or [])
     unused: Any = None
     with jax.enable_x64(True):
         course = _procedure.run(stage_of(()), numerics, unused, 0, silent)
@@ -208,12 +208,12 @@ def test_a_recording_that_does_not_show_the_effect_leaves_it_to_stretches(apart,
         base = stage_of(())
         refit = judged(base, "drive_lag").refit
         stretches = predicting(20.0)
-        monkeypatch.setattr(_procedure, "predict_stretches", stretches)
+        monkeypatch.setattr(_round, "predict_stretches", stretches)
 
         def before(predict: Predict) -> Prediction:
             return predict(base.solved, base.preparation)
 
-        question = _procedure._Question(base, base, refit, before, predicting(apart))
+        question = _round._Question(base, base, refit, before, predicting(apart))
         found = question.answered(refit.solved, base.preparation, 0.0)
     assert found.gain.fall == pytest.approx(fall)
     assert (found.predict is stretches) == (apart < 4)
@@ -278,9 +278,9 @@ def test_those_that_gain_most_are_sought_further_where_the_best_leaves_more_than
         tried.append(attempt)
         return attempt
 
-    monkeypatch.setattr(_procedure, "sought_further", sought)
+    monkeypatch.setattr(_round, "sought_further", sought)
     before: Any = cost_of(5000.0)
-    assert _procedure._sought_further(before, found, 0, silent) == found
+    assert _round._sought_further(before, found, 0, silent) == found
     assert tried == asked
 
 
@@ -298,14 +298,14 @@ def test_a_fit_outside_its_usual_ranges_is_also_seen_from_within(
         name="lfdh", solved=solved, undisplaced="within", displaced=displaced, layers=layers,
         preparation=SimpleNamespace(problems=tuple),
     )  # fmt: skip
-    monkeypatch.setattr(_procedure, "residual_of", lambda *_: None)
-    monkeypatch.setattr(_procedure, "locate", lambda *_: [])
-    monkeypatch.setattr(_procedure, "freedom_of", lambda *_: 100.0)
-    monkeypatch.setattr(_procedure, "_scored", lambda stage, solved, residual: solved)
+    monkeypatch.setattr(_detect, "residual_of", lambda *_: None)
+    monkeypatch.setattr(_detect, "locate", lambda *_: [])
+    monkeypatch.setattr(_detect, "freedom_of", lambda *_: 100.0)
+    monkeypatch.setattr(_detect, "scored", lambda stage, solved, residual: solved)
     monkeypatch.setattr(
-        _procedure, "family_wise_p", lambda scores, *_: 0.001 if scores == "within" else p_value
+        _detect, "family_wise_p", lambda scores, *_: 0.001 if scores == "within" else p_value
     )
-    found = _procedure._detect(stage, 0, lambda message: None)
+    found = _detect.detect(stage, 0, lambda message: None)
     assert (found.p_value, found.hidden) == (p_value, hidden)
     assert found.least == min(p_value, hidden)
 
@@ -437,14 +437,14 @@ def refined_contenders(
         asked.append(f"{name} anew")
         return name, judged_finer(name, 0.0)
 
-    monkeypatch.setattr(_procedure, "_refined", refined)
-    monkeypatch.setattr(_procedure, "_sought_on", sought_on)
+    monkeypatch.setattr(_round, "_refined", refined)
+    monkeypatch.setattr(_round, "_sought_on", sought_on)
     monkeypatch.setattr(
-        _procedure, "_look_alike", lambda one, other: {one.name, other.name} <= set(alike)
+        _round, "_look_alike", lambda one, other: {one.name, other.name} <= set(alike)
     )
     questions: Any = [(judged.name, judged) for judged in found]
     before: Any = SimpleNamespace(bic=0.0)
-    return asked, _procedure._contenders_refined(before, questions, 0, silent)
+    return asked, _round._contenders_refined(before, questions, 0, silent)
 
 
 @pytest.mark.parametrize(
@@ -512,14 +512,14 @@ def test_a_refined_candidate_keeps_to_its_usual_ranges_on_its_own_grid(monkeypat
         return Part("in", conceded=3.0)
 
     monkeypatch.setattr(
-        _procedure, "fine_enough", lambda solved, grid, _: (f"{solved}+", f"{grid}+", 0.1)
+        _round, "fine_enough", lambda solved, grid, _: (f"{solved}+", f"{grid}+", 0.1)
     )
-    monkeypatch.setattr(_procedure, "_kept_usual", kept_usual)
+    monkeypatch.setattr(_round, "_kept_usual", kept_usual)
     question: Any = Question(Part("out"), Part(preparation="coarse"))
     coarse: Any = Part("out", "fine")
-    assert _procedure._refined(question, coarse, silent) == ("in+", "fine++", 0.1, 3.0)
-    monkeypatch.setattr(_procedure, "_kept_usual", lambda attempt, _: attempt)
-    assert _procedure._refined(question, coarse, silent) == ("out+", "fine+", 0.1, 0.0)
+    assert _round._refined(question, coarse, silent) == ("in+", "fine++", 0.1, 3.0)
+    monkeypatch.setattr(_round, "_kept_usual", lambda attempt, _: attempt)
+    assert _round._refined(question, coarse, silent) == ("out+", "fine+", 0.1, 0.0)
 
 
 @pytest.mark.parametrize(("left", "asked"), [(1.1, ["a", "b"]), (1.0, ["a"])])

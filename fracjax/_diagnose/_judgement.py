@@ -181,6 +181,16 @@ def excess_doubt(preparation: Preparation, solved: Solved, kurtosis: float | Non
     return float(3 * np.sqrt(2 / solved.samples + known**2))
 
 
+def least_share(base: Stage, stage: Stage) -> float:
+    """The share of the base's excess below which a further effect is not looked for.
+
+    A remainder under the noise, and far smaller than what was explained, may be no more than the
+    adopted effect's own law being another than ours.
+    """
+    imitated = any(not layer.effect.foreign for layer in stage.layers)
+    return WORTH_NAMING if imitated and is_exhausted(base, stage) else 0.0
+
+
 def share_of_excess(base: Stage, before: Stage, winner: Judged) -> float:
     """The share of the base's excess residual that the winner takes away beyond what was adopted
     before it."""

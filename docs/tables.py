@@ -111,8 +111,8 @@ def exam() -> str:
     lines = [_line(*heads), "|---" * len(heads) + "|"]
     nulls = rows_of("concealed/marks/nulls/grade.csv")[0]
     alone = nulls | {"measure": f"{nulls['measure']}, a run of these alone"}
-    hidden = {row["measure"]: row for row in rows_of("concealed/marks/concealed.csv")}
-    for row in (alone, *rows_of("concealed/marks/grade.csv")):
+    hidden = {row["measure"]: row for row in rows_of("concealed/marks/first_400/concealed.csv")}
+    for row in (alone, *rows_of("concealed/marks/first_400/grade.csv")):
         interval, own = f"{row['low']} to {row['high']}", hidden.get(row["measure"])
         beside = f"{own['value']} of {own['n']}" if own else ""
         lines.append(_line(row["measure"], row["target"], row["value"], interval, row["n"], beside))
@@ -121,7 +121,7 @@ def exam() -> str:
 
 def baselines() -> str:
     """The marks of simpler ways on the same cases, a row each."""
-    rows = rows_of("concealed/marks/baselines.csv")
+    rows = rows_of("concealed/marks/first_400/baselines.csv")
     lines = [_line("way", *_MARKS.values()), "|---" * (1 + len(_MARKS)) + "|"]
     found = {(row["way"], row["measure"]): row for row in rows}
     for way in dict.fromkeys(row["way"] for row in rows):

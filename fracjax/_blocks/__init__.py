@@ -30,6 +30,7 @@ from ._block import Inverse as Inverse
 from ._block import linear_gains as linear_gains
 from ._effect import Effect as Effect
 from ._effect import Setting as Setting
+from ._effect import Site as Site
 from ._response import Bode as Bode
 from ._response import bode as bode
 from ._response import frequency_response as frequency_response
@@ -58,6 +59,7 @@ from .lfdh import LFDH as LFDH
 from .lost_contact import LostContact as LostContact
 from .lost_contact import ThrownLoad as ThrownLoad
 from .mains_interference import MainsInterference as MainsInterference
+from .minor_loop_memory import DriveMemory as DriveMemory
 from .minor_loop_memory import MinorLoopMemory as MinorLoopMemory
 from .pea_dynamics import PEADynamics as PEADynamics
 from .quantisation import Quantisation as Quantisation

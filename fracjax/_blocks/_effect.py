@@ -52,7 +52,8 @@ class Effect:
     """One row of the catalogue.
 
     `trials(setting)` lists blocks at typical amplitudes and shapes: each is a direction of the
-    score test and a start of the refit.  They may be of several structures, which are fitted apart.
+    score test and a start of the refit.  They may be of several structures, which are fitted apart;
+    `elsewhere` says which of these are inserted at another site.
     `separated_by` says, for each look-alike, which experiment tells the two apart.  `axes` are the
     places where its signature stands out.
     `one_sided`: its trials show the only sign that physics allows, as a delay is never an advance.
@@ -70,14 +71,20 @@ class Effect:
     separated_by: dict[str, str]
     concealed_by: str
     axes: tuple[str, ...] = field(default=("time",))
+    elsewhere: Mapping[type[AbstractBlock], Site] = field(default_factory=dict)
     one_sided: bool = False
     foreign: bool = False
 
+    def site_of(self, block: AbstractBlock) -> Site:
+        """Where one of its blocks is inserted."""
+        return self.elsewhere.get(type(block), self.site)
+
     def insert(self, base: AbstractBlock, block: AbstractBlock) -> AbstractBlock:
         """The base with this effect's block at its site."""
-        if self.site == "drive":
+        site = self.site_of(block)
+        if site == "drive":
             return block >> base
-        if self.site == "additive":
+        if site == "additive":
             return base + block
         return base >> block
 
@@ -90,9 +97,10 @@ class Effect:
         grid: Grid,
     ) -> np.ndarray:
         """The response (N,) with this effect, where the base's own response is known."""
-        if self.site == "drive":
+        site = self.site_of(block)
+        if site == "drive":
             return base.respond(block.respond(drive, grid), grid)
-        if self.site == "additive":
+        if site == "additive":
             return response + block.respond(drive, grid)
         return block.respond(response, grid)
 

@@ -13,7 +13,7 @@ from .._parameters import Parameter
 from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
 
-_SHARES = np.array([0.02, 0.04, 0.07, 0.12, 0.18, 0.26, 0.36, 0.48])
+_SHARES = np.array([2, 3.5, 5.5, 8, 11, 14.5, 18.5, 23, 28, 33.5, 39.5, 46]) / 100
 _STRETCH = 128
 
 
@@ -54,7 +54,7 @@ class MinorLoopMemory(AbstractBlock):
 
         y = Σ_i w_i p_i,    p_i the play of the drive with radius r_i
 
-    Radii r_i = 2–48 % of the drive's span; the weights w_i [response/drive] enter linearly and are
+    Twelve radii r_i = 2–46 % of the drive's span; the weights w_i [response/drive] enter linearly and are
     of either sign, since the hysteresis beside them may have taken up too much.  A loop then
     depends on the turning points the drive has left (return-point memory, wiping out).
     Source: Brokate & Sprekels, Hysteresis and Phase Transitions (1996), chapter 2.
@@ -75,12 +75,43 @@ class MinorLoopMemory(AbstractBlock):
         return play_after_history(drive, jnp.asarray(self.radii), grid) @ self.weights.value
 
 
+class DriveMemory(AbstractBlock):
+    r"""The same domains where the field acts on them, ahead of what the rest of the actuator adds:
+
+        v = u + Σ_i w_i (p_i - u),    p_i the play of the drive with radius r_i
+
+    A share w_i of the drive, dimensionless, reaches the law after it only beyond r_i, the radii those
+    of `MinorLoopMemory`.  Where that law is a gain the two are one; where it is a hysteresis of its
+    own, or depends on the rate, their loops differ.
+    Source: Brokate & Sprekels, Hysteresis and Phase Transitions (1996), chapter 2.
+    """
+
+    shares: Parameter
+    radii: Array | np.ndarray
+
+    def __init__(self, shares: np.ndarray, *, span: float):
+        self.shares = Parameter(shares, plausible=(-0.3, 0.3), gain=True)
+        self.radii = _SHARES * span
+
+    @property
+    def linear(self) -> bool:
+        return False
+
+    def __call__(self, drive: Array, grid: Grid) -> Array:
+        plays = play_after_history(drive, jnp.asarray(self.radii), grid)
+        return drive + (plays - drive[:, None]) @ self.shares.value
+
+
 def _trials(setting: Setting) -> list:
-    slope = setting.response_span / setting.drive_span
-    block = MinorLoopMemory(np.zeros(_SHARES.size), span=setting.drive_span)
-    single = 0.03 * slope * (np.eye(_SHARES.size) + 0.02)
-    spread = 0.01 * slope * np.exp(-_SHARES / np.array([[0.1], [1.0]]))
-    return at_values(block, [{"weights": w} for w in (*spread, *single)])
+    span, slope = setting.drive_span, setting.response_span / setting.drive_span
+    none = np.zeros(_SHARES.size)
+    single = 0.03 * (np.eye(_SHARES.size) + 0.02)
+    spread = 0.01 * np.exp(-_SHARES / np.array([[0.1], [1.0]]))
+    weights = [*spread, *single]
+    return [
+        *at_values(MinorLoopMemory(none, span=span), [{"weights": slope * w} for w in weights]),
+        *at_values(DriveMemory(none, span=span), [{"shares": w} for w in weights]),
+    ]
 
 
 EFFECT = Effect(
@@ -88,9 +119,10 @@ EFFECT = Effect(
     site="additive",
     sentence="domains switch at their own thresholds, so that the response remembers the turning "
     "points of the drive and inner loops are flatter",
-    equation="sum_i w_i play(u, r_i)",
+    equation="sum_i w_i play(u, r_i), or u + sum_i w_i (play(u, r_i) - u)",
     source="Brokate & Sprekels, Hysteresis and Phase Transitions (1996), chapter 2",
     trials=_trials,
+    elsewhere={DriveMemory: "drive"},
     separated_by={
         "creep": "first-order reversal curves at two speeds",
         "drive_lag": "the same amplitude at two frequencies: memory's loop keeps its width",

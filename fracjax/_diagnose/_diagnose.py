@@ -305,7 +305,7 @@ class _Conclusion:
         winner = round_.winner
         return NamedEffect(
             name=winner.name,
-            site=winner.layer.effect.site,
+            site=winner.layer.site,
             probability=probability_of(winner, round_.found),
             explained_fraction=float(np.clip(winner.explained, 0.0, 1.0)),
             parameters=own,

@@ -13,7 +13,7 @@ from .._parameters import named_parameters
 from .._recording import Recording
 from ._residual import errors_of
 
-_FOLDS, _WILLING, _SURE, _CLEARLY_WORSE = 5, 0.8, 2.0, 1.1
+_FOLDS, _WILLING, _SURE, _CLEARLY_WORSE = 5, 0.8, 2.0, 2.0
 # Of a drive given twice no fold holds the same phase of both times.
 _BLOCKS = 22
 _LEAST_KNOWN = 1e-10

@@ -128,8 +128,12 @@ def _searched(starts: list[AbstractBlock], preparation: Preparation, hopeless: f
 
 def unlike(score: EffectScore, most: int) -> list[int]:
     """Up to `most` trials: the one that the residual resembles most, and of those that it resembles
-    too the ones least like that, for neighbours would lead into the same basin."""
-    strength = np.abs(score.z)
+    too the ones least like that, for neighbours would lead into the same basin, and trials that
+    differ in gains alone are one start."""
+    strength = np.zeros(score.z.size)
+    for family in map(list, score.families):
+        leading = family[int(np.argmax(np.abs(score.z[family])))]
+        strength[leading] = abs(score.z[leading])
     chosen = [score.best]
     alike = np.abs(score.directions @ score.directions[score.best])
     for _ in range(most - 1):

@@ -60,7 +60,7 @@ def judge(
         progress(f"refitting with {score.effect.name}")
         # A rival that is not halfway to the best after its first steps will not overtake it, unless
         # its score promises as much: some valleys are long.
-        promised = stage.solved.cost - float(np.max(score.z**2))
+        promised = stage.solved.cost - score.promised
         attempt = refit(score, stage, blocks, seed, np.inf if promised <= hopeless else hopeless)
         if stage.solved.cost - attempt.solved.cost >= least and attempt.solved.cost <= hopeless:
             attempt = _kept_usual(attempt, stage)
@@ -107,9 +107,9 @@ def _shortlist(scores: list[EffectScore], least: float) -> list[EffectScore]:
 
 
 def _promising(scores: list[EffectScore], least: float) -> list[EffectScore]:
-    """What a refit gains in χ² is about z²; where even twice that is less than `least`, none is
-    made."""
-    return [s for s in scores if 2 * float(np.max(s.z**2)) >= least]
+    """What a refit gains in χ² is about what the score promises; where even twice that is less than
+    `least`, none is made."""
+    return [s for s in scores if 2 * s.promised >= least]
 
 
 def _look_alikes_missed(found: list[Judged], scores: list[EffectScore]) -> list[EffectScore]:
@@ -123,7 +123,7 @@ def _look_alikes_missed(found: list[Judged], scores: list[EffectScore]) -> list[
         for score in scores
         if score.effect.name not in refitted
         and _look_alike(score.effect, best.layer.effect)
-        and np.max(score.z**2) >= DELTA_BIC
+        and score.promised >= DELTA_BIC
     ]
 
 

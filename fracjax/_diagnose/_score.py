@@ -7,6 +7,13 @@ at shape j is d = W [f(θ̂, φ_kj) - f(θ̂)], and
     z = (P d)ᵀ r / ‖P d‖
 
 is standard normal where the model is right.  Concealment is C = 1 - ‖P d‖²/‖d‖².
+
+Trials that differ in linear gains alone, D (K, L) their P d, add up: a law of many gains, as a sum of
+plays, is in the residual as far as all of them together are.  They take rᵀDᵀ(DDᵀ)⁺D r from χ², and the
+linear Bayes factor for them, each of normal size about 0, its prior sd the typical one, is
+
+    2 ln B = -ln det(1 + DDᵀ) + (D r)ᵀ (1 + DDᵀ)⁻¹ D r
+
 Sources: C. R. Rao (1948) for score tests; Benveniste, Basseville & Moustakides, IEEE Trans. Autom.
 Control 32 (1987) 583 for the local approach; R. B. Davies, Biometrika 74 (1987) 33 for shapes that
 vanish under the null.
@@ -14,20 +21,22 @@ vanish under the null.
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 
+import jax
 import numpy as np
 from scipy.special import logsumexp
 from scipy.stats import norm
 from scipy.stats import t as student
 
 from .._blocks import AbstractBlock, Effect, Setting
-from .._fit import Problem
+from .._fit import Problem, position_of
 
 _DRAWS = 20_000
 _DETECTION = 5.0
 _LEAST_NORM = 1e-6
+_LEAST_APART = 1e-6
 
 
 @dataclass(frozen=True)
@@ -47,7 +56,7 @@ class EffectScore:
     """The score test of one effect over its trials (K,): z, ‖P d‖, concealment, amplitudes.
 
     `directions` (K, ΣL) are the P d of unit length; `sizes` the rms of each trial's change of the
-    response, in the response's unit.
+    response, in the response's unit; `families` the numbers of trials that add up.
     """
 
     effect: Effect
@@ -57,17 +66,20 @@ class EffectScore:
     concealments: np.ndarray
     sizes: np.ndarray
     directions: np.ndarray
+    families: tuple[tuple[int, ...], ...]
 
     def only(self, trials: list[int]) -> EffectScore:
         """The test of some of the trials."""
+        chosen = [self.trials[k] for k in trials]
         return EffectScore(
             self.effect,
-            [self.trials[k] for k in trials],
+            chosen,
             self.z[trials],
             self.norms[trials],
             self.concealments[trials],
             self.sizes[trials],
             self.directions[trials],
+            _families(chosen),
         )
 
     @property
@@ -81,14 +93,34 @@ class EffectScore:
         return float(np.abs(self.z).max())
 
     @property
+    def promised(self) -> float:
+        """What the effect would take from χ², were it linear, beyond what noise gives to all but one
+        of a family's gains: the most of any family."""
+        return max(self._taken(list(family)) for family in self.families)
+
+    def _taken(self, family: list[int]) -> float:
+        values, turned = np.linalg.eigh(self.directions[family] @ self.directions[family].T)
+        apart = values > _LEAST_APART * values[-1]
+        along = turned[:, apart].T @ self.z[family]
+        return float(np.sum(along**2 / values[apart])) - (along.size - 1)
+
+    @property
     def log_evidence(self) -> float:
         """Linear log Bayes factor for the effect, its amplitude's prior sd the typical one; of an
         effect with one sign only the half of that prior."""
-        n2 = self.norms**2
-        each = -0.5 * np.log1p(n2) + 0.5 * self.z**2 * n2 / (1 + n2)
-        if self.effect.one_sided:
-            each = each + np.log(2) + norm.logcdf(self.z * np.sqrt(n2 / (1 + n2)))
+        each = np.array([self._log_evidence(list(family)) for family in self.families])
         return float(logsumexp(each) - np.log(each.size))
+
+    def _log_evidence(self, family: list[int]) -> float:
+        norms, z = self.norms[family], self.z[family]
+        columns = norms[:, None] * self.directions[family]
+        gram = np.eye(len(family)) + columns @ columns.T
+        seen = norms * z
+        log_evidence = 0.5 * (seen @ np.linalg.solve(gram, seen) - np.linalg.slogdet(gram)[1])
+        if self.effect.one_sided and len(family) == 1:
+            n2 = norms[0] ** 2
+            log_evidence += np.log(2) + norm.logcdf(z[0] * np.sqrt(n2 / (1 + n2)))
+        return float(log_evidence)
 
     @property
     def detectable_amplitude(self) -> float:
@@ -142,7 +174,17 @@ class Scorer:
             concealments=1 - (norms / np.maximum(lengths, 1e-300)) ** 2,
             sizes=sizes,
             directions=directions,
+            families=_families(trials),
         )
+
+
+def _families(trials: Sequence[AbstractBlock]) -> tuple[tuple[int, ...], ...]:
+    """Which trials differ in gains alone; each is in one family."""
+    found: dict[Hashable, list[int]] = {}
+    for k, trial in enumerate(trials):
+        kind, shapes = jax.tree_util.tree_structure(trial), position_of(trial)
+        found.setdefault((kind, shapes.tobytes()), []).append(k)
+    return tuple(tuple(family) for family in found.values())
 
 
 def family_wise_p(scores: list[EffectScore], freedom: float, seed: int) -> float:

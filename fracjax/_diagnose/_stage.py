@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from .._blocks import AbstractBlock, Effect
+from .._blocks import AbstractBlock, Effect, Site
 from .._fit import Preparation, Solved, layout_of, solve_from
 from .._parameters import Parameter, named_parameters, replace_parameters
 
@@ -19,9 +19,14 @@ class Layer:
     trial: AbstractBlock
 
     @property
+    def site(self) -> Site:
+        """Where it is inserted."""
+        return self.effect.site_of(self.trial)
+
+    @property
     def place(self) -> str:
         """The effect's own part of the block that `Effect.insert` makes."""
-        return "first" if self.effect.site == "drive" else "second"
+        return "first" if self.site == "drive" else "second"
 
     def own(self, block: AbstractBlock) -> dict[str, Parameter]:
         """The effect's own parameters in a block that it is the outermost layer of, by their paths,
@@ -38,7 +43,7 @@ class Layer:
     @property
     def inside(self) -> str:
         """The part of that block that holds the model."""
-        return "second" if self.effect.site == "drive" else "first"
+        return "second" if self.site == "drive" else "first"
 
 
 @dataclass(frozen=True)
@@ -66,10 +71,10 @@ class Stage:
         name = self.base
         for layer in self.layers:
             grouped = f"({name})" if " " in name else name
-            if layer.effect.site == "drive":
+            if layer.site == "drive":
                 name = f"{layer.effect.name} >> {grouped}"
             else:
-                sign = "+" if layer.effect.site == "additive" else ">>"
+                sign = "+" if layer.site == "additive" else ">>"
                 name = f"{grouped} {sign} {layer.effect.name}"
         return name
 

@@ -32,6 +32,7 @@ from ._frequency_table import FrequencyTable as FrequencyTable
 from ._frequency_table import frequency_table as frequency_table
 from ._frequency_table import read_frequency_table as read_frequency_table
 from ._layout import layout_of as layout_of
+from ._layout import position_of as position_of
 from ._layout import split as split
 from ._least_squares import jacobian as jacobian
 from ._least_squares import simulate as simulate

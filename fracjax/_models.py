@@ -7,6 +7,7 @@ from collections.abc import Callable, Collection
 
 import equinox as eqx
 import jax
+import numpy as np
 
 from ._blocks import EFFECTS, FOH, LFDH, AbstractBlock, BoucWen, Creep, PEADynamics, Setting
 from ._parameters import Parameter, named_parameters, set_values
@@ -29,7 +30,19 @@ class Model(eqx.Module):
         return named_parameters(self.block)
 
     def with_values(self, values: dict) -> Model:
-        """The same model at other parameter values."""
+        """The same model at other parameter values.
+
+        Raises InputError where one has not the parameter's shape.
+        """
+        for name, parameter in self.parameters.items():
+            found, wanted = np.shape(values.get(name, parameter.value)), np.shape(parameter.value)
+            if found != wanted:
+                raise InputError.at(
+                    f"{self.name}, {name}",
+                    f"a value of shape {wanted}",
+                    f"one of shape {found}",
+                    "give as many numbers as the parameter has",
+                )
         return Model(set_values(self.block, values), self.name)
 
 

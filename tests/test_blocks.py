@@ -28,6 +28,7 @@ from fracjax._blocks import (
     Delay,
     DriveCircuit,
     DriveLag,
+    DriveMemory,
     Electrostriction,
     FOHLinear,
     FOHRateTerm,
@@ -86,7 +87,7 @@ delay = Delay(2.4 * STEP, longest=20 * STEP)
 resonance = Resonance(9.0, 0.2)
 electrostriction = Electrostriction(0.1, centre=60.0, span=45.0)
 saturation = Saturation(70.3, low=40.0, high=85.0)
-memory = MinorLoopMemory(np.linspace(0.1, 0.3, 8), span=45.0)
+memory = MinorLoopMemory(np.linspace(0.1, 0.3, 12), span=45.0)
 drift = set_values(ThermalDrift(0.2, longest=0.8), {"amplitude": 0.3, "slope": -0.2})
 mains = set_values(
     MainsInterference(50.0),
@@ -452,6 +453,20 @@ def test_memory_is_wiped_out_by_a_larger_excursion():
     assert ends[0] == pytest.approx(ends[1], abs=1e-12)
 
 
+def test_memory_ahead_of_a_gain_is_memory_beside_it():
+    """And beside a law that is no gain another: there the two differ."""
+    shares, grid = np.linspace(-0.02, 0.05, 12), Grid(STEP, "constant")
+    ahead = DriveMemory(shares, span=45.0)
+    beside = QuasiStaticForce(1 - shares.sum()) + MinorLoopMemory(shares, span=45.0)
+    close(ahead(DRIVE, grid), beside(DRIVE, grid), 1e-12)
+
+
+@pytest.mark.parametrize("law", [MinorLoopMemory, DriveMemory])
+def test_memory_of_another_number_of_thresholds_is_refused(law):
+    with pytest.raises(fj.InputError, match=r"expected 12 weights, .*, found .* \(8,\)"):
+        law(np.zeros(8), span=45.0)
+
+
 def test_electrostriction_saturation_drift_and_mains_are_their_formulas():
     grid = Grid(STEP, "constant")
     close(electrostriction(DRIVE, grid), DRIVE + 0.1 * (DRIVE - 60) ** 2 / 45, 1e-14)
@@ -580,7 +595,7 @@ NOTHING = {
     "delay": {"delay": 0.0},
     "resonance": {"frequency": 1e11},
     "electrostriction": {"q": 0.0},
-    "minor_loop_memory": {"weights": np.zeros(8)},
+    "minor_loop_memory": {"weights": np.zeros(12)},
     "saturation": {"threshold": 85.0},
     "thermal_drift": {"amplitude": 0.0, "slope": 0.0},
     "mains_interference": {"cosines": np.zeros(5), "sines": np.zeros(5)},
@@ -670,13 +685,13 @@ def test_an_entry_says_what_it_is(name):
 def test_site_of_insertion():
     grid = Grid(STEP, "constant")
     for effect in EFFECTS.values():
-        block = effect.trials(FITTING)[-1]
-        after = block(foh(DRIVE, grid), grid)
-        wanted = {
-            "drive": foh(block(DRIVE, grid), grid),
-            "additive": foh(DRIVE, grid) + block(DRIVE, grid),
-        }.get(effect.site, after)
-        close(respond(effect.insert(foh, block), DRIVE, grid), wanted, 1e-10)
+        for block in {type(trial): trial for trial in effect.trials(FITTING)}.values():
+            after = block(foh(DRIVE, grid), grid)
+            wanted = {
+                "drive": foh(block(DRIVE, grid), grid),
+                "additive": foh(DRIVE, grid) + block(DRIVE, grid),
+            }.get(effect.site_of(block), after)
+            close(respond(effect.insert(foh, block), DRIVE, grid), wanted, 1e-10)
 
 
 def test_long_chains_join():

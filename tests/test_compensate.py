@@ -33,7 +33,7 @@ TIMES = STEP * np.arange(COUNT)
 SINE = 5 - 5 * np.cos(2 * np.pi * TIMES)
 TRIANGLE = 10 * (1 - np.abs(1 - 2 * (TIMES % 1)))
 HYSTERESIS = blocks.FOH(0.05, 0.05, 1e-6, 0.1, -0.1)
-WEIGHTS = 0.001 * np.array([1.0, -1.0, 2.0, 1.0, 0.5, 1.0, -1.0, 1.0])
+WEIGHTS = 0.001 * np.array([1, -1, 2, 1, 0.5, 1, -1, 1, 0, 0.5, 1, -0.5])
 MEMORY = blocks.MinorLoopMemory(WEIGHTS, span=100.0)
 
 

@@ -151,7 +151,8 @@ def test_repeats_show_the_noise_under_a_slow_decay():
 def scores_of(directions: np.ndarray, residual: np.ndarray) -> EffectScore:
     ones = np.ones(len(directions))
     effect = fj.EFFECTS["creep"]
-    return EffectScore(effect, [], directions @ residual, ones, 0 * ones, ones, directions)
+    alone = tuple((k,) for k in range(len(directions)))
+    return EffectScore(effect, [], directions @ residual, ones, 0 * ones, ones, directions, alone)
 
 
 def test_the_family_wise_p_is_uniform_where_nothing_is_missing():
@@ -246,9 +247,10 @@ def judged_of(
     conceded: float = 0.0,
     before: float = 0.0,
     foretells_worse: bool = False,
+    left: float = 0.0,
 ) -> Judged:
     unseen: Any = None
-    refit: Any = SimpleNamespace(name=name)
+    refit: Any = SimpleNamespace(name=name, solved=SimpleNamespace(cost=left, samples=0.0))
     return Judged(
         refit=refit,
         preparation=unseen,
@@ -406,7 +408,7 @@ def test_a_pattern_is_what_places_still_take_of_what_an_effect_took(excess, left
 def test_an_effect_is_refitted_once_however_it_came_to_be_listed():
     def scored(name: str, z: float) -> Any:
         return SimpleNamespace(
-            effect=EFFECTS[name], z=np.array([z]), height=z, log_evidence=z, best=0,
+            effect=EFFECTS[name], promised=z**2, height=z, log_evidence=z, best=0,
             directions=np.array([[1.0, 0.0]]),
         )  # fmt: skip
 
@@ -434,6 +436,7 @@ def test_an_effect_that_scores_nearly_as_much_as_any_is_refitted_too():
         return EffectScore(
             effect=effect, trials=[], z=heights[k] * np.ones(1), norms=np.ones(1),
             concealments=np.zeros(1), sizes=np.ones(1), directions=directions[k : k + 1],
+            families=((0,),),
         )  # fmt: skip
 
     listed = _round._shortlist([scored(k) for k in range(len(names))], 10.0)
@@ -449,6 +452,7 @@ def test_starts_of_a_refit_are_unlike():
     score = EffectScore(
         effect=unseen, trials=[], z=np.array([9.0, 8.9, 5.0, 1.0]), norms=np.ones(4),
         concealments=np.zeros(4), sizes=np.ones(4), directions=directions,
+        families=((0,), (1,), (2,), (3,)),
     )  # fmt: skip
     assert _refit.unlike(score, 3) == [0, 2]
     assert _refit.unlike(score, 1) == [0]

@@ -78,9 +78,9 @@ def test_numbers_that_the_data_do_not_know_cost_nothing():
 
 def test_a_number_of_no_expected_size_costs_what_the_noise_makes_of_it():
     solved, preparation, layer = solved_with("minor_loop_memory", {}, 0.01)
-    nothing = set_values(solved.block, {"second.weights": np.zeros(8)})
+    nothing = set_values(solved.block, {"second.weights": np.zeros(12)})
     idle = replace(solved, block=nothing, blocks=(nothing,))
-    assert spared(idle, preparation, layer) == pytest.approx(8 * np.log(SAMPLES) - 8)
+    assert spared(idle, preparation, layer) == pytest.approx(12 * np.log(SAMPLES) - 12)
 
 
 def test_with_little_noise_it_is_less_than_with_much():

@@ -127,6 +127,8 @@ def test_values_are_exchanged_by_dotted_name():
     assert float(model.parameters["first.alpha"].value) == 0.1  # the original is as it was
     with pytest.raises(KeyError):
         model.with_values({"alpha": 0.3})
+    with pytest.raises(fj.InputError, match=r"first\.alpha: expected a value of shape \(\), found"):
+        model.with_values({"first.alpha": [0.3, 0.4]})
 
 
 def test_a_model_is_named_after_its_block_unless_told():
@@ -248,6 +250,7 @@ def test_every_gradient_is_the_finite_difference(name, seed):
         np.testing.assert_allclose(found[parameter], wanted, rtol=0, atol=allowed)
 
 
+SITES = {"drive": "{} >> foh", "additive": "foh + {}"}
 LAWS = {
     f"{type(trial).__name__} of {name}": (name, trial)
     for name, effect in EFFECTS.items()
@@ -260,7 +263,7 @@ def test_a_fit_is_loaded_with_the_law_that_it_has(law, tmp_path):
     """Also where its effect has several, and within others."""
     name, trial = LAWS[law]
     inner = EFFECTS[name].insert(FOH(), trial)
-    text = {"drive": "{} >> foh", "additive": "foh + {}"}.get(EFFECTS[name].site, "foh >> {}")
+    text = SITES.get(EFFECTS[name].site_of(trial), "foh >> {}")
     block = inner >> Resonance(900.0, 0.02)
     model = fj.Model(block, f"({text.format(name)}) >> resonance")
     values = {n: np.asarray(p.value).tolist() for n, p in model.parameters.items()}

@@ -10,6 +10,7 @@ from jax.typing import ArrayLike
 
 from .._operators import Grid
 from .._parameters import Parameter
+from .._recording import InputError
 from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
 
@@ -49,14 +50,26 @@ def play_after_history(drive: Array, radii: Array, grid: Grid, exercised: ArrayL
     return play(drive, radii, plays[-1]) if grid.history == "periodic" else plays
 
 
+def _thresholds(weights: np.ndarray, span: float) -> np.ndarray:
+    """The radii (R,) that as many weights belong to."""
+    if np.shape(weights) != _SHARES.shape:
+        raise InputError.at(
+            "memory of minor loops",
+            f"{_SHARES.size} weights, one for each threshold",
+            f"an array of shape {np.shape(weights)}",
+            "give as many, 0 for thresholds that nothing has",
+        )
+    return _SHARES * span
+
+
 class MinorLoopMemory(AbstractBlock):
     r"""Domains that follow the drive only beyond their own thresholds, side by side:
 
         y = Σ_i w_i p_i,    p_i the play of the drive with radius r_i
 
-    Twelve radii r_i = 2–46 % of the drive's span; the weights w_i [response/drive] enter linearly and are
-    of either sign, since the hysteresis beside them may have taken up too much.  A loop then
-    depends on the turning points the drive has left (return-point memory, wiping out).
+    Twelve radii r_i = 2–46 % of the drive's span; the weights w_i [response/drive] enter linearly
+    and are of either sign, since the hysteresis beside them may have taken up too much.  A loop
+    then depends on the turning points the drive has left (return-point memory, wiping out).
     Source: Brokate & Sprekels, Hysteresis and Phase Transitions (1996), chapter 2.
     """
 
@@ -65,7 +78,7 @@ class MinorLoopMemory(AbstractBlock):
 
     def __init__(self, weights: np.ndarray, *, span: float):
         self.weights = Parameter(weights, "response/drive", gain=True)
-        self.radii = _SHARES * span
+        self.radii = _thresholds(weights, span)
 
     @property
     def linear(self) -> bool:
@@ -80,9 +93,9 @@ class DriveMemory(AbstractBlock):
 
         v = u + Σ_i w_i (p_i - u),    p_i the play of the drive with radius r_i
 
-    A share w_i of the drive, dimensionless, reaches the law after it only beyond r_i, the radii those
-    of `MinorLoopMemory`.  Where that law is a gain the two are one; where it is a hysteresis of its
-    own, or depends on the rate, their loops differ.
+    A share w_i of the drive, dimensionless, reaches the law after it only beyond r_i, the radii
+    those of `MinorLoopMemory`.  Where that law is a gain the two are one; where it is a hysteresis
+    of its own, or depends on the rate, their loops differ.
     Source: Brokate & Sprekels, Hysteresis and Phase Transitions (1996), chapter 2.
     """
 
@@ -91,7 +104,7 @@ class DriveMemory(AbstractBlock):
 
     def __init__(self, shares: np.ndarray, *, span: float):
         self.shares = Parameter(shares, plausible=(-0.3, 0.3), gain=True)
-        self.radii = _SHARES * span
+        self.radii = _thresholds(shares, span)
 
     @property
     def linear(self) -> bool:

@@ -46,7 +46,7 @@ class SecondMode(AbstractLinearBlock):
             frequency, "Hz", lower=0.1, upper=1e8, plausible=(10.0, 1e5), logarithmic=True
         )
         self.ratio = Parameter(
-            ratio, lower=1.01, upper=100.0, plausible=(1.05, 20.0), logarithmic=True
+            ratio, lower=1.01, upper=100.0, plausible=(1.05, 100.0), logarithmic=True
         )
         self.damping, self.second_damping = (
             Parameter(z, lower=1e-3, upper=1.0, plausible=(4e-3, 0.2), logarithmic=True)

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .._fit import LIMIT, Preparation, Solved
+from .._fit import LIMIT, Preparation, Solved, tolerated
 from ._held_out import Gain, Predict, Prediction
 from ._refit import Refit
 from ._result import Axis
@@ -17,6 +17,8 @@ from ._stage import Layer, Stage
 SIGNIFICANCE = 0.01
 DELTA_BIC = 10.0
 EXPLAINED = 0.9
+SMALL = 0.1
+"""A numerical error counts little beside ten times that."""
 WORTH_NAMING = 0.02
 """Beside single effects of a development exam nothing took more than .009 of the excess; of true
 second ones the smallest that completed a fit took .034."""
@@ -79,8 +81,13 @@ class Judged:
             and self.gain.convincing
             and not self.foretells_worse
             and self.plausible
-            and self.numerics <= LIMIT
+            and self.is_exact
         )
+
+    @property
+    def is_exact(self) -> bool:
+        """Whether the simulation's own error is far under the noise, or what is left beyond it."""
+        return self.numerics <= tolerated(LIMIT, self.solved, SMALL)
 
 
 def best_of(found: Sequence[Judged]) -> Judged | None:
@@ -129,7 +136,7 @@ def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
         spared = np.clip(j.spared - winner.spared, 0.0, DELTA_BIC)
         behind = min(j.delta_bic - winner.delta_bic + spared, j.evidence - winner.evidence)
         near = behind + j.conceded - winner.conceded > -margin
-        return j.numerics <= LIMIT and (_ahead(j, winner) > 0 or (possible and near))
+        return j.is_exact and (_ahead(j, winner) > 0 or (possible and near))
 
     close = [j for j in found if j is not winner and comes_close(j)]
     return sorted(close, key=lambda j: -j.delta_bic)
@@ -231,7 +238,7 @@ def reason(
         return "not refitted: other effects have more evidence in the residual"
     if judged.name in adopted:
         return "adopted: better beyond doubt, also on data held out"
-    if judged.numerics > LIMIT:
+    if not judged.is_exact:
         return f"rejected: its discretisation error is {judged.numerics:.2g} noise units"
     if judged.delta_bic < DELTA_BIC:
         return f"rejected: the refit gains only {judged.delta_bic:.3g} in BIC"

@@ -13,8 +13,10 @@ from ._held_out import Predict, foretells_worse, gain, predict_stretches
 from ._judgement import (
     DELTA_BIC,
     SIGNIFICANCE,
+    SMALL,
     Judged,
     best_of,
+    is_exhausted,
     least_share,
     share_of_excess,
 )
@@ -25,10 +27,6 @@ from ._stage import Stage
 _ROUNDS = 3
 _MOST_JUDGED_AGAIN = 4
 _CLEARLY_LESS = 0.03
-_SMALL = 0.1
-"""No score is changed by more than the numerical error, which counts little beside ten times that:
-without what is missing the base may fit best where it is hard to compute.  The refits answer for
-their own errors."""
 
 
 @dataclass(frozen=True)
@@ -58,8 +56,10 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
     """Adopt one effect after another while the residual shows one, then drop what became idle."""
     stage, rounds, judged, too_small = base, [], {}, None
     first = detection = detect(base, seed, progress)
-    # A mismatch that the simulation's own error may have made is never given a name.
-    is_real = numerics <= max(LIMIT, _SMALL * first.height)
+    # A mismatch that the simulation's own error may have made is never given a name.  No score is
+    # changed by more than that error; and without what is missing the base may fit best where it is
+    # hard to compute.  The refits answer for their own errors.
+    is_real = numerics <= max(LIMIT, SMALL * first.height)
     while is_real and detection.least < SIGNIFICANCE:
         found = judge(base, stage, detection.scores, predict, seed, progress)
         judged = {**{j.name: j for j in found}, **judged}
@@ -171,7 +171,8 @@ def _reconsidered(
 
     It is dropped where they have made it superfluous or too small to stand beside them, which is
     then told; and gives way where another now does better, unless that foretells a held-out
-    recording worse: what was first to be adopted may have stood in for two.
+    recording worse: what was first to be adopted may have stood in for two.  Where more than noise
+    is left no effect gets a name, and what is superfluous is only dropped.
     """
     waiting, too_small = rounds[:-1], None
     for _ in range(_MOST_JUDGED_AGAIN):
@@ -183,6 +184,8 @@ def _reconsidered(
         less, is_missed = _deleted(stage, k, progress)
         if not is_missed:
             stage, rounds = less, others
+            continue
+        if not is_exhausted(base, stage):
             continue
         scores = scored(less, less.solved, residual_of(less.solved, less.preparation))
         halfway = 0.5 * (less.solved.cost + stage.solved.cost)

@@ -16,6 +16,7 @@ from ._evidence import delta_bic, spared
 from ._held_out import Predict, Prediction, foretells_worse, gain, predict_stretches
 from ._judgement import (
     DELTA_BIC,
+    SMALL,
     Judged,
     best_of,
     excess_doubt,
@@ -250,12 +251,12 @@ def _contenders_refined(
 
 def _refined(question: _Question, judged: Judged, progress: Progress) -> Judged:
     """A candidate on a grid that is fine enough, in its usual ranges where that costs little."""
-    solved, preparation, numerics = fine_enough(judged.solved, judged.preparation, progress)
+    solved, preparation, numerics = fine_enough(judged.solved, judged.preparation, progress, SMALL)
     attempt = replace(question.attempt, solved=solved)
     kept = _kept_usual(attempt, replace(question.stage, preparation=preparation))
     if kept is not attempt:
         question = replace(question, attempt=kept)
-        solved, preparation, numerics = fine_enough(kept.solved, preparation, progress)
+        solved, preparation, numerics = fine_enough(kept.solved, preparation, progress, SMALL)
     return question.answered(solved, preparation, numerics)
 
 

@@ -8,9 +8,9 @@ at shape j is d = W [f(θ̂, φ_kj) - f(θ̂)], and
 
 is standard normal where the model is right.  Concealment is C = 1 - ‖P d‖²/‖d‖².
 
-Trials that differ in linear gains alone, D (K, L) their P d, add up: a law of many gains, as a sum of
-plays, is in the residual as far as all of them together are.  They take rᵀDᵀ(DDᵀ)⁺D r from χ², and the
-linear Bayes factor for them, each of normal size about 0, its prior sd the typical one, is
+Trials that differ in linear gains alone, D (K, L) their P d, add up: a law of many gains, as a sum
+of plays, is in the residual as far as all of them together are.  They take rᵀDᵀ(DDᵀ)⁺D r from χ²,
+and the linear Bayes factor for them, each normal about 0 with the typical size for its sd, is
 
     2 ln B = -ln det(1 + DDᵀ) + (D r)ᵀ (1 + DDᵀ)⁻¹ D r
 
@@ -94,8 +94,8 @@ class EffectScore:
 
     @property
     def promised(self) -> float:
-        """What the effect would take from χ², were it linear, beyond what noise gives to all but one
-        of a family's gains: the most of any family."""
+        """What the effect would take from χ², were it linear, beyond what noise gives to all but
+        one of a family's gains: the most of any family."""
         return max(self._taken(list(family)) for family in self.families)
 
     def _taken(self, family: list[int]) -> float:

@@ -46,6 +46,7 @@ from ._normal import Normal as Normal
 from ._numerics import LIMIT as LIMIT
 from ._numerics import fine_enough as fine_enough
 from ._numerics import numerical_error as numerical_error
+from ._numerics import tolerated as tolerated
 from ._numerics import too_coarse as too_coarse
 from ._preparation import Past as Past
 from ._preparation import Preparation as Preparation

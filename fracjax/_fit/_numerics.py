@@ -25,13 +25,20 @@ def numerical_error(solved: Solved, preparation: Preparation) -> float:
     return _halved_until(np.inf, solved, preparation)[1]
 
 
+def tolerated(limit: float, solved: Solved, share: float) -> float:
+    """The numerical error that is let be: a limit in noise units, or a share of what the fit leaves
+    beyond the noise, where that is more."""
+    return max(limit, share * float(np.sqrt(max(0.0, solved.cost - solved.samples))))
+
+
 def fine_enough(
-    solved: Solved, preparation: Preparation, progress: Progress
+    solved: Solved, preparation: Preparation, progress: Progress, share: float = 0.0
 ) -> tuple[Solved, Preparation, float]:
-    """Refine the grid until the numerical error is far under the noise, or the grid is finest."""
+    """Refine the grid until the numerical error is far under the noise, or under a share of what
+    the fit leaves beyond it, or the grid is finest."""
     while True:
         progress(f"checking the numerics with {preparation.oversampling} steps per sample")
-        finer, error = _halved_until(TARGET, solved, preparation)
+        finer, error = _halved_until(tolerated(TARGET, solved, share), solved, preparation)
         if finer is preparation:
             return solved, preparation, error
         preparation = finer

@@ -1,0 +1,98 @@
+"""The score of effects whose trials add up: what all gains of a law take together."""
+
+from types import SimpleNamespace
+from typing import Any
+
+import numpy as np
+import pytest
+from scipy.stats import multivariate_normal
+
+import fracjax as fj
+from fracjax._blocks import EFFECTS, Setting
+from fracjax._diagnose._refit import unlike
+from fracjax._diagnose._score import EffectScore, _families
+from fracjax._fit import prepare
+from fracjax._parameters import named_parameters
+
+TIMES = np.linspace(0, 2, 300)
+DRIVE = 50 - 40 * np.cos(2 * np.pi * TIMES)
+SAMPLES = 60
+
+
+@pytest.fixture
+def setting() -> Setting:
+    recording = fj.Recording(DRIVE, 0.1 * DRIVE, TIMES[1], "V", "um")
+    return prepare([recording]).setting
+
+
+def scored(columns: np.ndarray, residual: np.ndarray, families, one_sided=False) -> EffectScore:
+    """Of columns (K, n) beside which the fit absorbs nothing."""
+    norms, some = np.linalg.norm(columns, axis=1), np.ones(len(columns))
+    directions = columns / norms[:, None]
+    effect: Any = SimpleNamespace(one_sided=one_sided)
+    return EffectScore(
+        effect, [], directions @ residual, norms, some, some, directions, families
+    )  # fmt: skip
+
+
+def drawn(seed: int) -> tuple[np.ndarray, np.ndarray]:
+    generator = np.random.default_rng(seed)
+    residual = generator.standard_normal(SAMPLES)
+    return 0.5 * generator.standard_normal((4, SAMPLES)), residual
+
+
+def test_the_log_evidence_of_a_family_is_the_ratio_of_its_densities():
+    """Gains of unit normal priors: r is normal with the covariance 1 + DᵀD."""
+    columns, residual = drawn(0)
+    score = scored(columns, residual, ((0, 1, 2, 3),))
+    nothing, known = np.eye(SAMPLES), np.eye(SAMPLES) + columns.T @ columns
+    zero = np.zeros(SAMPLES)
+    wanted = multivariate_normal(zero, known).logpdf(residual) - multivariate_normal(
+        zero, nothing
+    ).logpdf(residual)
+    assert score.log_evidence == pytest.approx(wanted, abs=1e-9)
+
+
+@pytest.mark.parametrize(("sign", "less_or_more"), [(1, np.log(2)), (-1, -np.inf)])
+def test_an_effect_of_one_sign_is_believed_in_that_sign_alone(sign, less_or_more):
+    columns, _ = drawn(1)
+    residual = sign * 50 * columns[0] / np.linalg.norm(columns[0])
+    both = scored(columns[:1], residual, ((0,),)).log_evidence
+    one = scored(columns[:1], residual, ((0,),), one_sided=True).log_evidence
+    assert one - both == pytest.approx(less_or_more, abs=1e-6) or one < 0 < both
+
+
+def test_a_family_promises_what_its_gains_take_together_and_no_noise():
+    columns, noise = drawn(2)
+    residual = noise + columns.T @ np.array([2.0, -3.0, 2.0, 1.0])
+    taken = residual @ residual - np.linalg.lstsq(columns.T, residual)[1][0]
+    together = scored(columns, residual, ((0, 1, 2, 3),))
+    assert together.promised == pytest.approx(taken - 3)
+    apart = scored(columns, residual, tuple((k,) for k in range(4)))
+    assert apart.promised == pytest.approx(apart.height**2)
+    assert apart.promised < taken
+    # A trial that is the sum of others adds nothing.
+    more = np.concatenate([columns, [columns.sum(axis=0)]])
+    assert scored(more, residual, ((0, 1, 2, 3, 4),)).promised == pytest.approx(taken - 3)
+
+
+def test_trials_of_one_family_differ_in_gains_alone(setting):
+    families = {name: _families(e.trials(setting)) for name, e in EFFECTS.items()}
+    for name, effect in EFFECTS.items():
+        listed = sorted(k for family in families[name] for k in family)
+        assert listed == list(range(len(effect.trials(setting))))
+    # Two laws of memory, each of one family; of the mains one for each frequency.
+    assert [len(family) for family in families["minor_loop_memory"]] == [14, 14]
+    assert len(families["creep"]) == len(EFFECTS["creep"].trials(setting))
+    mains = [named_parameters(t)["cosines"] for t in EFFECTS["mains_interference"].trials(setting)]
+    for family in families["mains_interference"]:
+        assert len(family) == 2 * np.size(mains[family[0]].value)
+
+
+def test_a_refit_starts_once_from_each_family():
+    columns, residual = drawn(3)
+    score = scored(columns, residual + 3 * columns.sum(axis=0), ((0, 1), (2, 3)))
+    chosen = unlike(score, 4)
+    assert len(chosen) == 2
+    assert {k // 2 for k in chosen} == {0, 1}
+    assert score.best in chosen

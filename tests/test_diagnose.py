@@ -306,6 +306,14 @@ def test_rivals_are_those_within_25_or_a_hundredth():
     assert rivals_of(judged_of("a", 50, conceded=2), [usual]) == []
 
 
+def test_a_numerical_error_far_under_what_is_left_excludes_no_candidate():
+    exact, far = judged_of("a", 50), judged_of("b", 50, left=10_000.0)
+    assert replace(exact, numerics=0.9).admissible
+    assert not replace(exact, numerics=1.1).admissible
+    assert replace(far, numerics=9.0).admissible
+    assert not replace(far, numerics=11.0).admissible
+
+
 def test_a_law_of_many_numbers_is_named_where_it_has_the_evidence_but_is_no_rival_for_having_them():
     rigid, many = judged_of("c", 59, spared=2), judged_of("m", 43, spared=49)
     assert best_of([rigid, many]) is many

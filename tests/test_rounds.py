@@ -96,6 +96,17 @@ def test_what_was_first_adopted_gives_way_to_what_does_better_beside_the_second(
     assert found == ["drive_lag", "electrostriction"]
 
 
+def test_where_more_than_noise_is_left_the_idle_is_dropped_and_nothing_judged_again(monkeypatch):
+    monkeypatch.setattr(_procedure, "is_exhausted", lambda base, stage: False)
+    beside, names = (
+        ("sensor_nonlinearity", "electrostriction"),
+        ("sensor_nonlinearity", "drive_lag"),
+    )
+    assert reconsidered(names, beside, monkeypatch) == list(names)
+    idle = ("slew_rate_limit", "electrostriction", "drive_lag")
+    assert reconsidered(idle, beside, monkeypatch) == ["electrostriction", "drive_lag"]
+
+
 @pytest.mark.parametrize(("rmse", "stays"), [(2.2, True), (1.8, False)])
 def test_what_was_first_adopted_stays_where_the_better_fit_foretells_worse(
     rmse, stays, monkeypatch

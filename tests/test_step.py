@@ -1,10 +1,13 @@
 """The step of a fit's simulation: halved until it no longer matters beside the noise, or said."""
 
+from dataclasses import replace
+
 import jax
 import numpy as np
 import pytest
 
 import fracjax as fj
+from fracjax import _fit
 from fracjax._fit import _numerics
 from fracjax._operators import Grid
 
@@ -120,3 +123,21 @@ def test_a_step_that_is_fine_costs_one_look(monkeypatch):
     found = fit(recording, known)
     step = found.preparation.oversampling
     assert looks == [step, 2 * step]
+
+
+def test_a_grid_is_refined_as_far_as_what_the_fit_leaves_asks_for():
+    """Beside a mismatch far above the noise the step matters the less."""
+    recording, _, known = record(0)
+    drifting = replace(recording, response=recording.response + np.arange(SAMPLES) / SAMPLES)
+    grids = {}
+    with jax.enable_x64(True):
+        for name, one in (("right", recording), ("drifting", drifting)):
+            prepared = _fit.prepare([one], noise=known, history="constant", settling=0)
+            prepared = prepared.with_oversampling(1)
+            solved = _fit.solve_from([MODEL.with_values(LAW).block], prepared)
+            for share in (0.0, 0.1):
+                _, finer, error = _fit.fine_enough(solved, prepared, lambda _: None, share)
+                grids[name, share] = finer.oversampling
+                assert error <= _numerics.tolerated(_numerics.TARGET, solved, share)
+    assert grids["right", 0.1] == grids["right", 0.0] > grids["drifting", 0.1]
+    assert grids["drifting", 0.0] > grids["drifting", 0.1]

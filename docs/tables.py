@@ -13,6 +13,7 @@ from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
+MARKS = "concealed/marks"
 
 _LENGTHS = ("1000", "10000", "100000", "1000000")
 _OPERATORS = {
@@ -105,23 +106,26 @@ def compensation() -> str:
 
 
 def exam() -> str:
-    """Marks of the diagnosis on cases from a simulator that it shares nothing with, those of the
-    concealed ones beside them, and of a run of nulls alone."""
-    heads = "measure", "target", "value", "95 % interval", "cases", "concealed alone"
+    """Marks of the diagnosis on cases from a simulator that it shares nothing with: the last to be
+    answered, the concealed ones among them, and those before; and of a run of nulls alone."""
+    heads = "measure", "target", "value", "95 % interval", "cases", "concealed", "the 400 before"
     lines = [_line(*heads), "|---" * len(heads) + "|"]
-    nulls = rows_of("concealed/marks/nulls/grade.csv")[0]
+    hidden, before = (
+        {row["measure"]: f"{row['value']} of {row['n']}" for row in rows_of(f"{MARKS}/{table}")}
+        for table in ("next/concealed.csv", "first_400/grade.csv")
+    )
+    nulls = rows_of(f"{MARKS}/nulls/grade.csv")[0]
     alone = nulls | {"measure": f"{nulls['measure']}, a run of these alone"}
-    hidden = {row["measure"]: row for row in rows_of("concealed/marks/first_400/concealed.csv")}
-    for row in (alone, *rows_of("concealed/marks/first_400/grade.csv")):
-        interval, own = f"{row['low']} to {row['high']}", hidden.get(row["measure"])
-        beside = f"{own['value']} of {own['n']}" if own else ""
-        lines.append(_line(row["measure"], row["target"], row["value"], interval, row["n"], beside))
+    for row in (alone, *rows_of(f"{MARKS}/next/grade.csv")):
+        interval, name = f"{row['low']} to {row['high']}", row["measure"]
+        beside = hidden.get(name, ""), before.get(name, "")
+        lines.append(_line(name, row["target"], row["value"], interval, row["n"], *beside))
     return "\n".join(lines)
 
 
 def baselines() -> str:
     """The marks of simpler ways on the same cases, a row each."""
-    rows = rows_of("concealed/marks/first_400/baselines.csv")
+    rows = rows_of(f"{MARKS}/first_400/baselines.csv")
     lines = [_line("way", *_MARKS.values()), "|---" * (1 + len(_MARKS)) + "|"]
     found = {(row["way"], row["measure"]): row for row in rows}
     for way in dict.fromkeys(row["way"] for row in rows):

@@ -140,9 +140,16 @@ def test_disturbances_of_the_recorded_run_are_left_out():
 
 
 @pytest.mark.parametrize("history", ["rest", "constant", "periodic"])
-@pytest.mark.parametrize("sign", [1.0, -1.0])
-def test_a_sum_of_plays_has_its_own_inverse(history, sign):
-    block = blocks.QuasiStaticForce(sign * 0.1) + blocks.MinorLoopMemory(sign * WEIGHTS, span=100)
+@pytest.mark.parametrize(
+    "block",
+    [
+        blocks.QuasiStaticForce(0.1) + blocks.MinorLoopMemory(WEIGHTS, span=100),
+        blocks.QuasiStaticForce(-0.1) + blocks.MinorLoopMemory(-WEIGHTS, span=100),
+        blocks.DriveMemory(10 * WEIGHTS, span=100),
+    ],
+    ids=["rising", "falling", "ahead"],
+)
+def test_a_sum_of_plays_has_its_own_inverse(history, block):
     inverse = inverse_of(block, 1.0)
     assert inverse is not None
     assert inverse.exact

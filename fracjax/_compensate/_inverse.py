@@ -26,6 +26,7 @@ from .._blocks import (
     BoucWen,
     CubicNonlinearity,
     Delay,
+    DriveMemory,
     Electrostriction,
     MainsInterference,
     MinorLoopMemory,
@@ -78,7 +79,7 @@ def inverse_of(block: AbstractBlock, frequency: float) -> Inversion | None:
         if last is None or first is None:
             return None
         return Inversion(last.block >> first.block, last.exact and first.exact)
-    if isinstance(block, AmplitudeDependence | Parallel):
+    if isinstance(block, AmplitudeDependence | DriveMemory | Parallel):
         plays = _inverse_play_sum(block, frequency)
         if plays is not None:
             return plays
@@ -98,7 +99,7 @@ def _linear_part(block: AbstractBlock) -> AbstractLinearBlock | None:
             return block
         case FOH():
             return block.linear_part
-        case Electrostriction() | CubicNonlinearity() | AmplitudeDependence():
+        case Electrostriction() | CubicNonlinearity() | AmplitudeDependence() | DriveMemory():
             return QuasiStaticForce(1.0)
         case SensorNonlinearity() | Saturation() | Delay():
             return QuasiStaticForce(1.0)
@@ -122,13 +123,18 @@ def _linear(block: AbstractBlock) -> AbstractLinearBlock:
     return block
 
 
-def _inverse_play_sum(block: AmplitudeDependence | Parallel, frequency: float) -> Inversion | None:
+def _inverse_play_sum(
+    block: AmplitudeDependence | DriveMemory | Parallel, frequency: float
+) -> Inversion | None:
     """The inverse of plays beside a law, or beside the drive itself, where their slopes keep one
     sign; exact where that law is a gain."""
     if isinstance(block, AmplitudeDependence):
         radii = np.ravel(block.radii)
         weights = np.full(radii.size, 4 * float(block.alpha.value) / radii.size)
         return _undone(1.0, weights, radii, True, float(block.exercised.value))
+    if isinstance(block, DriveMemory):
+        shares = np.asarray(block.shares.value)
+        return _undone(1 - float(shares.sum()), shares, np.asarray(block.radii), True)
     sides = (block.first, block.second)
     memory = next((side for side in sides if isinstance(side, MinorLoopMemory)), None)
     beside = next((_linear_part(side) for side in sides if side is not memory), None)

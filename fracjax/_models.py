@@ -95,12 +95,17 @@ def _catalogue_name(block: AbstractBlock) -> str:
     return next(names, type(block).__name__)
 
 
-def _typical_effect(name: str, setting: Setting | None, own: Collection[str]) -> AbstractBlock:
-    """An effect's block at the middle trial of its first law, for composition by name; or of the
-    law whose parameters are its `own`."""
-    trials = EFFECTS[name].trials(setting or ORDINARY)
+def _typical_effect(
+    name: str, setting: Setting | None, own: Collection[str], ahead: bool
+) -> AbstractBlock:
+    """An effect's block at the middle trial of one of its laws, for composition by name: of the law
+    whose parameters are its `own`; else of the first that acts `ahead` of what it drives, where
+    that is asked for; else of the first."""
+    effect = EFFECTS[name]
+    trials = effect.trials(setting or ORDINARY)
     laws = {type(trial): trial for trial in trials}
     meant = [law for law, trial in laws.items() if named_parameters(trial).keys() == set(own)]
+    meant += [law for law, t in laws.items() if ahead and effect.site_of(t) == "drive"]
     chosen = meant[0] if meant else type(trials[0])
     alike = [trial for trial in trials if type(trial) is chosen]
     return alike[len(alike) // 2]
@@ -136,7 +141,8 @@ def parse_model(
 
     `+` binds tighter; parentheses group.  A name alone is a model; in a composition an effect of
     that name comes first, at its typical size for `setting`.  Of an effect with several laws it is
-    the first, or the one to which the model's `parameters` belong, named as `Model.parameters`.
+    the first, or the first that acts on the drive where more follows in series, or the one to which
+    the model's `parameters` belong, named as `Model.parameters`.
     Raises InputError for unknown names.
     """
     require_kind(text, str, "model", 'give a name such as "foh >> creep"')
@@ -147,15 +153,15 @@ def parse_model(
             f"{', '.join(MODELS)} and the effects {', '.join(EFFECTS)}"
         )
 
-    def build(node: ast.expr, path: str = "") -> AbstractBlock:
+    def build(node: ast.expr, path: str = "", ahead: bool = False) -> AbstractBlock:
         match node:
             case ast.BinOp(left, ast.RShift(), right):
-                return build(left, f"{path}first.") >> build(right, f"{path}second.")
+                return build(left, f"{path}first.", True) >> build(right, f"{path}second.", ahead)
             case ast.BinOp(left, ast.Add(), right):
                 return build(left, f"{path}first.") + build(right, f"{path}second.")
             case ast.Name(name) if name in EFFECTS and node is not whole:
                 own = {p.removeprefix(path) for p in parameters if p.startswith(path)}
-                return _typical_effect(name, setting, own)
+                return _typical_effect(name, setting, own, ahead)
             case ast.Name(name) if name in MODELS:
                 return MODELS[name]()
         raise refuse(f'"{ast.unparse(node)}"')

@@ -250,6 +250,21 @@ def test_every_gradient_is_the_finite_difference(name, seed):
         np.testing.assert_allclose(found[parameter], wanted, rtol=0, atol=allowed)
 
 
+def test_memory_ahead_of_a_law_is_another_law_than_memory_beside_it():
+    def kinds(text: str) -> list[type]:
+        parts = jax.tree_util.tree_leaves(
+            fj.parse_model(text).block, is_leaf=lambda x: not isinstance(x, Series | Parallel)
+        )
+        return [type(part) for part in parts]
+
+    ahead, beside = fj.blocks.DriveMemory, fj.blocks.MinorLoopMemory
+    assert kinds("minor_loop_memory >> foh") == [ahead, FOH]
+    assert kinds("foh + minor_loop_memory") == [FOH, beside]
+    assert kinds("(foh + minor_loop_memory) >> creep")[1] is beside
+    # In the middle of a chain it drives what follows.
+    assert kinds("drive_lag >> minor_loop_memory >> foh")[1] is ahead
+
+
 SITES = {"drive": "{} >> foh", "additive": "foh + {}"}
 LAWS = {
     f"{type(trial).__name__} of {name}": (name, trial)

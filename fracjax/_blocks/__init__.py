@@ -30,7 +30,6 @@ from ._block import Inverse as Inverse
 from ._block import linear_gains as linear_gains
 from ._effect import Effect as Effect
 from ._effect import Setting as Setting
-from ._effect import Site as Site
 from ._response import Bode as Bode
 from ._response import bode as bode
 from ._response import frequency_response as frequency_response

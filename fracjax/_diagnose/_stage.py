@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from .._blocks import AbstractBlock, Effect, Site
+from .._blocks import AbstractBlock, Effect
+from .._blocks._effect import Site
 from .._fit import Preparation, Solved, layout_of, solve_from
 from .._parameters import Parameter, named_parameters, replace_parameters
 

@@ -119,7 +119,8 @@ def exam() -> str:
     for row in (alone, *rows_of(f"{MARKS}/next/grade.csv")):
         interval, name = f"{row['low']} to {row['high']}", row["measure"]
         beside = hidden.get(name, ""), before.get(name, "")
-        lines.append(_line(name, row["target"], row["value"], interval, row["n"], *beside))
+        found = (row["value"], interval) if row["n"] != "0" else ("not measured", "")
+        lines.append(_line(name, row["target"], *found, row["n"], *beside))
     return "\n".join(lines)
 
 

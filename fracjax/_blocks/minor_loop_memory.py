@@ -14,7 +14,7 @@ from .._recording import InputError
 from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
 
-_SHARES = np.array([2, 3.5, 5.5, 8, 11, 14.5, 18.5, 23, 28, 33.5, 39.5, 46]) / 100
+_SHARES = np.array([2, 3.5, 5.5, 8, 11, 14.5, 18.5, 23, 28, 34, 41, 48]) / 100
 _STRETCH = 128
 
 
@@ -67,7 +67,7 @@ class MinorLoopMemory(AbstractBlock):
 
         y = Σ_i w_i p_i,    p_i the play of the drive with radius r_i
 
-    Twelve radii r_i = 2–46 % of the drive's span; the weights w_i [response/drive] enter linearly
+    Twelve radii r_i = 2–48 % of the drive's span; the weights w_i [response/drive] enter linearly
     and are of either sign, since the hysteresis beside them may have taken up too much.  A loop
     then depends on the turning points the drive has left (return-point memory, wiping out).
     Source: Brokate & Sprekels, Hysteresis and Phase Transitions (1996), chapter 2.

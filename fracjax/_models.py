@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Collection
+from collections.abc import Callable, Hashable, Mapping
+from types import MappingProxyType
 
 import equinox as eqx
 import jax
 import numpy as np
+from jax.typing import ArrayLike
 
 from ._blocks import EFFECTS, FOH, LFDH, AbstractBlock, BoucWen, Creep, PEADynamics, Setting
 from ._parameters import Parameter, named_parameters, set_values
@@ -96,19 +98,27 @@ def _catalogue_name(block: AbstractBlock) -> str:
 
 
 def _typical_effect(
-    name: str, setting: Setting | None, own: Collection[str], ahead: bool
+    name: str, setting: Setting | None, own: Mapping[str, ArrayLike], ahead: bool
 ) -> AbstractBlock:
     """An effect's block at the middle trial of one of its laws, for composition by name: of the law
-    whose parameters are its `own`; else of the first that acts `ahead` of what it drives, where
-    that is asked for; else of the first."""
+    whose parameters' values are its `own`; else of the first with parameters of these names; else
+    of the first that acts `ahead` of what it drives, where that is asked for; else of the first."""
     effect = EFFECTS[name]
     trials = effect.trials(setting or ORDINARY)
-    laws = {type(trial): trial for trial in trials}
-    meant = [law for law, trial in laws.items() if named_parameters(trial).keys() == set(own)]
-    meant += [law for law, t in laws.items() if ahead and effect.site_of(t) == "drive"]
-    chosen = meant[0] if meant else type(trials[0])
-    alike = [trial for trial in trials if type(trial) is chosen]
-    return alike[len(alike) // 2]
+    laws: dict[Hashable, list[AbstractBlock]] = {}
+    for trial in trials:
+        laws.setdefault((type(trial), *_shapes(trial).items()), []).append(trial)
+    given = {n: np.shape(v) for n, v in own.items()}
+    meant = [law for law in laws.values() if _shapes(law[0]) == given]
+    meant += [law for law in laws.values() if _shapes(law[0]).keys() == given.keys()]
+    meant += [law for law in laws.values() if ahead and effect.site_of(law[0]) == "drive"]
+    chosen = [*meant, *laws.values()][0]
+    return chosen[len(chosen) // 2]
+
+
+def _shapes(block: AbstractBlock) -> dict[str, tuple[int, ...]]:
+    """The shape of every parameter, by dotted path."""
+    return {name: np.shape(p.value) for name, p in named_parameters(block).items()}
 
 
 # A stack of common size, for compositions named before any recording is there.
@@ -135,14 +145,16 @@ def understood(given: Model | str, setting: Setting | None = None) -> Model:
 
 
 def parse_model(
-    text: str, setting: Setting | None = None, parameters: Collection[str] = ()
+    text: str,
+    setting: Setting | None = None,
+    values: Mapping[str, ArrayLike] = MappingProxyType({}),
 ) -> Model:
     """A model from its name, or from names joined by `>>` (series) and `+` (parallel).
 
     `+` binds tighter; parentheses group.  A name alone is a model; in a composition an effect of
     that name comes first, at its typical size for `setting`.  Of an effect with several laws it is
     the first, or the first that acts on the drive where more follows in series, or the one to which
-    the model's `parameters` belong, named as `Model.parameters`.
+    the model's `values` belong, named as `Model.parameters`.
     Raises InputError for unknown names.
     """
     require_kind(text, str, "model", 'give a name such as "foh >> creep"')
@@ -160,7 +172,7 @@ def parse_model(
             case ast.BinOp(left, ast.Add(), right):
                 return build(left, f"{path}first.") + build(right, f"{path}second.")
             case ast.Name(name) if name in EFFECTS and node is not whole:
-                own = {p.removeprefix(path) for p in parameters if p.startswith(path)}
+                own = {n.removeprefix(path): v for n, v in values.items() if n.startswith(path)}
                 return _typical_effect(name, setting, own, ahead)
             case ast.Name(name) if name in MODELS:
                 return MODELS[name]()

@@ -463,7 +463,7 @@ def test_memory_ahead_of_a_gain_is_memory_beside_it():
 
 @pytest.mark.parametrize("law", [MinorLoopMemory, DriveMemory])
 def test_memory_of_another_number_of_thresholds_is_refused(law):
-    with pytest.raises(fj.InputError, match=r"expected 12 weights, .*, found .* \(8,\)"):
+    with pytest.raises(fj.InputError, match=r"expected 12 or 6 weights, .*, found .* \(8,\)"):
         law(np.zeros(8), span=45.0)
 
 

@@ -267,9 +267,10 @@ def test_memory_ahead_of_a_law_is_another_law_than_memory_beside_it():
 
 SITES = {"drive": "{} >> foh", "additive": "foh + {}"}
 LAWS = {
-    f"{type(trial).__name__} of {name}": (name, trial)
+    f"{type(trial).__name__} of {name}, {[np.size(p.value) for p in parameters]}": (name, trial)
     for name, effect in EFFECTS.items()
-    for trial in {type(t): t for t in effect.trials(COMMON)}.values()
+    for trial in effect.trials(COMMON)
+    if (parameters := fj.Model(trial).parameters.values()) is not None
 }
 
 

@@ -82,8 +82,9 @@ def test_trials_of_one_family_differ_in_gains_alone(setting):
     for name, effect in EFFECTS.items():
         listed = sorted(k for family in families[name] for k in family)
         assert listed == list(range(len(effect.trials(setting))))
-    # Two laws of memory, each of one family; of the mains one for each frequency.
-    assert [len(family) for family in families["minor_loop_memory"]] == [14, 14]
+    # Two laws of memory, of twelve and of six thresholds, each of one family; of the mains one for
+    # each frequency.
+    assert [len(family) for family in families["minor_loop_memory"]] == [14, 14, 8, 8]
     assert len(families["creep"]) == len(EFFECTS["creep"].trials(setting))
     mains = [named_parameters(t)["cosines"] for t in EFFECTS["mains_interference"].trials(setting)]
     for family in families["mains_interference"]:

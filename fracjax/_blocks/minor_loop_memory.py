@@ -14,7 +14,8 @@ from .._recording import InputError
 from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
 
-_SHARES = np.array([2, 3.5, 5.5, 8, 11, 14.5, 18.5, 23, 28, 34, 41, 48]) / 100
+_FINE = np.array([2, 3.5, 5.5, 8, 11, 14.5, 18.5, 23, 28, 34, 41, 48]) / 100
+_COARSE = np.array([3, 7, 13, 21, 32, 46]) / 100
 _STRETCH = 128
 
 
@@ -52,14 +53,15 @@ def play_after_history(drive: Array, radii: Array, grid: Grid, exercised: ArrayL
 
 def _thresholds(weights: np.ndarray, span: float) -> np.ndarray:
     """The radii (R,) that as many weights belong to."""
-    if np.shape(weights) != _SHARES.shape:
-        raise InputError.at(
-            "memory of minor loops",
-            f"{_SHARES.size} weights, one for each threshold",
-            f"an array of shape {np.shape(weights)}",
-            "give as many, 0 for thresholds that nothing has",
-        )
-    return _SHARES * span
+    for shares in (_FINE, _COARSE):
+        if np.shape(weights) == shares.shape:
+            return shares * span
+    raise InputError.at(
+        "memory of minor loops",
+        f"{_FINE.size} or {_COARSE.size} weights, one for each threshold",
+        f"an array of shape {np.shape(weights)}",
+        "give as many, 0 for thresholds that nothing has",
+    )
 
 
 class MinorLoopMemory(AbstractBlock):
@@ -67,8 +69,9 @@ class MinorLoopMemory(AbstractBlock):
 
         y = Σ_i w_i p_i,    p_i the play of the drive with radius r_i
 
-    Twelve radii r_i = 2–48 % of the drive's span; the weights w_i [response/drive] enter linearly
-    and are of either sign, since the hysteresis beside them may have taken up too much.  A loop
+    Twelve radii r_i = 2–48 % of the drive's span, or six of 3–46 % where so many would say no more;
+    the weights w_i [response/drive] enter linearly and are of either sign, since the hysteresis
+    beside them may have taken up too much.  A loop
     then depends on the turning points the drive has left (return-point memory, wiping out).
     Source: Brokate & Sprekels, Hysteresis and Phase Transitions (1996), chapter 2.
     """
@@ -117,14 +120,16 @@ class DriveMemory(AbstractBlock):
 
 def _trials(setting: Setting) -> list:
     span, slope = setting.drive_span, setting.response_span / setting.drive_span
-    none = np.zeros(_SHARES.size)
-    single = 0.03 * (np.eye(_SHARES.size) + 0.02)
-    spread = 0.01 * np.exp(-_SHARES / np.array([[0.1], [1.0]]))
-    weights = [*spread, *single]
-    return [
-        *at_values(MinorLoopMemory(none, span=span), [{"weights": slope * w} for w in weights]),
-        *at_values(DriveMemory(none, span=span), [{"shares": w} for w in weights]),
-    ]
+    found = []
+    for shares in (_FINE, _COARSE):
+        none, thinned = np.zeros(shares.size), _FINE.size / shares.size
+        single = 0.03 * thinned * (np.eye(shares.size) + 0.02)
+        spread = 0.01 * thinned * np.exp(-shares / np.array([[0.1], [1.0]]))
+        weights = [*spread, *single]
+        beside, ahead = MinorLoopMemory(none, span=span), DriveMemory(none, span=span)
+        found += at_values(beside, [{"weights": slope * w} for w in weights])
+        found += at_values(ahead, [{"shares": w} for w in weights])
+    return found
 
 
 EFFECT = Effect(

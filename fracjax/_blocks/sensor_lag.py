@@ -87,7 +87,7 @@ class SensorFilter(AbstractLinearBlock):
 
 
 def _trials(setting: Setting) -> list:
-    corners = np.unique(np.clip(setting.top_frequency * np.geomspace(3, 100, 4), 10.0, 1e5))
+    corners = np.unique(np.clip(setting.top_frequency * np.geomspace(1, 100, 5), 10.0, 1e5))
     chains = [{"corner": f, "order": n} for f in corners for n in (1.0, 3.0)]
     filters = [{"corner": f} for f in corners]
     return [*at_values(SensorLag(1e3), chains), *at_values(SensorFilter(1e3, 3.0), filters)]

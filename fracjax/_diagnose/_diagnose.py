@@ -132,7 +132,7 @@ def diagnose(
         solved, preparation = settle(
             model.block, preparation, history=history, starts=_STARTS, seed=seed
         )
-        readings_left = _MOST_READINGS
+        readings_left, earlier = _MOST_READINGS, []
         while True:
             solved, preparation, numerics = fine_enough(solved, preparation, progress)
             base = Stage(model.name, model.block, (), solved, preparation)
@@ -140,13 +140,13 @@ def diagnose(
             predict = (
                 predict_stretches if unseen is None else partial(predict_recording, take=unseen)
             )
-            course = run(base, numerics, predict, seed, progress)
+            course = run(base, numerics, predict, seed, progress, earlier)
             clearer = with_noise_beyond_mismatch(base, course) if readings_left else None
             if clearer is None:
                 break
             progress("reading the noise again, without the mismatch")
             solved, preparation = solve_from([solved.block, model.block], clearer), clearer
-            readings_left -= 1
+            readings_left, earlier = readings_left - 1, course.opening
         limits = limits or recorded_limits(listed)
         conclusion = _Conclusion(model, base, numerics, unseen, predict, course)
         return conclusion.diagnosis(limits, progress)

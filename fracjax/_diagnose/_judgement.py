@@ -127,7 +127,8 @@ def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
     against; yet what fits better is not excluded by either.  What fits less well, and only far from
     its range or against data held out, mimics the winner.  An effect is not excluded by what its
     usual ranges cost it, nor by numbers that the data hardly know, unless they are so many that any
-    residual would be followed.
+    residual would be followed; nor by the count of its numbers where it foretells data held out
+    better than the winner does, for what merely follows a residual foretells worse.
     """
     margin = margin_of(winner.altogether)
 
@@ -136,7 +137,8 @@ def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
         spared = np.clip(j.spared - winner.spared, 0.0, DELTA_BIC)
         behind = min(j.delta_bic - winner.delta_bic + spared, j.evidence - winner.evidence)
         near = behind + j.conceded - winner.conceded > -margin
-        return j.is_exact and (_ahead(j, winner) > 0 or (possible and near))
+        fits_better = j.solved.cost < winner.solved.cost and j.gain.fall > winner.gain.fall
+        return j.is_exact and (_ahead(j, winner) > 0 or (possible and (near or fits_better)))
 
     close = [j for j in found if j is not winner and comes_close(j)]
     return sorted(close, key=lambda j: -j.delta_bic)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -40,11 +41,13 @@ class Round:
 @dataclass(frozen=True)
 class Course:
     """How a diagnosis went: what the base left, and whether that `is_real` or may be no more than
-    the simulation's own error; the rounds, the stage it ended on and what the last test found; and
-    the effect that was too small to be named beside those adopted."""
+    the simulation's own error; the refits beside the `opening` base; the rounds, the stage it ended
+    on and what the last test found; and the effect that was too small to be named beside those
+    adopted."""
 
     first: Detection
     is_real: bool
+    opening: list[Judged]
     last: Detection
     rounds: list[Round]
     judged: dict[str, Judged]
@@ -52,19 +55,39 @@ class Course:
     too_small: str | None
 
 
-def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Progress) -> Course:
-    """Adopt one effect after another while the residual shows one, then drop what became idle."""
-    stage, rounds, judged, too_small = base, [], {}, None
+def run(
+    base: Stage,
+    numerics: float,
+    predict: Predict,
+    seed: int,
+    progress: Progress,
+    earlier: Sequence[Judged] = (),
+) -> Course:
+    """Adopt one effect after another while the residual shows one, then drop what became idle.
+
+    `earlier`: the refits beside the same base, seen against another noise, to start from.
+    """
+    before, stage, rounds, judged, too_small = base, base, [], {}, None
+    opening: list[Judged] = []
     first = detection = detect(base, seed, progress)
     # A mismatch that the simulation's own error may have made is never given a name.  No score is
     # changed by more than that error; and without what is missing the base may fit best where it is
     # hard to compute.  The refits answer for their own errors.
     is_real = numerics <= max(LIMIT, SMALL * first.height)
     while is_real and detection.least < SIGNIFICANCE:
-        found = judge(base, stage, detection.scores, predict, seed, progress)
+        started = {} if opening else {j.name: j.solved.block for j in earlier}
+        found = judge(base, stage, detection.scores, predict, seed, progress, started)
+        opening = opening or found
         judged = {**{j.name: j for j in found}, **judged}
         winner = best_of(found)
         if winner is None:
+            break
+        alone = _as_good_alone(rounds, winner)
+        if alone is not None:
+            # Nothing speaks for two effects where one of those that fitted before does as well.
+            rounds[-1] = Round(alone, rounds[-1].found)
+            stage = before.extended(alone.layer, alone.solved, alone.preparation)
+            detection = detect(stage, seed, progress)
             break
         extended = stage.extended(winner.layer, winner.solved, winner.preparation)
         if not _is_worth_naming(base, stage, winner):
@@ -76,7 +99,7 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
             k, extended = superfluous
             rounds.pop(k)
         rounds.append(Round(winner, found))
-        stage = extended
+        before, stage = stage, extended
         detection = detect(stage, seed, progress)
         if len(rounds) == _ROUNDS:
             break
@@ -84,7 +107,14 @@ def run(base: Stage, numerics: float, predict: Predict, seed: int, progress: Pro
     too_small = dropped or too_small
     if too_small in stage.adopted:
         too_small = None
-    return Course(first, is_real, detection, rounds, judged, stage, too_small)
+    return Course(first, is_real, opening, detection, rounds, judged, stage, too_small)
+
+
+def _as_good_alone(rounds: list[Round], winner: Judged) -> Judged | None:
+    """What the round before could have adopted and then needed no winner of this one."""
+    others = [] if not rounds else [j for j in rounds[-1].found if j is not rounds[-1].winner]
+    good = [j for j in others if j.admissible and delta_bic(j.solved, winner.solved) < DELTA_BIC]
+    return best_of(good)
 
 
 def _superfluous(stage: Stage, progress: Progress) -> tuple[int, Stage] | None:
@@ -189,7 +219,7 @@ def _reconsidered(
             continue
         scores = scored(less, less.solved, residual_of(less.solved, less.preparation))
         halfway = 0.5 * (less.solved.cost + stage.solved.cost)
-        found = judge(base, less, scores, predict, seed, progress, halfway)
+        found = judge(base, less, scores, predict, seed, progress, {}, halfway)
         winner = best_of(found)
         if winner is None:
             continue

@@ -5,14 +5,13 @@ from __future__ import annotations
 from collections.abc import Hashable
 from dataclasses import dataclass, replace
 
-import jax
 import numpy as np
 
 from .._blocks import AbstractBlock
 from .._fit import Preparation, Solved, layout_of, solve_from
 from .._parameters import named_parameters, replace_parameters, set_values
 from ._evidence import delta_bic
-from ._score import EffectScore
+from ._score import EffectScore, kind_of
 from ._stage import Layer, Stage
 
 _LEAST_APART, _DRAWS, _FURTHER_DRAWS = 3, 4, 8
@@ -43,22 +42,48 @@ class Refit:
 
 
 def refit(
-    score: EffectScore, stage: Stage, fits: list[AbstractBlock], seed: int, hopeless: float
+    score: EffectScore,
+    stage: Stage,
+    fits: list[AbstractBlock],
+    seed: int,
+    hopeless: float,
+    found: AbstractBlock | None = None,
 ) -> Refit:
-    """Fit base and effect together from the fitted bases, the nominal point and prior draws.
+    """Fit base and effect together from the fitted bases, the nominal point and prior draws; and
+    from what was `found` before.
 
     Starting also from nominal values keeps a fit from staying in the basin where the base model
     has absorbed the effect.  No more than a few steps are spent above `hopeless` in χ².
     """
     kinds: dict[Hashable, list[int]] = {}
     for k, trial in enumerate(score.trials):
-        kinds.setdefault(jax.tree_util.tree_structure(trial), []).append(k)
-    attempts = [_of_one_kind(score.only(k), stage, fits, seed, hopeless) for k in kinds.values()]
+        kinds.setdefault(kind_of(trial), []).append(k)
+    attempts: list[Refit] = []
+    for alike in map(score.only, kinds.values()):
+        law = type(alike.trials[0])
+        larger = next((a for a in attempts if isinstance(a.layer.trial, law)), None)
+        attempts.append(
+            _of_one_kind(alike, stage, fits, seed, hopeless, found)
+            if larger is None
+            else _reduced(larger, alike, stage.preparation)
+        )
     return max(attempts, key=lambda attempt: delta_bic(stage.solved, attempt.solved))
 
 
+def _reduced(larger: Refit, score: EffectScore, preparation: Preparation) -> Refit:
+    """The refit of the same law with another number of gains, from where that ended."""
+    inside = getattr(larger.solved.block, larger.layer.inside)
+    start = score.effect.insert(inside, score.trials[score.best])
+    return Refit(score, solve_from([start], preparation))
+
+
 def _of_one_kind(
-    score: EffectScore, stage: Stage, fits: list[AbstractBlock], seed: int, hopeless: float
+    score: EffectScore,
+    stage: Stage,
+    fits: list[AbstractBlock],
+    seed: int,
+    hopeless: float,
+    found: AbstractBlock | None,
 ) -> Refit:
     """The refit with trials of one structure."""
     effect, nominal = score.effect, stage.start()
@@ -74,6 +99,8 @@ def _of_one_kind(
         *(effect.insert(nominal, trial) for trial in promising),
         *(_drawn(effect.insert(nominal, best), generator) for _ in range(_DRAWS)),
     ]
+    if found is not None and kind_of(found) == kind_of(starts[0]):
+        starts.insert(0, found)
     return Refit(score, _searched(starts, stage.preparation, hopeless))
 
 

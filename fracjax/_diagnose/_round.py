@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -42,9 +42,11 @@ def judge(
     predict: Predict,
     seed: int,
     progress: Progress,
+    started: Mapping[str, AbstractBlock],
     hopeless: float = np.inf,
 ) -> list[Judged]:
-    """Refit the shortlist and put every candidate to the naming rule's questions."""
+    """Refit the shortlist, each also from where it `started`, if anywhere, and put every candidate
+    to the naming rule's questions."""
 
     @cache
     def before(predict: Predict) -> Prediction:
@@ -62,7 +64,8 @@ def judge(
         # A rival that is not halfway to the best after its first steps will not overtake it, unless
         # its score promises as much: some valleys are long.
         promised = stage.solved.cost - score.promised
-        attempt = refit(score, stage, blocks, seed, np.inf if promised <= hopeless else hopeless)
+        enough = np.inf if promised <= hopeless else hopeless
+        attempt = refit(score, stage, blocks, seed, enough, started.get(score.effect.name))
         if stage.solved.cost - attempt.solved.cost >= least and attempt.solved.cost <= hopeless:
             attempt = _kept_usual(attempt, stage)
         hopeless = min(hopeless, 0.5 * (stage.solved.cost + attempt.solved.cost))

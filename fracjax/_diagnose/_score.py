@@ -182,9 +182,14 @@ def _families(trials: Sequence[AbstractBlock]) -> tuple[tuple[int, ...], ...]:
     """Which trials differ in gains alone; each is in one family."""
     found: dict[Hashable, list[int]] = {}
     for k, trial in enumerate(trials):
-        kind, shapes = jax.tree_util.tree_structure(trial), position_of(trial)
-        found.setdefault((kind, shapes.tobytes()), []).append(k)
+        found.setdefault((kind_of(trial), position_of(trial).tobytes()), []).append(k)
     return tuple(tuple(family) for family in found.values())
+
+
+def kind_of(block: AbstractBlock) -> Hashable:
+    """What blocks share that differ in the values of their parameters alone."""
+    leaves, structure = jax.tree_util.tree_flatten(block)
+    return structure, tuple(np.shape(leaf) for leaf in leaves)
 
 
 def family_wise_p(scores: list[EffectScore], freedom: float, seed: int) -> float:

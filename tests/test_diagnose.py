@@ -234,7 +234,7 @@ def test_a_specification_is_believed():
     assert found.preparation.takes[0].noise == told
 
 
-CONVINCING = Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0)
+CONVINCING = Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0, left=1.0)
 
 
 def judged_of(
@@ -304,6 +304,13 @@ def test_rivals_are_those_within_25_or_a_hundredth():
     usual = judged_of("g", 24, conceded=2)
     assert rivals_of(small[0], [usual]) == [usual]
     assert rivals_of(judged_of("a", 50, conceded=2), [usual]) == []
+    # Nor the count of numbers that fit and foretell better than the winner's.
+    winner = judged_of("a", 50, left=10.0)
+    better, worse = (replace(CONVINCING, fall=fall) for fall in (101.0, 99.0))
+    many = judged_of("m", 10, left=9.0, gain=better)
+    assert rivals_of(winner, [many]) == [many]
+    assert rivals_of(winner, [judged_of("m", 10, left=9.0, gain=worse)]) == []
+    assert rivals_of(winner, [judged_of("m", 10, left=11.0, gain=better)]) == []
 
 
 def test_a_numerical_error_far_under_what_is_left_excludes_no_candidate():

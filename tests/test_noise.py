@@ -8,7 +8,7 @@ from scipy.signal import lfilter
 
 import fracjax as fj
 from fracjax._fit import measured_noise, residual_noise
-from fracjax._fit._noise import _noise, _Stretch, _without_relaxation
+from fracjax._fit._noise import _noise, _Stretch, _without_relaxation, read_from_residual
 from fracjax._fit._problem import setting_of
 from fracjax._recording import Recording
 
@@ -200,6 +200,12 @@ def test_a_specification_is_believed_where_nothing_shows_the_noise():
     assert told is not None
     assert (told.sigma, told.method, told.unit) == (0.07, "specification", "um")
     assert told.whitening == pytest.approx([1 / 0.07])
+    # Its size is told, its colour is that of what a fit leaves.
+    residual = lfilter([1.0], [1.0, -0.6], np.random.default_rng(8).standard_normal(800))
+    found = read_from_residual(told, residual, np.ones(800, bool), moving)
+    assert (found.sigma, found.method) == (0.07, "specification")
+    assert found.filter == pytest.approx([1.0, -0.6], abs=0.08)
+    assert found.innovation == pytest.approx(0.07 * np.sqrt(1 - 0.6**2), rel=0.05)
     rest = recorded(staircase(), SIGMA * np.random.default_rng(7).standard_normal(staircase().size))
     shown = measured_noise(rest, specification=0.07)
     assert shown is not None

@@ -55,7 +55,7 @@ def judged(stage: Stage, name: str) -> Judged:
         conceded=0.0,
         explained=1.0,
         numerics=0.0,
-        gain=Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0),
+        gain=Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0, left=1.0),
         foretells_worse=False,
         prediction=SimpleNamespace(),  # type: ignore[arg-type]
         predict=lambda *_: SimpleNamespace(),  # type: ignore[arg-type, return-value]
@@ -136,6 +136,43 @@ def test_what_is_small_beside_the_right_effect_goes_too_but_is_told(monkeypatch)
     )
     names, beside = ("sensor_nonlinearity", "drive_lag"), ("electrostriction", "drive_lag")
     assert judged_again(names, beside, monkeypatch) == (["electrostriction"], "drive_lag")
+
+
+@pytest.mark.parametrize(("ahead", "named"), [(11.0, ["first", "second"]), (9.0, ["other"])])
+def test_one_effect_is_preferred_to_two_that_do_no_more(ahead, named, monkeypatch):
+    """The first to be adopted, ahead by little, may have needed the second to do what one does."""
+    base = stage_of(())
+
+    def at(name: str, cost: float, free: int) -> Judged:
+        found = judged(base, "electrostriction")
+        solved = replace(found.solved, cost=cost, free=found.solved.free + free)
+        gained = base.solved.bic - solved.bic
+        effect = replace(found.layer.effect, name=name)
+        score: Any = SimpleNamespace(effect=effect, trials=[found.layer.trial], best=0)
+        return replace(found, refit=Refit(score, solved), delta_bic=gained, altogether=gained)
+
+    pair = 550.0
+    alone = pair + ahead + float(np.log(base.solved.samples))
+    first, other, second = at("first", 570.0, 0), at("other", alone, 0), at("second", pair, 1)
+    monkeypatch.setattr(
+        _procedure,
+        "judge",
+        lambda base, stage, *_: [first, other] if not stage.layers else [second],
+    )
+    monkeypatch.setattr(_procedure, "best_of", lambda found: found[0] if found else None)
+    seen: Any = SimpleNamespace(least=0.0, scores=[], height=1e3)
+    rest: Any = SimpleNamespace(least=1.0, scores=[])
+    monkeypatch.setattr(
+        _procedure, "detect", lambda stage, *_: seen if len(stage.layers) < 2 else rest
+    )
+    monkeypatch.setattr(_procedure, "_is_worth_naming", lambda *_: True)
+    monkeypatch.setattr(
+        _procedure, "_reconsidered", lambda b, stage, rounds, *_: (stage, rounds, None)
+    )
+    course = _procedure.run(base, 0.0, predict_stretches, 0, silent)
+    assert [round_.winner.name for round_ in course.rounds] == named
+    assert list(course.stage.adopted) == named
+    assert course.opening == [first, other]
 
 
 def test_the_right_effects_stay_and_an_idle_one_goes(monkeypatch):
@@ -399,7 +436,7 @@ def test_what_a_refit_gains_where_each_noise_is_what_it_leaves_itself(monkeypatc
     """-2 ln of the likelihood falls by 2 N ln of the noise's, and each number costs ln n."""
 
     def noise(sigma: float) -> Any:
-        return SimpleNamespace(is_leftover=True, innovation=sigma, sigma=sigma)
+        return SimpleNamespace(is_leftover=True, innovation=sigma, sigma=sigma, method="residual")
 
     take = SimpleNamespace(
         noise=noise(2.0),
@@ -407,7 +444,8 @@ def test_what_a_refit_gains_where_each_noise_is_what_it_leaves_itself(monkeypatc
         used=np.arange(100) >= 20,
     )
     preparation = SimpleNamespace(takes=[take], with_noises=lambda noises: noises)
-    base: Any = SimpleNamespace(solved=SimpleNamespace(free=5), preparation=preparation)
+    of_base = SimpleNamespace(free=5, simulations=[np.zeros(100)])
+    base: Any = SimpleNamespace(solved=of_base, preparation=preparation)
     solved: Any = SimpleNamespace(free=8, samples=80, simulations=[np.zeros(100)])
     for left, gained in ((1.0, 160 * np.log(2) - 3 * np.log(80)), (2.0, -3 * np.log(80))):
         monkeypatch.setattr(_procedure, "residual_noise", lambda *_, left=left: noise(left))
@@ -419,8 +457,29 @@ def test_what_a_refit_gains_where_each_noise_is_what_it_leaves_itself(monkeypatc
     assert _procedure._seen_past(base, solved) == (-np.inf, preparation)
 
 
+def test_of_a_specified_noise_a_better_fit_tells_the_colour(monkeypatch):
+    """Its size stays; what it gains is what the residual's own innovation has lost."""
+    white = fj.Noise(0.5, "um", "specification", np.ones(1), 0.5, is_leftover=True)
+    left = {0.0: replace(white, sigma=2.0, innovation=2.0, method="residual")}
+    left[1.0] = replace(left[0.0], sigma=1.0, innovation=0.8, filter=np.array([1.0, -0.6]))
+    monkeypatch.setattr(_procedure, "residual_noise", lambda left_over, *_: left[-left_over[0]])
+    take = SimpleNamespace(
+        noise=white, recording=SimpleNamespace(response=np.zeros(100)), used=np.ones(100, bool)
+    )
+    preparation = SimpleNamespace(takes=[take], with_noises=lambda noises: noises)
+    of_base = SimpleNamespace(free=5, simulations=[np.zeros(100)])
+    base: Any = SimpleNamespace(solved=of_base, preparation=preparation)
+    solved: Any = SimpleNamespace(free=5, samples=100, simulations=[np.ones(100)])
+    found, noises = _procedure._seen_past(base, solved)
+    assert found == pytest.approx(200 * np.log(2.0 / 0.8))
+    (seen,) = noises  # type: ignore[misc]
+    assert (seen.sigma, seen.method) == (0.5, "specification")
+    assert seen.innovation == pytest.approx(0.4)
+    assert seen.filter.tolist() == [1.0, -0.6]
+
+
 def fine_judged(name: str, gained: float, plausible: bool, left: float = 1.0) -> Judged:
-    gain = Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0)
+    gain = Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0, left=1.0)
     solved = SimpleNamespace(gained=gained, bic=-gained * left, cost=-gained * left, samples=0.0)
     layer = SimpleNamespace(effect=SimpleNamespace(name=name))
     refit: Any = SimpleNamespace(name=name, solved=solved, layer=layer)

@@ -17,11 +17,10 @@ class CubicNonlinearity(AbstractBlock):
         v = u + q_3 (u - u_0)³ / U²
 
     q_3 dimensionless: q_3/8 of a whole span U is added at each end when u_0 is the centre; v rises
-    with u while q_3 > -4/3 there.  u_0 [drive] is where the law is odd: zero field, or the bias
-    that poling has left.  It is a parameter, since about another point the same law has a square
-    as well, 6 d/U times the cube at the span's ends where u_0 lies d from the centre: beyond a
-    fifth of the span it is electrostriction as much as a cube.  U [drive] is the span of the
-    recording's drive.
+    with u while q_3 > -4/3 there.  u_0 [drive] is where the law is odd: the bias that poling has
+    left, somewhere in the drive's range, or zero field, which of a drive of one sign lies at its
+    end.  It is a parameter, since about another point the same law has a square as well.
+    U [drive] is the span of the recording's drive.
     q_3 < 0 is the onset of saturation, q_3 > 0 a coefficient that grows with the field.
     Source: D. A. Hall, J. Mater. Sci. 36 (2001) 4575: constitutive equations with higher powers of
     the field, whose coefficients change by tens of percent below the coercive field.
@@ -34,13 +33,13 @@ class CubicNonlinearity(AbstractBlock):
     def __init__(self, q_3: float, *, low: float, high: float):
         span = high - low
         self.q_3 = Parameter(q_3, lower=-1.0, upper=1.0, plausible=(-0.5, 0.5))
-        middle = 0.5 * (low + high)
+        ends = min(low, 0.0), max(high, 0.0)
         self.centre = Parameter(
-            middle,
+            0.5 * (low + high),
             "drive",
-            lower=low - span,
-            upper=high + span,
-            plausible=(middle - 0.2 * span, middle + 0.2 * span),
+            lower=ends[0] - span,
+            upper=ends[1] + span,
+            plausible=(ends[0] - 0.1 * span, ends[1] + 0.1 * span),
         )
         self.span = np.asarray(span, float)
 
@@ -55,8 +54,8 @@ class CubicNonlinearity(AbstractBlock):
 def _trials(setting: Setting) -> list:
     low, high = setting.drive_low, setting.drive_high
     block = CubicNonlinearity(0.05, low=low, high=high)
-    centres = setting.drive_centre + setting.drive_span * np.array([-0.2, 0.0, 0.2])
-    shapes = [{"centre": u, "q_3": q} for u in centres for q in (0.05, -0.05)]
+    sizes = {low: 0.02, setting.drive_centre: 0.05, high: 0.02}
+    shapes = [{"centre": u, "q_3": sign * q} for u, q in sizes.items() for sign in (1, -1)]
     return at_values(block, shapes)
 
 

@@ -259,15 +259,21 @@ class _Conclusion:
 
     @cached_property
     def jumps(self) -> Jumps | None:
-        """Jumps, if they tell more than the adopted effects do, and enough."""
+        """Jumps, if they tell enough, and more than the effects that were adopted or may have been.
+
+        Jumps foretell no other recording: what the effects have foretold is none.
+        """
         base, stage = self.base, self.course.stage
         if self.course.first.least >= SIGNIFICANCE and not self.exceeds_the_noise:
+            return None
+        if any(round_.winner.foretells_a_recording for round_ in self.course.rounds[-1:]):
             return None
         gained = base.solved.bic - stage.solved.bic
         jumps = find_jumps(base, _WORTH_FITTING * max(gained, base.excess))
         if jumps is None or explained_fraction(base, jumps.solved) < EXPLAINED:
             return None
-        return jumps if jumps.ahead_of(stage.solved) >= DELTA_BIC else None
+        others = [stage.solved, *(j.solved for j in self.course.opening if j.admissible)]
+        return jumps if min(map(jumps.ahead_of, others)) >= DELTA_BIC else None
 
     def _extended(self, progress: Progress) -> Fit:
         """The fit with what was adopted, and the intervals of what is named."""

@@ -14,6 +14,7 @@ from .._recording import Recording
 from ._residual import errors_of
 
 _FOLDS, _WILLING, _SURE, _CLEARLY_WORSE = 5, 0.8, 2.0, 2.0
+_FORETOLD = 2.0
 # Of a drive given twice no fold holds the same phase of both times.
 _BLOCKS = 22
 _LEAST_KNOWN = 1e-10
@@ -197,7 +198,7 @@ def _prediction(
 class Gain:
     """Base against extended on held-out data: fall of χ² and its standard error, the share of folds
     that do not speak against the effect, which folds the extended model foretells at all, and the
-    RMSE of both in them, in the response's unit."""
+    RMSE of both in them, in the response's unit; and χ² per sample that the extended one leaves."""
 
     fall: float
     standard_error: float
@@ -205,6 +206,7 @@ class Gain:
     foretold: tuple[bool, ...]
     base_rmse: float
     extended_rmse: float
+    left: float
 
     @property
     def convincing(self) -> bool:
@@ -215,6 +217,10 @@ class Gain:
     def refuted(self) -> bool:
         """Negative altogether, or in more than a fifth of the folds."""
         return self.fall < 0 or self.improved < _WILLING
+
+    def foretells(self, trained: float) -> bool:
+        """Whether it is as far off as what the training leaves, χ² per sample, lets expect."""
+        return self.left <= _FORETOLD * trained
 
     @property
     def is_open(self) -> bool:
@@ -246,7 +252,8 @@ def gain(base: Prediction, extended: Prediction) -> Gain:
     folds = [base.fold_of_sample == k for k in np.unique(base.fold_of_sample)]
     before, after = ([_weighed(p, k) for k in folds] for p in (base, extended))
     pairs = list(zip(folds, before, after, strict=True))
-    falls = np.array([base.whitened[k] @ b - extended.whitened[k] @ a for k, b, a in pairs])
+    left = np.array([extended.whitened[k] @ a for k, _, a in pairs])
+    falls = np.array([base.whitened[k] @ b for k, b, _ in pairs]) - left
     unsure = np.array([2 * np.linalg.norm(b - a) for _, b, a in pairs])
     foretold = np.array([_is_foretold(base, extended, k) for k in folds])
     sizes = np.array([np.count_nonzero(k) for k in folds])
@@ -262,6 +269,7 @@ def gain(base: Prediction, extended: Prediction) -> Gain:
         foretold=tuple(foretold.tolist()),
         base_rmse=rmse(base),
         extended_rmse=rmse(extended),
+        left=float(np.sum(left)) / extended.whitened.size,
     )
 
 

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._fit import LIMIT, Preparation, Solved, tolerated
-from ._held_out import Gain, Predict, Prediction
+from ._held_out import Gain, Predict, Prediction, predict_stretches
 from ._refit import Refit
 from ._result import Axis
 from ._score import EffectScore
@@ -83,6 +83,13 @@ class Judged:
             and self.plausible
             and self.is_exact
         )
+
+    @property
+    def foretells_a_recording(self) -> bool:
+        """Whether a recording that was held out is beyond doubt better foretold with it, and about as
+        well as the training is followed."""
+        is_recording = self.predict is not predict_stretches
+        return is_recording and self.gain.convincing and self.gain.foretells(self.solved.left)
 
     @property
     def is_exact(self) -> bool:

@@ -174,16 +174,21 @@ def _seen_past(base: Stage, solved: Solved) -> tuple[float, Preparation]:
     """What a refit gains in BIC where each noise is the one that it leaves itself, and the
     recordings with those noises."""
     gain, noises = (base.solved.free - solved.free) * float(np.log(solved.samples)), []
-    for take, simulation in zip(base.preparation.takes, solved.simulations, strict=True):
-        noise = take.noise
+    takes = zip(base.preparation.takes, solved.simulations, base.solved.simulations, strict=True)
+    for take, simulation, of_base in takes:
+        noise, y = take.noise, take.recording.response
         assert noise is not None  # a diagnosis has one
         if noise.is_leftover:
-            again = residual_noise(take.recording.response - simulation, take.used, take.recording)
+            again = residual_noise(y - simulation, take.used, take.recording)
+            before, seen = noise, again
+            if noise.method == "specification":
+                before = residual_noise(y - of_base, take.used, take.recording)
+                seen = noise.coloured_as(again)
             count = np.count_nonzero(take.used)
-            gain += float(2 * count * np.log(noise.innovation / again.innovation))
-            if again.sigma > noise.sigma:  # another colour, but no less of it
+            gain += float(2 * count * np.log(before.innovation / again.innovation))
+            if again.sigma > before.sigma:  # another colour, but no less of it
                 return -np.inf, base.preparation
-            noise = again
+            noise = seen
         noises.append(noise)
     return gain, base.preparation.with_noises(noises)
 

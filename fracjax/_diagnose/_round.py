@@ -16,6 +16,7 @@ from ._evidence import delta_bic, spared
 from ._held_out import Predict, Prediction, foretells_worse, gain, predict_stretches
 from ._judgement import (
     DELTA_BIC,
+    EXPLAINED,
     SMALL,
     Judged,
     best_of,
@@ -74,8 +75,25 @@ def judge(
         if not waiting:
             answers = [judged for _, judged in found]
             waiting = _look_alikes_missed(answers, scores) or _passed_over(answers, scores, least)
+    if predict is not predict_stretches:
+        found = _told_by_stretches(found)
     found = _sought_further(stage.solved, found, seed, progress)
     return _contenders_refined(stage.solved, found, seed, progress)
+
+
+def _told_by_stretches(
+    found: list[tuple[_Question, Judged]],
+) -> list[tuple[_Question, Judged]]:
+    """The judged, by stretches where none that explains the training foretells what was held out.
+
+    Then the training leaves the base's own law so open that such a recording says nothing of what
+    was added to it.
+    """
+    explaining = [j for _, j in found if j.explained >= EXPLAINED]
+    if not explaining or any(j.gain.foretells(j.solved.left) for j in explaining):
+        return found
+    told = [(replace(question, held_out_is_silent=True), judged) for question, judged in found]
+    return [(q, q.answered(j.solved, j.preparation, j.numerics)) for q, j in told]
 
 
 def _candidates(
@@ -155,13 +173,15 @@ def _kept_usual(attempt: Refit, stage: Stage) -> Refit:
 
 @dataclass(frozen=True)
 class _Question:
-    """A refitted candidate, and what it is to be compared with."""
+    """A refitted candidate, what it is to be compared with, and whether the recording held out can
+    say nothing of it."""
 
     base: Stage
     stage: Stage
     attempt: Refit
     before: Callable[[Predict], Prediction]
     predict: Predict
+    held_out_is_silent: bool = False
 
     def answered(self, solved: Solved, preparation: Preparation, numerics: float) -> Judged:
         """Everything the naming rule asks."""
@@ -171,7 +191,7 @@ class _Question:
             before, prediction = self.before(predict), predict(solved, preparation)
             gained = gain(before, prediction)
             worse = worse or foretells_worse(predict, before, prediction)
-            if predict is predict_stretches or not gained.is_open:
+            if predict is predict_stretches or not (gained.is_open or self.held_out_is_silent):
                 break
         return Judged(
             refit=replace(self.attempt, solved=solved),

@@ -18,7 +18,7 @@ from ._asked import Asked, OfParameters, conditioned
 from ._border import model_of, past_of, recordings_of, settling_of, sigma_of, whole
 from ._combinations import Combination
 from ._conditions import PLAIN, Conditions
-from ._noise import Noise, cleared, measured_noise, residual_noise
+from ._noise import Noise, cleared, measured_noise, read_from_residual
 from ._numerics import fine_enough, too_coarse
 from ._preparation import Past, Preparation, Take, coarse_oversampling, other_histories, take_of
 from ._robust import ROUNDS, SETTLED, Loss, Robust, shape_of, weigh
@@ -226,8 +226,8 @@ def settle(
         believed, preparation.takes, solved.simulations, strict=True
     ):
         left = take.recording.response - simulation
-        if noise is None:
-            noises.append(residual_noise(left, take.used, take.recording))
+        if noise is None or noise.is_leftover:
+            noises.append(read_from_residual(noise, left, take.used, take.recording))
         else:
             noises.append(cleared(noise, left, take.used, take.recording))
     if any(found is not take.noise for found, take in zip(noises, preparation.takes, strict=True)):
@@ -257,7 +257,9 @@ def settle_finely(
         pairs = zip(preparation.takes, solved.simulations, strict=True)
         preparation = preparation.with_noises(
             [
-                residual_noise(take.recording.response - simulation, take.used, take.recording)
+                read_from_residual(
+                    take.noise, take.recording.response - simulation, take.used, take.recording
+                )
                 if take.noise is None or take.noise.is_leftover
                 else take.noise
                 for take, simulation in pairs

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
@@ -45,7 +45,8 @@ class Noise:
     rest, or from noise with heavy tails, is known less well than the recording's length suggests.
     `lines`: frequencies [1/sample] and power (n,) of the whitened noise, 1 where the filter fits,
     each as good as 2/`shared` degrees of freedom.
-    `is_leftover`: it was read from what a fit left over, so that a better fit tells it better.
+    `is_leftover`: it was read from what a fit left over, so that a better fit tells it better; of
+    one that is specified, as a number, its colour.
     `course`: sample numbers and the noise's size there (n,), of which it is 1 on average; none
     where the noise is as large everywhere as far as can be seen.  `crest`: its rms over what the
     median of its differences says, 1 for normal noise, and where it does not vary.  `tone`: one
@@ -59,12 +60,17 @@ class Noise:
     innovation: float
     effective: float = np.inf
     kurtosis: float = 3.0
-    lines: tuple[np.ndarray, np.ndarray] = _NONE
+    lines: tuple[np.ndarray, np.ndarray] = field(default=_NONE, repr=False)
     shared: float = 1.0
     is_leftover: bool = False
     course: tuple[np.ndarray, np.ndarray] = _NONE
     crest: float = 1.0
     tone: Tone | None = None
+
+    def coloured_as(self, other: Noise) -> Noise:
+        """A noise of this size and origin with the colour of another."""
+        innovation = other.innovation * self.sigma / other.sigma
+        return replace(other, sigma=self.sigma, method=self.method, innovation=innovation)
 
     def size_at(self, samples: int) -> np.ndarray | None:
         """How large the noise is at each sample (N,), 1 on average; None where it does not vary."""
@@ -342,8 +348,18 @@ def measured_noise(
     if series := _from_static(recording, counts, step):
         return _noise(series, unit, "static", resolution=step)
     if specification is not None:
-        return Noise(specification, unit, "specification", np.ones(1), specification)
+        white = Noise(specification, unit, "specification", np.ones(1), specification)
+        return replace(white, is_leftover=True)
     return None
+
+
+def read_from_residual(
+    noise: Noise | None, residual: np.ndarray, used: np.ndarray, recording: Recording
+) -> Noise:
+    """The noise in what a fit left over (N,), where samples are `used`; of one that is specified
+    only the colour, for its size is told."""
+    found = residual_noise(residual, used, recording)
+    return found if noise is None or noise.method != "specification" else noise.coloured_as(found)
 
 
 def residual_noise(residual: np.ndarray, used: np.ndarray, recording: Recording) -> Noise:

@@ -116,7 +116,7 @@ def test_no_name_is_given_to_an_effect_that_follows_jumps(jumps):
         solved = solve_from([effect.insert(base.solved.block, layer.trial)], base.preparation)
         first: Any = SimpleNamespace(least=1e-9)
         stage = base.extended(layer, solved, base.preparation)
-        course = Course(first, True, first, [], {}, stage, None)
+        course = Course(first, True, [], first, [], {}, stage, None)
         conclusion = _Conclusion(fj.parse_model("lfdh"), base, 0.0, None, predict_stretches, course)
     assert (conclusion.jumps is not None) is jumps
     if jumps:

@@ -202,10 +202,13 @@ def test_a_specification_is_believed_where_nothing_shows_the_noise():
     assert told.whitening == pytest.approx([1 / 0.07])
     # Its size is told, its colour is that of what a fit leaves.
     residual = lfilter([1.0], [1.0, -0.6], np.random.default_rng(8).standard_normal(800))
+    residual *= 0.075 / residual.std()
     found = read_from_residual(told, residual, np.ones(800, bool), moving)
     assert (found.sigma, found.method) == (0.07, "specification")
     assert found.filter == pytest.approx([1.0, -0.6], abs=0.08)
     assert found.innovation == pytest.approx(0.07 * np.sqrt(1 - 0.6**2), rel=0.05)
+    # In a residual clearly larger than the noise there is a mismatch, with a colour of its own.
+    assert read_from_residual(told, 1.1 * residual, np.ones(800, bool), moving) is told
     rest = recorded(staircase(), SIGMA * np.random.default_rng(7).standard_normal(staircase().size))
     shown = measured_noise(rest, specification=0.07)
     assert shown is not None

@@ -461,7 +461,7 @@ def test_of_a_specified_noise_a_better_fit_tells_the_colour(monkeypatch):
     """Its size stays; what it gains is what the residual's own innovation has lost."""
     white = fj.Noise(0.5, "um", "specification", np.ones(1), 0.5, is_leftover=True)
     left = {0.0: replace(white, sigma=2.0, innovation=2.0, method="residual")}
-    left[1.0] = replace(left[0.0], sigma=1.0, innovation=0.8, filter=np.array([1.0, -0.6]))
+    left[1.0] = replace(left[0.0], sigma=0.5, innovation=0.4, filter=np.array([1.0, -0.6]))
     monkeypatch.setattr(_procedure, "residual_noise", lambda left_over, *_: left[-left_over[0]])
     take = SimpleNamespace(
         noise=white, recording=SimpleNamespace(response=np.zeros(100)), used=np.ones(100, bool)
@@ -471,11 +471,14 @@ def test_of_a_specified_noise_a_better_fit_tells_the_colour(monkeypatch):
     base: Any = SimpleNamespace(solved=of_base, preparation=preparation)
     solved: Any = SimpleNamespace(free=5, samples=100, simulations=[np.ones(100)])
     found, noises = _procedure._seen_past(base, solved)
-    assert found == pytest.approx(200 * np.log(2.0 / 0.8))
+    assert found == pytest.approx(200 * np.log(2.0 / 0.4))
     (seen,) = noises  # type: ignore[misc]
     assert (seen.sigma, seen.method) == (0.5, "specification")
     assert seen.innovation == pytest.approx(0.4)
     assert seen.filter.tolist() == [1.0, -0.6]
+    # Where even that leaves more than the noise, nothing of the colour is known.
+    left[1.0] = replace(left[1.0], sigma=0.6)
+    assert _procedure._seen_past(base, solved) == (-np.inf, preparation)
 
 
 def fine_judged(name: str, gained: float, plausible: bool, left: float = 1.0) -> Judged:

@@ -86,8 +86,8 @@ class Judged:
 
     @property
     def foretells_a_recording(self) -> bool:
-        """Whether a recording that was held out is beyond doubt better foretold with it, and about as
-        well as the training is followed."""
+        """Whether a recording that was held out is beyond doubt better foretold with it, and about
+        as well as the training is followed."""
         is_recording = self.predict is not predict_stretches
         return is_recording and self.gain.convincing and self.gain.foretells(self.solved.left)
 

@@ -190,6 +190,8 @@ def _seen_past(base: Stage, solved: Solved) -> tuple[float, Preparation]:
                 return -np.inf, base.preparation
             noise = seen
         noises.append(noise)
+    if all(noise is take.noise for noise, take in zip(noises, base.preparation.takes, strict=True)):
+        return -np.inf, base.preparation
     return gain, base.preparation.with_noises(noises)
 
 

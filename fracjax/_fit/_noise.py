@@ -32,6 +32,7 @@ _MEDIAN_SQUARED = 7.3
 _SAME = 2e-3
 _CLEARER = 0.97
 _MUCH_MORE = 2.0
+_BARELY_MORE = 1.25
 _NONE = np.zeros(0), np.zeros(0)
 
 
@@ -68,7 +69,10 @@ class Noise:
     tone: Tone | None = None
 
     def coloured_as(self, other: Noise) -> Noise:
-        """A noise of this size and origin with the colour of another."""
+        """A noise of this size and origin with the colour of another; itself where that is clearly
+        larger, for then more than noise is in it."""
+        if other.sigma**2 > _BARELY_MORE * self.sigma**2:
+            return self
         innovation = other.innovation * self.sigma / other.sigma
         return replace(other, sigma=self.sigma, method=self.method, innovation=innovation)
 
@@ -357,7 +361,7 @@ def read_from_residual(
     noise: Noise | None, residual: np.ndarray, used: np.ndarray, recording: Recording
 ) -> Noise:
     """The noise in what a fit left over (N,), where samples are `used`; of one that is specified
-    only the colour, for its size is told."""
+    only the colour, for its size is told, and that where little else is in it."""
     found = residual_noise(residual, used, recording)
     return found if noise is None or noise.method != "specification" else noise.coloured_as(found)
 

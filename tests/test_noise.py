@@ -201,7 +201,8 @@ def test_a_specification_is_believed_where_nothing_shows_the_noise():
     assert (told.sigma, told.method, told.unit) == (0.07, "specification", "um")
     assert told.whitening == pytest.approx([1 / 0.07])
     # Its size is told, its colour is that of what a fit leaves.
-    residual = lfilter([1.0], [1.0, -0.6], np.random.default_rng(8).standard_normal(800))
+    white = np.random.default_rng(8).standard_normal(800)
+    residual = np.asarray(lfilter([1.0], [1.0, -0.6], white))
     residual *= 0.075 / residual.std()
     found = read_from_residual(told, residual, np.ones(800, bool), moving)
     assert (found.sigma, found.method) == (0.07, "specification")

@@ -15,6 +15,7 @@ from fracjax._diagnose import _detect, _procedure, _refit, _round
 from fracjax._diagnose._held_out import Gain, Predict, Prediction, predict_stretches
 from fracjax._diagnose._judgement import Judged, best_of
 from fracjax._diagnose._refit import Refit, sought_further, within_usual_ranges
+from fracjax._diagnose._score import EffectScore, _families, kind_of
 from fracjax._diagnose._stage import Layer, Stage, wrapped
 from fracjax._fit import prepare, silent, solve_from
 from fracjax._parameters import named_parameters, set_values
@@ -61,6 +62,24 @@ def judged(stage: Stage, name: str) -> Judged:
         predict=lambda *_: SimpleNamespace(),  # type: ignore[arg-type, return-value]
         plausible=True,
     )
+
+
+NOTHING: Any = None
+JUDGED = Judged(
+    refit=NOTHING,
+    preparation=NOTHING,
+    delta_bic=1.0,
+    altogether=1.0,
+    spared=0.0,
+    conceded=0.0,
+    explained=1.0,
+    numerics=0.0,
+    gain=NOTHING,
+    foretells_worse=False,
+    prediction=NOTHING,
+    predict=NOTHING,
+    plausible=True,
+)
 
 
 def judged_again(
@@ -267,6 +286,46 @@ def test_a_recording_that_does_not_show_the_effect_leaves_it_to_stretches(apart,
     assert (found.predict is stretches) == (apart < 4)
 
 
+@pytest.mark.parametrize(
+    ("explained", "left", "silent"),
+    [
+        ((1.0, 0.5), (9.0, 1.0), True),
+        ((1.0, 0.95), (9.0, 1.9), False),
+        ((0.8, 0.5), (9.0, 9.0), False),
+    ],
+)
+def test_a_recording_that_no_fit_foretells_which_explains_the_training_says_nothing(
+    explained, left, silent, monkeypatch
+):
+    """χ² per sample of 9 held out beside 1 in training: the base's own law is open there."""
+    monkeypatch.setattr(_round, "predict_stretches", lambda *_: "stretches")
+    monkeypatch.setattr(
+        _round, "gain", lambda _, told: replace(answer(1.0).gain, fall=float(told == "stretches"))
+    )
+    monkeypatch.setattr(_round, "foretells_worse", lambda predict, *_: predict is recording)
+    for name in ("explained_fraction", "spared", "delta_bic"):
+        monkeypatch.setattr(_round, name, lambda *_: 1.0)
+    monkeypatch.setattr(_round, "is_plausible", lambda *_: True)
+    score: Any = SimpleNamespace(effect=None, trials=[None], best=0)
+    solved: Any = SimpleNamespace(cost=100.0, samples=100, left=1.0)
+    attempt = Refit(score, solved)
+
+    def recording(*_: Any) -> Any:
+        return "recording"
+
+    def answer(left: float, explained: float = 1.0) -> Judged:
+        gain = Gain(-5.0, 9.0, 0.0, foretold=(True,), base_rmse=1.0, extended_rmse=1.0, left=left)
+        return replace(JUDGED, refit=attempt, explained=explained, gain=gain, foretells_worse=True)
+
+    stage: Any = SimpleNamespace(solved=None)
+    question = _round._Question(stage, stage, attempt, lambda predict: recording(), recording)
+    found = [(question, answer(at, of)) for at, of in zip(left, explained, strict=True)]
+    told = _round._told_by_stretches(found)
+    assert [j.gain.fall for _, j in told] == [1.0 if silent else -5.0] * 2
+    # That it is foretold worse still counts.
+    assert all(j.foretells_worse for _, j in told)
+
+
 @pytest.mark.parametrize(("loss", "inside"), [(5.0, True), (20.0, False)])
 def test_an_optimum_in_a_flat_valley_does_not_speak_against_an_effect(loss, inside, monkeypatch):
     """The nearest fit within the usual ranges counts where it loses no more than 10 in χ²."""
@@ -288,6 +347,40 @@ def test_an_optimum_in_a_flat_valley_does_not_speak_against_an_effect(loss, insi
     found = within_usual_ranges(Refit(attempt.score, given), stage, 10.0)
     kept = named_parameters(found.solved.block)["first.time_constant"]
     assert kept.is_plausible == inside
+
+
+def test_a_refit_also_starts_from_what_was_found_before_and_a_law_of_fewer_numbers_from_its_own(
+    monkeypatch,
+):
+    begun: list[Any] = []
+
+    def solve(starts: list[Any], *_: Any) -> Any:
+        begun.append(starts)
+        return SimpleNamespace(
+            block=starts[0], cost=-float(len(begun)), left=1.0, free=1, samples=9
+        )
+
+    monkeypatch.setattr(_refit, "solve_from", solve)
+    effect = EFFECTS["minor_loop_memory"]
+    with jax.enable_x64(True):
+        stage = stage_of(())
+        trials = list(effect.trials(stage.preparation.setting))
+        count = len(trials)
+        score = EffectScore(
+            effect=effect, trials=trials, z=np.ones(count), norms=np.ones(count),
+            concealments=np.zeros(count), sizes=np.ones(count), directions=np.eye(count),
+            families=_families(trials),
+        )  # fmt: skip
+        inside = set_values(stage.solved.block, {"delta": 0.4})
+        earlier = effect.insert(inside, trials[0])
+        _refit.refit(score, stage, [stage.solved.block], 0, np.inf, earlier)
+    kinds = [{kind_of(start) for start in starts} for starts in begun]
+    assert all(len(kind) == 1 for kind in kinds)
+    assert len(set.union(*kinds)) == 4  # two sites, twelve thresholds or six
+    assert begun[0][0] is earlier
+    of_six = [starts for starts in begun if len(starts) == 1]
+    assert len(of_six) == 2
+    assert named_parameters(of_six[0][0])["first.delta"].value == 0.4
 
 
 @pytest.mark.parametrize(("stuck", "better"), [(50.0, True), (0.0, False)])

@@ -496,7 +496,7 @@ def test_a_refit_on_a_fine_and_long_grid_begins_on_a_coarse_one(
 def test_look_alikes_are_told_with_the_drive_that_would_part_them():
     """A lag on a slow sine could be a delay or a sensor's: all are told, and a faster drive."""
     step, lag = 2e-3, 0.01
-    drive = 50 - 40 * np.cos(2 * np.pi * step * np.arange(3000))
+    drive = 50 - 40 * np.cos(2 * np.pi * step * np.arange(1500))
     keep = np.exp(-step / lag)
     late = 10 + np.asarray(lfilter([1 - keep], [1, -keep], drive - 10))
     noise = 1e-3 * np.random.default_rng(2).standard_normal(drive.size)

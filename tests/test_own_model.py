@@ -7,7 +7,7 @@ from scipy.signal import lsim
 
 import fracjax as fj
 
-RATE, FINER = 400, 10
+RATE, FINER = 200, 20
 
 
 class Solid(fj.AbstractLinearBlock):
@@ -56,7 +56,7 @@ def drive_at(times: np.ndarray) -> np.ndarray:
 
 
 def recorded(response: np.ndarray, drive: np.ndarray) -> fj.Recording:
-    """Every tenth sample, with noise of 0.05 % of the span."""
+    """Every twentieth sample, with noise of 0.05 % of the span."""
     taken = response[::FINER] - response[0]
     noise = np.random.default_rng(7).normal(0, 5e-4 * np.ptp(taken), taken.size)
     return fj.Recording(drive[::FINER], taken + noise, 1 / RATE, source="simulated")

@@ -144,7 +144,8 @@ def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
         spared = np.clip(j.spared - winner.spared, 0.0, DELTA_BIC)
         behind = min(j.delta_bic - winner.delta_bic + spared, j.evidence - winner.evidence)
         near = behind + j.conceded - winner.conceded > -margin
-        fits_better = j.solved.cost < winner.solved.cost and j.gain.fall > winner.gain.fall
+        foretells_better = j.predict is winner.predict and j.gain.fall > winner.gain.fall
+        fits_better = j.solved.cost < winner.solved.cost and foretells_better
         return j.is_exact and (_ahead(j, winner) > 0 or (possible and (near or fits_better)))
 
     close = [j for j in found if j is not winner and comes_close(j)]

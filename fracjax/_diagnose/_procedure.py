@@ -83,7 +83,8 @@ def run(
         if winner is None:
             break
         alone = _as_good_alone(rounds, winner)
-        if alone is not None:
+        # Of a round whose stage held what has been found superfluous since, nothing is taken back.
+        if alone is not None and len(before.layers) == len(rounds) - 1:
             # Nothing speaks for two effects where one of those that fitted before does as well.
             rounds[-1] = Round(alone, rounds[-1].found)
             stage = before.extended(alone.layer, alone.solved, alone.preparation)

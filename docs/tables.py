@@ -111,7 +111,11 @@ def exam() -> str:
     heads = "measure", "target", "value", "95 % interval", "cases", "concealed", "the 120 before"
     lines = [_line(*heads), "|---" * len(heads) + "|"]
     hidden, before = (
-        {row["measure"]: f"{row['value']} of {row['n']}" for row in rows_of(f"{MARKS}/{table}")}
+        {
+            row["measure"]: f"{row['value']} of {row['n']}"
+            for row in rows_of(f"{MARKS}/{table}")
+            if row["n"] != "0"
+        }
         for table in ("from_601/concealed.csv", "from_401/grade.csv")
     )
     nulls = rows_of(f"{MARKS}/nulls/grade.csv")[0]

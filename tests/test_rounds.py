@@ -42,28 +42,6 @@ def stage_of(names: tuple[str, ...]) -> Stage:
     return Stage("lfdh", base, layers, solve_from([block], preparation), preparation)
 
 
-def judged(stage: Stage, name: str) -> Judged:
-    """An effect fitted outermost on a stage, as a round judges it."""
-    layer = Layer(EFFECTS[name], EFFECTS[name].trials(stage.preparation.setting)[0])
-    solved = solve_from([layer.effect.insert(stage.solved.block, layer.trial)], stage.preparation)
-    score: Any = SimpleNamespace(effect=layer.effect, trials=[layer.trial], best=0)
-    return Judged(
-        refit=Refit(score, solved),
-        preparation=stage.preparation,
-        delta_bic=stage.solved.bic - solved.bic,
-        altogether=stage.solved.bic - solved.bic,
-        spared=0.0,
-        conceded=0.0,
-        explained=1.0,
-        numerics=0.0,
-        gain=Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0, left=1.0),
-        foretells_worse=False,
-        prediction=SimpleNamespace(),  # type: ignore[arg-type]
-        predict=lambda *_: SimpleNamespace(),  # type: ignore[arg-type, return-value]
-        plausible=True,
-    )
-
-
 NOTHING: Any = None
 JUDGED = Judged(
     refit=NOTHING,
@@ -74,12 +52,28 @@ JUDGED = Judged(
     conceded=0.0,
     explained=1.0,
     numerics=0.0,
-    gain=NOTHING,
+    gain=Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0, left=1.0),
     foretells_worse=False,
     prediction=NOTHING,
     predict=NOTHING,
     plausible=True,
 )
+
+
+def judged(stage: Stage, name: str) -> Judged:
+    """An effect fitted outermost on a stage, as a round judges it."""
+    layer = Layer(EFFECTS[name], EFFECTS[name].trials(stage.preparation.setting)[0])
+    solved = solve_from([layer.effect.insert(stage.solved.block, layer.trial)], stage.preparation)
+    score: Any = SimpleNamespace(effect=layer.effect, trials=[layer.trial], best=0)
+    return replace(
+        JUDGED,
+        refit=Refit(score, solved),
+        preparation=stage.preparation,
+        delta_bic=stage.solved.bic - solved.bic,
+        altogether=stage.solved.bic - solved.bic,
+        prediction=SimpleNamespace(),  # type: ignore[arg-type]
+        predict=lambda *_: SimpleNamespace(),  # type: ignore[arg-type, return-value]
+    )
 
 
 def judged_again(
@@ -575,14 +569,10 @@ def test_of_a_specified_noise_a_better_fit_tells_the_colour(monkeypatch):
 
 
 def fine_judged(name: str, gained: float, plausible: bool, left: float = 1.0) -> Judged:
-    gain = Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0, left=1.0)
     solved = SimpleNamespace(gained=gained, bic=-gained * left, cost=-gained * left, samples=0.0)
     layer = SimpleNamespace(effect=SimpleNamespace(name=name))
     refit: Any = SimpleNamespace(name=name, solved=solved, layer=layer)
-    unseen: Any = None
-    return Judged(
-        refit, unseen, gained, gained, 0.0, 0.0, 1.0, 0.0, gain, False, unseen, unseen, plausible
-    )
+    return replace(JUDGED, refit=refit, delta_bic=gained, altogether=gained, plausible=plausible)
 
 
 def refined_contenders(

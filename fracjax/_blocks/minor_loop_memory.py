@@ -71,8 +71,8 @@ class MinorLoopMemory(AbstractBlock):
 
     Twelve radii r_i = 2–48 % of the drive's span, or six of 3–46 % where so many would say no more;
     the weights w_i [response/drive] enter linearly and are of either sign, since the hysteresis
-    beside them may have taken up too much.  A loop
-    then depends on the turning points the drive has left (return-point memory, wiping out).
+    beside them may have taken up too much.  A loop then depends on the turning points the drive has
+    left (return-point memory, wiping out).
     Source: Brokate & Sprekels, Hysteresis and Phase Transitions (1996), chapter 2.
     """
 

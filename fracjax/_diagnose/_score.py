@@ -203,11 +203,16 @@ def family_wise_p(scores: list[EffectScore], freedom: float, seed: int) -> float
     directions = np.concatenate([s.directions for s in scores])
     largest = max(s.height for s in scores)
     observed = float(norm.isf(student.sf(largest, freedom)))
-    values, vectors = np.linalg.eigh(directions @ directions.T)
-    root = vectors * np.sqrt(np.maximum(values, 0.0))
-    draws = np.random.default_rng(seed).standard_normal((_DRAWS, root.shape[1])) @ root.T
-    exceeded = int(np.sum(np.abs(draws).max(axis=1) >= observed))
     bonferroni = min(1.0, 2 * directions.shape[0] * float(norm.sf(observed)))
+    if bonferroni < 1 / _DRAWS:
+        return bonferroni
+    values, vectors = np.linalg.eigh(directions @ directions.T)
+    apart = values > _LEAST_APART * values[-1]
+    root = vectors[:, apart] * np.sqrt(values[apart])
+    generator = np.random.default_rng(seed)
+    normal = generator.standard_normal((_DRAWS, root.shape[1]), np.float32)
+    draws = normal @ root.T.astype(np.float32)
+    exceeded = int(np.sum(np.abs(draws).max(axis=1) >= observed))
     return min(bonferroni, (exceeded + 1) / (_DRAWS + 1)) if exceeded == 0 else exceeded / _DRAWS
 
 

@@ -119,6 +119,10 @@ def solve_from(
     # One alone first, so that what all have in common is compiled once.
     descents = [begun(starts[0]), *side_by_side(begun, starts[1:])]
     descents.sort(key=lambda d: d.cost)
+    descents = [
+        d._replace(converged=d.converged or _has_come_to(descents[:k], d, samples, preparation))
+        for k, d in enumerate(descents)
+    ]
     gains = np.zeros(len(starts))
 
     def further(which: list[int]) -> None:
@@ -151,11 +155,32 @@ def solve_from(
     )
 
 
+def _has_come_to(
+    better: list[Descent], descent: Descent, samples: int, preparation: Preparation
+) -> bool:
+    """Whether a descent has come to where a better one is: from there on their ways are one."""
+
+    def residual(d: Descent) -> np.ndarray:
+        return d.objective.at(d.position).residual
+
+    least = _tenth_of_noise(descent.cost, samples, preparation)
+    close = (d for d in better if descent.cost - d.cost < np.sqrt(samples))
+    return any(np.sum((residual(d) - residual(descent)) ** 2) < least for d in close)
+
+
+def _tenth_of_noise(cost: float, samples: int, preparation: Preparation) -> float:
+    """A tenth of the noise's variance, in which χ² is counted; where no noise is known, of what is
+    left."""
+    unknown = any(take.noise is None for take in preparation.takes)
+    return 0.1 * cost / samples if unknown else 0.1
+
+
 def _negligible(cost: float, samples: int, preparation: Preparation) -> float:
     """A gain in χ² that is none."""
+    tenth = _tenth_of_noise(cost, samples, preparation)
     if any(take.noise is None for take in preparation.takes):
-        return 0.1 * cost / samples
-    return max(0.1, 1e-4 * (cost - samples))
+        return tenth
+    return max(tenth, 1e-4 * (cost - samples))
 
 
 def solved_at(

@@ -74,6 +74,10 @@ def run(
     # changed by more than that error; and without what is missing the base may fit best where it is
     # hard to compute.  The refits answer for their own errors.
     is_real = numerics <= max(LIMIT, SMALL * first.height)
+    if is_real and first.least >= SIGNIFICANCE and _guesses_noise(base):
+        # Seen against itself a mismatch shows little; only a refit tells how much of it is noise.
+        opening = judge(base, base, first.scores, predict, seed, progress, {}, least=0.0)
+        judged = {j.name: j for j in opening}
     while is_real and detection.least < SIGNIFICANCE:
         started = {} if opening else {j.name: j.solved.block for j in earlier}
         found = judge(base, stage, detection.scores, predict, seed, progress, started)
@@ -151,9 +155,7 @@ def with_noise_beyond_mismatch(base: Stage, course: Course) -> Preparation | Non
     Where nothing but a fit tells the noise, what the base left over holds the mismatch too; seen
     against that, a mismatch looks small.  None where no refit leaves clearly less.
     """
-    if not any(
-        take.noise is not None and take.noise.is_leftover for take in base.preparation.takes
-    ):
+    if not _guesses_noise(base):
         return None
     refits = [j.solved for j in course.judged.values() if j.plausible]
     found = [_seen_past(base, solved) for solved in (*refits, course.stage.solved)]
@@ -163,6 +165,12 @@ def with_noise_beyond_mismatch(base: Stage, course: Course) -> Preparation | Non
     # A name that was given already would not change for a little less noise.
     matters = not course.rounds or _quietened(base.preparation, clearer) > _CLEARLY_LESS
     return clearer if matters else None
+
+
+def _guesses_noise(stage: Stage) -> bool:
+    """Whether nothing but a fit tells the noise of a recording."""
+    noises = [take.noise for take in stage.preparation.takes]
+    return any(noise is not None and noise.is_leftover for noise in noises)
 
 
 def _quietened(before: Preparation, after: Preparation) -> float:

@@ -77,6 +77,21 @@ def _reduced(larger: Refit, score: EffectScore, preparation: Preparation) -> Ref
     return Refit(score, solve_from([start], preparation))
 
 
+def begun_from(other: Refit, score: EffectScore) -> AbstractBlock:
+    """The trial that the residual resembles most, round the base of another refit and with the
+    numbers that the two laws share: what one has found of a mode, one that it contains need not
+    look for."""
+    layer, trial = other.layer, score.trials[score.best]
+    found = named_parameters(getattr(other.solved.block, layer.place))
+    shared = {
+        name: np.clip(found[name].value, parameter.lower, parameter.upper)
+        for name, parameter in named_parameters(trial).items()
+        if name in found and np.shape(found[name].value) == np.shape(parameter.value)
+    }
+    inside = getattr(other.solved.block, layer.inside)
+    return score.effect.insert(inside, set_values(trial, shared))
+
+
 def _of_one_kind(
     score: EffectScore,
     stage: Stage,

@@ -9,7 +9,7 @@ from functools import cache
 import numpy as np
 
 from .._blocks import AbstractBlock, Effect
-from .._fit import Preparation, Progress, Solved, fine_enough
+from .._fit import Preparation, Progress, Solved, fine_enough, solve_from
 from .._parameters import named_parameters, set_values
 from ._detect import scored_within
 from ._evidence import delta_bic, spared
@@ -27,7 +27,7 @@ from ._judgement import (
     rivals_of,
     unusual_loss,
 )
-from ._refit import Refit, refit, sought_further, within_usual_ranges
+from ._refit import Refit, begun_from, refit, sought_further, within_usual_ranges
 from ._score import EffectScore, confusability
 from ._stage import Stage
 
@@ -45,18 +45,23 @@ def judge(
     progress: Progress,
     started: Mapping[str, AbstractBlock],
     hopeless: float = np.inf,
+    least: float | None = None,
 ) -> list[Judged]:
     """Refit the shortlist, each also from where it `started`, if anywhere, and put every candidate
-    to the naming rule's questions."""
+    to the naming rule's questions.
+
+    `least` is what an effect must promise to gain in χ², by default what could be adopted.
+    """
 
     @cache
     def before(predict: Predict) -> Prediction:
         return predict(stage.solved, stage.preparation)
 
     found: list[tuple[_Question, Judged]] = []
-    least = DELTA_BIC + np.log(stage.solved.samples)
-    # What takes a small share may still be named if it takes all that is left.
-    least = max(least, min(least_share(base, stage) * base.excess, _HALF * stage.excess))
+    if least is None:
+        # What takes a small share may still be named if it takes all that is left.
+        share = min(least_share(base, stage) * base.excess, _HALF * stage.excess)
+        least = max(DELTA_BIC + float(np.log(stage.solved.samples)), share)
     candidates, blocks = _candidates(stage, scores, least, progress)
     waiting = list(candidates)
     while waiting:
@@ -243,7 +248,7 @@ def _contenders_refined(
     Where none is admissible, of those that gain at least half of what any does: on too coarse a
     grid a mode seems damped, and the number that makes up for it implausible.  Where a finer grid
     makes more of one, its look-alikes are sought on that grid too: on the coarse one they may have
-    ended far off.
+    ended far off.  Those of the best also begin from where that ended.
     """
     found = list(found)
     share = _NEARLY if best_of([answer for _, answer in found]) else _HALF
@@ -262,14 +267,18 @@ def _contenders_refined(
         refined = _refined(question, coarse, progress)
         found[k] = question, refined
         checked.add(k)
-        if coarse.solved.cost - refined.solved.cost >= DELTA_BIC:
+        gained = coarse.solved.cost - refined.solved.cost
+        if gained >= DELTA_BIC or coarse is best:
             alike = {
                 k for k, j in enumerate(judged) if _look_alike(j.layer.effect, refined.layer.effect)
             }
-            for i in sorted(alike - checked - sought):
-                progress(f"refitting with {judged[i].name} on the grid of {refined.name}")
-                found[i] = _sought_on(refined.preparation, found[i][0], seed)
-                sought.add(i)
+            for i in sorted(alike - sought):
+                progress(f"refitting with {judged[i].name} from where {refined.name} ended")
+                beside = _sought_beside(refined, *found[i], seed, anew=gained >= DELTA_BIC)
+                if beside is not None:
+                    found[i] = beside
+                    checked.discard(i)
+                    sought.add(i)
 
 
 def _refined(question: _Question, judged: Judged, progress: Progress) -> Judged:
@@ -283,14 +292,22 @@ def _refined(question: _Question, judged: Judged, progress: Progress) -> Judged:
     return question.answered(solved, preparation, numerics)
 
 
-def _sought_on(
-    preparation: Preparation, question: _Question, seed: int
-) -> tuple[_Question, Judged]:
-    """A candidate refitted anew on another grid."""
-    stage = replace(question.stage, preparation=preparation)
-    attempt = refit(question.attempt.score, stage, [stage.solved.block], seed, np.inf)
+def _sought_beside(
+    other: Judged, question: _Question, answer: Judged, seed: int, *, anew: bool
+) -> tuple[_Question, Judged] | None:
+    """A candidate refitted on another's grid from where that ended, and `anew` from every start;
+    none where that finds nothing better."""
+    stage = replace(question.stage, preparation=other.preparation)
+    score = question.attempt.score
+    start = begun_from(other.refit, score)
+    if anew:
+        attempt = refit(score, stage, [stage.solved.block], seed, np.inf, start)
+    else:
+        attempt = Refit(score, solve_from([start], stage.preparation, answer.solved.cost))
+    if answer.solved.cost - attempt.solved.cost < DELTA_BIC:
+        return None
     question = replace(question, attempt=_kept_usual(attempt, stage))
-    return question, question.answered(question.attempt.solved, preparation, 0.0)
+    return question, question.answered(question.attempt.solved, stage.preparation, 0.0)
 
 
 def _gaining(before: Solved, judged: list[Judged], share: float) -> set[int]:

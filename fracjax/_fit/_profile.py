@@ -40,6 +40,7 @@ _LOOKS = 8
 _BEYOND_BOUNDS = 1e3
 _LEAST_STRETCH, _LARGEST_STRETCH = 1.1, 3.0
 _LEAST_SHARE = 0.2
+_COARSER = 8
 
 Interval = tuple[float | None, float | None]
 
@@ -113,13 +114,17 @@ def with_profiled_intervals(fit: Fit, names: Iterable[str]) -> Fit:
     if not wanted:
         return fit
     curvatures = _curvatures(fit)
+    # How fast χ² rises hardly depends on the grid, only where it is least does.
+    coarse = fit.weighed.with_oversampling(max(1, fit.weighed.oversampling // _COARSER))
+    block = solve_from([fit.model.block], coarse).block
 
     def end(which: tuple[int, int]) -> float:
         k, side = which
         estimate = fit.estimates[k]
-        held = _held(fit, estimate, _BEYOND_BOUNDS)
+        held = _Held(estimate, block, coarse, _BEYOND_BOUNDS)
         factor = (estimate.standard_error / curvatures[k]) ** 2
-        return _end(held, held.at(0.0), factor, side)
+        reach = _end(held, held.at(0.0), factor, side)
+        return _Held(estimate, fit.model.block, fit.weighed, _BEYOND_BOUNDS).value(reach)
 
     ends = iter(side_by_side(end, [(k, side) for k in wanted for side in (-1, 1)]))
     told = list(fit.estimates)
@@ -147,7 +152,7 @@ def profile(fit: Fit, name: str) -> Profile:
     with computing():
         at = labels.index(name)
         estimate = fit.estimates[at]
-        held = _held(fit, estimate)
+        held = _Held(estimate, fit.model.block, fit.weighed)
         centre = held.at(0.0)
         factor = (estimate.standard_error / _curvatures(fit)[at]) ** 2
         low, high = (_walk(held, centre, factor, side) for side in (-1, 1))
@@ -176,12 +181,6 @@ def _curvatures(fit: Fit) -> np.ndarray:
     return uncertainty_of(blocks, problems, conditions, units=("1", "1"), inflation=1.0).curvature
 
 
-def _held(fit: Fit, estimate: Estimate, beyond: float = 1.0) -> _Held:
-    block, name = fit.model.block, estimate.name
-    parameter = named_parameters(block)[name]
-    return _Held(parameter, estimate.standard_error, block, name, fit.weighed, beyond)
-
-
 class _Held:
     """The best fit with one parameter held, at a distance from the estimate in standard errors.
 
@@ -190,14 +189,14 @@ class _Held:
 
     def __init__(
         self,
-        parameter: Parameter,
-        error: float,
+        estimate: Estimate,
         block: AbstractBlock,
-        name: str,
         preparation: Preparation,
         beyond: float = 1.0,
     ):
-        self.parameter, self.error, self.block, self.name = parameter, error, block, name
+        self.block, self.name, self.error = block, estimate.name, estimate.standard_error
+        name, parameter = self.name, named_parameters(block)[self.name]
+        self.parameter = parameter
         beyond = beyond if parameter.logarithmic else 1.0
         self.lower = np.asarray(parameter.lower).item() / beyond
         self.upper = np.asarray(parameter.upper).item() * beyond
@@ -284,8 +283,8 @@ def _walk(held: _Held, centre: float, factor: float, side: int) -> tuple[list[fl
 
 
 def _end(held: _Held, centre: float, factor: float, side: int) -> float:
-    """Where √Δ reaches 1.96 to one side, by secants from where it would if it were straight; the
-    parameter's bound where it does not."""
+    """How far off [standard errors] √Δ reaches 1.96 to one side, by secants from where it would if
+    it were straight; where the parameter's bound is, if it does not."""
     z, inside, outside, block = _REACH, (0.0, 0.0), None, held.block
     for _ in range(_LOOKS):
         # From where the fit was still good: beyond, it may have gone astray.
@@ -293,7 +292,7 @@ def _end(held: _Held, centre: float, factor: float, side: int) -> float:
         rise = (held.at(side * z) - centre) / factor
         root = float(np.sqrt(rise)) if rise > 0 else 0.0
         if abs(root - _REACH) < _NEAR:
-            return held.value(side * z * _REACH / root)
+            return side * z * _REACH / root
         if root > _REACH:
             outside = z, root
         elif held.value(side * z) in (held.lower, held.upper):
@@ -305,7 +304,7 @@ def _end(held: _Held, centre: float, factor: float, side: int) -> float:
         else:
             share = (_REACH - inside[1]) / (outside[1] - inside[1])
             z = inside[0] + max(share, _LEAST_SHARE) * (outside[0] - inside[0])
-    return held.value(side * z)
+    return side * z
 
 
 def _interval(values: np.ndarray, delta: np.ndarray, level: float) -> Interval:

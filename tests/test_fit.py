@@ -344,6 +344,17 @@ def test_starts_side_by_side_end_where_they_end_one_after_the_other(monkeypatch)
     np.testing.assert_array_equal(found[1].simulations[0], found[4].simulations[0])
 
 
+def test_starts_that_come_to_one_place_go_on_as_one():
+    """Of a start given twice the second stops after its first looks, and is no worse for it."""
+    block = fj.parse_model("foh >> creep").block
+    preparation = prepare([record(0)], noise=KNOWN, history="constant")
+    with jax.enable_x64(True):
+        once, twice = (solve_from([block] * times, preparation) for times in (1, 2))
+    assert once.evaluations > 10
+    assert once.evaluations < twice.evaluations <= once.evaluations + 6
+    assert twice.cost == once.cost
+
+
 def test_of_steady_cycles_whole_periods_count_and_all_of_them():
     times = np.arange(1100) * STEP
     drive = 40 + 30 * np.sin(2 * np.pi * times / 0.4)  # 5.5 periods of 200

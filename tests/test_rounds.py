@@ -14,7 +14,7 @@ from fracjax._blocks import EFFECTS
 from fracjax._diagnose import _detect, _procedure, _refit, _round
 from fracjax._diagnose._held_out import Gain, Predict, Prediction, predict_stretches
 from fracjax._diagnose._judgement import Judged, best_of
-from fracjax._diagnose._refit import Refit, sought_further, within_usual_ranges
+from fracjax._diagnose._refit import Refit, begun_from, sought_further, within_usual_ranges
 from fracjax._diagnose._score import EffectScore, _families, kind_of
 from fracjax._diagnose._stage import Layer, Stage, wrapped
 from fracjax._fit import prepare, silent, solve_from
@@ -576,10 +576,15 @@ def fine_judged(name: str, gained: float, plausible: bool, left: float = 1.0) ->
 
 
 def refined_contenders(
-    found: list[Judged], finer: dict[str, float], monkeypatch, alike: str = ""
+    found: list[Judged],
+    finer: dict[str, float],
+    monkeypatch,
+    alike: str = "",
+    beside: dict[str, float] | None = None,
 ) -> tuple[list[str], list[Judged]]:
     """Who was judged on a finer grid, in order, and all as they are judged then; `finer` holds what
-    some gain there, and those `alike` are look-alikes of each other."""
+    some gain there, and those `alike` are look-alikes of each other, which gain what `beside` says
+    where another ended."""
     asked = []
 
     def judged_finer(name: str, gained: float) -> Judged:
@@ -589,15 +594,17 @@ def refined_contenders(
         asked.append(judged.name)
         return judged_finer(judged.name, judged.solved.gained)
 
-    def sought_on(_: Any, name: Any, __: int) -> tuple[Any, Judged]:
-        asked.append(f"{name} anew")
-        return name, judged_finer(name, 0.0)
+    def sought_beside(
+        _: Any, name: Any, answer: Judged, __: int, *, anew: bool
+    ) -> tuple[Any, Judged] | None:
+        asked.append(f"{name} {'anew' if anew else 'beside'}")
+        found = fine_judged(name, (beside or {}).get(name, 0.0), plausible=True)
+        return (name, found) if found.delta_bic > answer.delta_bic else None
 
     monkeypatch.setattr(_round, "_refined", refined)
-    monkeypatch.setattr(_round, "_sought_on", sought_on)
-    monkeypatch.setattr(
-        _round, "_look_alike", lambda one, other: {one.name, other.name} <= set(alike)
-    )
+    monkeypatch.setattr(_round, "_sought_beside", sought_beside)
+    pairs = [(one, other) for one in alike for other in alike if one != other]
+    monkeypatch.setattr(_round, "_look_alike", lambda one, other: (one.name, other.name) in pairs)
     questions: Any = [(judged.name, judged) for judged in found]
     before: Any = SimpleNamespace(bic=0.0)
     return asked, _round._contenders_refined(before, questions, 0, silent)
@@ -636,14 +643,72 @@ def test_look_alikes_of_what_a_fine_grid_helps_are_sought_there_anew(
     """On the coarse one a resonance had ended far off, and a second mode took its name."""
     gained = {"a": 1000, "b": 300, "c": 300}
     found = [fine_judged(name, gain, plausible=True) for name, gain in gained.items()]
-    finer = {"a": 1100, "b": on_the_finer}
-    asked, judged = refined_contenders(found, finer, monkeypatch, alike="ab")
+    beside = {"b": on_the_finer}
+    asked, judged = refined_contenders(found, {"a": 1100}, monkeypatch, "ab", beside)
     winner = best_of(judged)
     assert winner is not None
     assert winner.name == best
-    assert asked == (["a", "b anew", "b"] if best == "b" else ["a", "b anew"])
-    # Where the grid makes no difference, nothing is sought again.
-    assert refined_contenders(found, {"a": 1005}, monkeypatch, alike="ab")[0] == ["a"]
+    assert asked == ["a", "b anew", *(["b", "a beside"] if best == "b" else [])]
+    # Where the grid makes no difference, they begin from where the best ended, and no more.
+    assert refined_contenders(found, {"a": 1005}, monkeypatch, "ab")[0] == ["a", "b beside"]
+
+
+def test_a_look_alike_whose_grid_was_fine_enough_where_it_stood_is_sought_again(monkeypatch):
+    """A resonance stood far off, where a coarse grid does; two modes were found on a fine one."""
+    found = [fine_judged("a", 950, plausible=True), fine_judged("b", 1000, plausible=True)]
+    asked, judged = refined_contenders(found, {"b": 1400}, monkeypatch, "ab", {"a": 1420})
+    assert asked == ["a", "b", "a anew", "a", "b beside"]
+    winner = best_of(judged)
+    assert winner is not None
+    assert winner.name == "a"
+
+
+def test_a_look_alike_begins_with_the_numbers_that_the_two_laws_share():
+    """One mode begins where the first of two has been found, round the base beside them."""
+    with jax.enable_x64(True):
+        stage = stage_of(())
+        two, one = (EFFECTS[name] for name in ("second_mode", "resonance"))
+        trial = two.trials(stage.preparation.setting)[0]
+        block = two.insert(stage.solved.block, set_values(trial, {"damping": 2.0}))
+        block = set_values(block, {"first.mu": 0.123, "second.frequency": 77.0})
+        scores: Any = [
+            SimpleNamespace(effect=e, trials=e.trials(stage.preparation.setting), best=0)
+            for e in (two, one)
+        ]
+        other = Refit(scores[0], replace(stage.solved, block=block))
+        begun = named_parameters(begun_from(other, scores[1]))
+    assert float(begun["second.frequency"].value) == 77.0
+    assert float(begun["first.mu"].value) == 0.123
+    # Within its own bounds.
+    assert float(begun["second.damping"].value) == 1.0
+    assert not any("ratio" in name for name in begun)
+
+
+@pytest.mark.parametrize(("guessed", "asked"), [(True, [0.0]), (False, [])])
+def test_where_only_a_fit_tells_the_noise_refits_are_asked_though_nothing_shows(
+    guessed, asked, monkeypatch
+):
+    """Seen against itself a mismatch is no larger than its noise."""
+    found, least = [fine_judged("a", 100.0, plausible=True)], []
+
+    def judge(*_: Any, **asked: Any) -> list[Judged]:
+        least.append(asked["least"])
+        return found
+
+    scored: Any = [SimpleNamespace(height=2.0)]
+    monkeypatch.setattr(_procedure, "detect", lambda *_: _detect.Detection(scored, [], 0.5))
+    monkeypatch.setattr(_procedure, "judge", judge)
+    with jax.enable_x64(True):
+        stage = stage_of(())
+        (take,) = stage.preparation.takes
+        assert take.noise is not None
+        noise = replace(take.noise, is_leftover=guessed)
+        stage = replace(stage, preparation=stage.preparation.with_noises([noise]))
+        course = _procedure.run(stage, 0.0, NOTHING, 0, silent)
+    assert least == asked
+    assert course.rounds == []
+    assert course.opening == (found if guessed else [])
+    assert list(course.judged) == (["a"] if guessed else [])
 
 
 def test_a_refined_candidate_keeps_to_its_usual_ranges_on_its_own_grid(monkeypatch):

@@ -10,10 +10,10 @@ import pytest
 
 import fracjax as fj
 from fracjax._blocks import EFFECTS, AbstractBlock
-from fracjax._diagnose._evidence import spared
+from fracjax._diagnose._evidence import spared, strain
 from fracjax._diagnose._stage import Layer
 from fracjax._fit import Preparation, Solved, jacobian, layout_of, prepare, solve_from
-from fracjax._parameters import named_parameters, set_values
+from fracjax._parameters import named_parameters, replace_parameters, set_values
 
 STEP, SAMPLES = 5e-3, 1200
 
@@ -87,3 +87,16 @@ def test_with_little_noise_it_is_less_than_with_much():
     values = {"frequency": 60.0}
     clear, noisy = (spared(*solved_with("resonance", values, noise)) for noise in (1e-4, 0.1))
     assert clear < noisy
+
+
+def test_what_a_gain_beyond_its_usual_range_costs_is_what_a_fit_without_it_leaves_more():
+    """A kink of the wrong sign: held at none, all other numbers at their best."""
+    values = {"share": -0.03, "threshold": -10.0}
+    solved, preparation, layer = solved_with("lost_contact", values, 3e-4)
+    none = fj.Parameter(0.0, fixed=True)
+    held = solve_from([replace_parameters(solved.block, {"second.share": none})], preparation)
+    rise = strain(solved, preparation, layer)
+    assert rise > 100
+    assert held.cost - solved.cost == pytest.approx(rise, rel=0.1)
+    # The other sign is that of a contact that is lost.
+    assert strain(*solved_with("lost_contact", values | {"share": 0.03}, 3e-4)) < 9

@@ -1,5 +1,6 @@
 """Models as far as effects have been added: layers, paths, and the model without one of them."""
 
+from types import SimpleNamespace
 from typing import NamedTuple
 
 import jax
@@ -119,17 +120,25 @@ def test_a_start_that_would_overtake_the_best_is_followed(setting, monkeypatch):
         left = at.course[1:] if at.course[1:] else at.course
         return at._replace(course=left, cost=at.course[0], converged=not at.course[1:])
 
+    class Objective(NamedTuple):
+        name: str
+
+        def at(self, _: int) -> SimpleNamespace:
+            return SimpleNamespace(residual=np.array([1e3 * list(courses).index(self.name)]))
+
     class Fake(NamedTuple):
         course: list[float]
         cost: float
         converged: bool
-        objective: str
+        objective: Objective
         position: int = 0
         evaluations: int = 0
 
-    monkeypatch.setattr(_solve, "begin", lambda s, *_: Fake(courses[s], np.inf, False, s))
+    monkeypatch.setattr(
+        _solve, "begin", lambda s, *_: Fake(courses[s], np.inf, False, Objective(s))
+    )
     monkeypatch.setattr(_solve, "descend", descend)
-    monkeypatch.setattr(_solve, "solved_at", lambda objective, *_, **__: objective)
+    monkeypatch.setattr(_solve, "solved_at", lambda objective, *_, **__: objective.name)
     recording = fj.Recording(DRIVE, 0.1 * DRIVE, TIMES[1], "V", "um")
     starts: list = ["near", "far", "idle"]
     assert _solve.solve_from(starts, prepare([recording], history="constant")) == "far"

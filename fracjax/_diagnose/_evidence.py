@@ -1,5 +1,5 @@
 r"""The evidence for an effect: what it gains in BIC, and what its numbers cost by Laplace's
-evidence, as far as the data know them.
+evidence, as far as the data know them; and how far its gains lie beyond their usual ranges.
 
     2 ln Z = -χ² - ln det(1 + S F S) + const,     F = Dᵀ(1 - QQᵀ)D
 
@@ -44,6 +44,28 @@ def spared(solved: Solved, preparation: Preparation, layer: Layer) -> float:
     cost = np.linalg.slogdet(np.eye(own.size) + beside.T @ beside / solved.left)[1]
     read_off = sum(int(np.sum(~np.isfinite(p.expected_sd))) for p in parameters.values())
     return float(own.size * np.log(solved.samples) - cost - read_off)
+
+
+def strain(solved: Solved, preparation: Preparation, layer: Layer) -> float:
+    """What χ² would rise by, were that gain of the outermost effect held at the end of its usual
+    range which lies furthest beyond it: the square of how many standard errors it does."""
+    parameters = layer.own(solved.block)
+    shapes = layer.own_shapes(solved.block)
+    beyond = {
+        name: np.ravel(p.value - np.clip(p.value, *p.plausible))
+        for name, p in parameters.items()
+        if name not in shapes and not p.is_plausible
+    }
+    if not beyond:
+        return 0.0
+    known, rises = sensitivity_of(solved, preparation), []
+    scaled = known.whitened / (np.linalg.norm(known.whitened, axis=0) + 1e-300)
+    for k, number in enumerate(known.numbers):
+        if number.name in beyond:
+            basis = np.linalg.qr(np.delete(scaled, k, axis=1))[0]
+            moved = beyond[number.name][number.component] * known.whitened[:, k]
+            rises.append(float(np.sum((moved - basis @ (basis.T @ moved)) ** 2)))
+    return max(rises)
 
 
 def _expected(parameter: Parameter) -> np.ndarray:

@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._fit import LIMIT, Preparation, Solved, tolerated
+from ._evidence import strain
 from ._held_out import Gain, Predict, Prediction, predict_stretches
 from ._refit import Refit
 from ._result import Axis
@@ -225,10 +226,17 @@ def freedom_of(preparation: Preparation, kurtosis: float) -> float:
     return 2 / max(noise_doubt(preparation, kurtosis), 1e-6) ** 2
 
 
-def is_plausible(solved: Solved, layer: Layer) -> bool:
-    """Whether the outermost effect's shapes ended within their expected ranges."""
+def is_plausible(before: Solved, solved: Solved, preparation: Preparation, layer: Layer) -> bool:
+    """Whether the outermost effect's shapes ended within their expected ranges, and its gains as
+    near to theirs as makes little of what it gains on the fit before.
+
+    Gains are eliminated, and end where the data have them: a contact that is lost has one sign, and
+    a bend of the other is another law.
+    """
     own = layer.own_shapes(solved.block)
-    return all(parameter.is_plausible for parameter in own.values())
+    if not all(parameter.is_plausible for parameter in own.values()):
+        return False
+    return strain(solved, preparation, layer) <= unusual_loss(before.cost - solved.cost)
 
 
 def reason(

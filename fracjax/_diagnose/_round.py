@@ -211,7 +211,7 @@ class _Question:
             foretells_worse=worse,
             prediction=prediction,
             predict=predict,
-            plausible=is_plausible(solved, self.attempt.layer),
+            plausible=is_plausible(self.stage.solved, solved, preparation, self.attempt.layer),
         )
 
 

@@ -282,6 +282,10 @@ def test_rivals_are_those_within_25_or_a_hundredth():
     # What needs to leave its range and still fits less well only mimics the winner.
     mimic = judged_of("e", 9990, plausible=False)
     assert rivals_of(best, [*found, mimic]) == [bad, close]
+    # What fits better does not, for want of numbers that the data hardly know.
+    several = judged_of("a", 10_000, spared=60)
+    assert best_of([bad, several]) is several
+    assert rivals_of(several, [bad, several]) == [bad]
     # A gain that held-out data leave open does not exclude a rival; one they refute does.
     open_ = judged_of("f", 9990, gain=replace(CONVINCING, fall=2.0))
     refuted = [

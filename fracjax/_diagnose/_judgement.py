@@ -141,7 +141,8 @@ def rivals_of(winner: Judged, found: Sequence[Judged]) -> list[Judged]:
     margin = margin_of(winner.altogether)
 
     def comes_close(j: Judged) -> bool:
-        possible = j.plausible and not j.gain.refuted
+        mimics = not j.plausible and j.delta_bic <= winner.delta_bic
+        possible = not (mimics or j.gain.refuted)
         spared = np.clip(j.spared - winner.spared, 0.0, DELTA_BIC)
         behind = min(j.delta_bic - winner.delta_bic + spared, j.evidence - winner.evidence)
         near = behind + j.conceded - winner.conceded > -margin

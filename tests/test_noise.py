@@ -8,7 +8,8 @@ from scipy.signal import lfilter
 
 import fracjax as fj
 from fracjax._fit import measured_noise, residual_noise
-from fracjax._fit._noise import _noise, _Stretch, _without_relaxation, read_from_residual
+from fracjax._fit._autoregression import autoregression, taken_power
+from fracjax._fit._noise import _noise, _Stretch, read_from_residual
 from fracjax._fit._problem import setting_of
 from fracjax._recording import Recording
 
@@ -119,8 +120,43 @@ def test_steps_as_coarse_as_the_noise_are_named_from_the_codes(codes):
 def test_of_a_rest_a_parabola_and_logarithms_of_time_are_no_noise():
     x = np.linspace(0, 1, 300)
     slow = 1 - 2 * x + 3 * x**2 + 0.5 * np.log(x + 0.02) - np.log(x + 0.2)
-    assert np.abs(_without_relaxation(slow)).max() < 1e-10
-    assert np.std(_without_relaxation(slow + x**5)) > 1e-3
+    assert np.abs(_Stretch.without_relaxation(slow, 0).samples).max() < 1e-10
+    assert np.std(_Stretch.without_relaxation(slow + x**5, 0).samples) > 1e-3
+
+
+@pytest.mark.parametrize("samples", [400, 1200])
+def test_slow_noise_is_told_in_full_where_slow_terms_were_taken_off(samples):
+    generator, memory = np.random.default_rng(11), 0.9
+    found, sizes = [], []
+    for _ in range(60):
+        white = generator.standard_normal(samples + 300)
+        stretch = _Stretch.without_relaxation(
+            np.asarray(lfilter([1], [1, -memory], white))[300:], 0
+        )
+        told = _noise([stretch], "um", "static")
+        found.append((told.innovation / told.filter.sum()) ** 2)
+        sizes.append(told.sigma)
+    slowest, size = 1 / (1 - memory) ** 2, 1 / np.sqrt(1 - memory**2)
+    # A median over the spectrum alone would cut it to a third, and the five terms take more.
+    assert np.exp(np.mean(np.log(found))) == pytest.approx(slowest, rel=0.3)
+    assert np.median(sizes) == pytest.approx(size, rel=0.1)
+
+
+def test_what_terms_take_of_noise_is_what_they_take_on_average():
+    generator, taps = np.random.default_rng(12), np.array([1.0, -0.8])
+    terms = _Stretch.without_relaxation(np.zeros(150), 0).terms
+    noise = np.asarray(lfilter([1], taps, generator.standard_normal((4000, 550))))[:, 400:]
+    taken = np.mean(np.sum((noise @ terms) ** 2, axis=1))
+    assert taken_power((taps, 1.0), terms) == pytest.approx(taken, rel=0.03)
+
+
+def test_a_line_does_not_colour_slow_noise():
+    noise = np.asarray(lfilter([1], [1, -0.9], np.random.default_rng(13).standard_normal(4000)))
+    line = 3.0 * np.sin(2 * np.pi * 0.12 * np.arange(4000))
+    for told, alone in zip(
+        autoregression([noise + line])[0][:2], autoregression([noise])[0][:2], strict=True
+    ):
+        assert told == pytest.approx(alone, abs=0.03)
 
 
 @pytest.mark.parametrize("periods", [3, 4])
@@ -187,7 +223,8 @@ def test_a_repeat_is_one_only_where_its_drive_is_that_of_the_recording():
 def test_the_noise_is_read_from_the_slowest_line_that_nothing_was_taken_from():
     noise = np.random.default_rng(6).standard_normal(1000)
     for taken, first in ((0, 1), (1, 2), (4, 3)):
-        found = _noise([_Stretch(noise, 0, taken)], "um", "static")
+        terms = np.linalg.qr(np.vander(np.linspace(-1, 1, 1000), taken))[0]
+        found = _noise([_Stretch(noise - terms @ (terms.T @ noise), 0, terms)], "um", "static")
         assert found.lines[0].min() == pytest.approx(first / found.lines[0].size / 2, rel=0.01)
 
 

@@ -7,12 +7,12 @@ seconds, and what it found best.
 
 - `diagnose, cold` and `diagnose, warm`: `fracjax.diagnose` from the recording to the verdict, the
   first time in a process and again;
-- `refit all`: every effect of the catalogue fitted together with the base by SciPy's
-  `least_squares` on the same jitted simulation, whitened alike, on the same grid, its derivatives
-  by differences, from four or eight starts: the fitted base and the nominal point, with trials
-  drawn from the effect's; effects ranked by BIC.  It has no floor, no places and no held-out data:
-  it is the ceiling of what evidence alone tells.  A diagnosis takes five to ten starts, for the
-  effects it refits.
+- `refit all`: every law of every effect of the catalogue (creep has two, friction has two) fitted
+  together with the base by SciPy's `least_squares` on the same jitted simulation, whitened alike,
+  on the same grid, its derivatives by differences, from four or ten starts: the fitted base and the
+  nominal point, with trials drawn from the law's; effects ranked by BIC.  It has no floor, no
+  places and no held-out data: it is the ceiling of what evidence alone tells.  Ten starts are what
+  a diagnosis takes for most of the laws that it refits.
 """
 
 from __future__ import annotations
@@ -34,7 +34,7 @@ from fracjax._fit import Preparation, simulate_all
 from fracjax._parameters import named_parameters, set_values
 
 SAMPLES = 10_000
-STARTS = (4, 8)
+STARTS = (4, 10)
 COLUMNS = ("effect", "level", "way", "seconds", "times_warm", "best", "verdict")
 
 
@@ -51,10 +51,15 @@ def refit_all(
     """The effect of the lowest BIC."""
     generator, found = np.random.default_rng(0), {}
     for name, effect in EFFECTS.items():
-        trials = effect.trials(preparation.setting)
-        drawn = [0, 0, *generator.integers(len(trials), size=starts - 2)]
+        laws: dict[type, list[AbstractBlock]] = {}
+        for trial in effect.trials(preparation.setting):
+            laws.setdefault(type(trial), []).append(trial)
         inside = [base, nominal] * (starts // 2)
-        first = [effect.insert(b, trials[k]) for b, k in zip(inside, drawn, strict=True)]
+        first = [
+            effect.insert(b, trials[k])
+            for trials in laws.values()
+            for b, k in zip(inside, generator.integers(len(trials), size=starts), strict=True)
+        ]
         found[name] = min(bic_of(start, preparation) for start in first)
     return min(found, key=lambda name: found[name])
 

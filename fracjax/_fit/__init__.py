@@ -2,6 +2,7 @@
 
 from ._amplitude_ratios import AmplitudeRatios as AmplitudeRatios
 from ._amplitude_ratios import amplitude_ratios as amplitude_ratios
+from ._autoregression import autoregression as autoregression
 from ._combinations import Combination as Combination
 from ._compare import Comparison as Comparison
 from ._compare import compare as compare
@@ -38,7 +39,6 @@ from ._least_squares import jacobian as jacobian
 from ._least_squares import simulate as simulate
 from ._least_squares import simulate_all as simulate_all
 from ._noise import Noise as Noise
-from ._noise import autoregression as autoregression
 from ._noise import measured_noise as measured_noise
 from ._noise import residual_noise as residual_noise
 from ._normal import AbstractPrior as AbstractPrior

@@ -6,22 +6,19 @@ from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
-from scipy.linalg import solve_toeplitz
-from scipy.ndimage import median_filter
 from scipy.signal import fftconvolve, lfilter
 from scipy.stats import chi2, kurtosis
 
 from .._recording import InputError, Recording
+from ._autoregression import autoregression, taken_power
 from ._problem import resolution
 from ._tone import Tone, tone_in
 
 Method = Literal["repeats", "static", "specification", "residual"]
-_LARGEST_ORDER = 12
 _REST_SECONDS = 0.2
 # Successive second differences have the correlations -2/3 and 1/6: 1 + 2 Σ ρ² ≈ 2.
 _SHARED = 2.0
-_RELAXATION = 5
-_FEW, _LEAST_PER_TERM = 3, 10
+_FEW, _SHORT = 3, 50
 _PIECES = 12
 _SHORTEST_PIECE = 40
 _SURELY_VARYING = 1e-4
@@ -99,47 +96,33 @@ class Noise:
         return self.filter / self.innovation
 
 
-def _autocovariance(series: np.ndarray, lags: int) -> np.ndarray:
-    """Autocovariance (lags+1,) from a spectrum smoothed by a running median, so that lines of the
-    mains, which are no noise but interference, do not count."""
-    power = np.abs(np.fft.rfft(series)) ** 2 / series.size
-    power[0] = power[1]
-    width = 2 * (max(power.size // 40, 5)) + 1
-    # Periodogram values are exponentially distributed: their median is ln 2 of their mean.
-    smooth = median_filter(power, min(width, power.size), mode="nearest") / np.log(2)
-    return np.fft.irfft(smooth, series.size)[: lags + 1]
-
-
-def autoregression(series: list[np.ndarray]) -> tuple[np.ndarray, float]:
-    """AR(p) filter and innovation sd of one or more stretches, p by BIC (Yule–Walker)."""
-    count = sum(s.size for s in series)
-    largest = min(_LARGEST_ORDER, min(s.size for s in series) // 20)
-    weights = [s.size / count for s in series]
-    autocovariance = np.sum(
-        [w * _autocovariance(s, largest) for w, s in zip(weights, series, strict=True)], axis=0
-    )
-    best, best_score = (
-        (np.ones(1), float(np.sqrt(autocovariance[0]))),
-        count * np.log(autocovariance[0]),
-    )
-    for order in range(1, largest + 1):
-        coefficients = solve_toeplitz(autocovariance[:order], autocovariance[1 : order + 1])
-        variance = autocovariance[0] - coefficients @ autocovariance[1 : order + 1]
-        score = count * np.log(variance) + order * np.log(count)
-        if score < best_score:
-            best = np.concatenate([[1.0], -coefficients]), float(np.sqrt(variance))
-            best_score = score
-    return best
-
-
 @dataclass(frozen=True)
 class _Stretch:
-    """Samples (n,) that hold nothing but noise, the first one's number in the recording, and how
-    many freedoms a fit has taken from them."""
+    """Samples (n,) that hold nothing but noise, the first one's number in the recording, and the
+    orthonormal terms (n, k) that have been fitted to them and taken off."""
 
     samples: np.ndarray
     start: int
-    taken: int = 0
+    terms: np.ndarray
+
+    @classmethod
+    def untouched(cls, samples: np.ndarray, start: int) -> _Stretch:
+        """Of samples from which nothing was taken off."""
+        return cls(samples, start, np.zeros((samples.size, 0)))
+
+    @classmethod
+    def without_relaxation(cls, samples: np.ndarray, start: int) -> _Stretch:
+        """Of samples that held the actuator's slow relaxation too: the parabola and the logarithms
+        of time that fit it best are taken off."""
+        x = np.linspace(0, 1, samples.size)
+        slow = np.stack([np.ones_like(x), x, x**2, np.log(x + 0.02), np.log(x + 0.2)], axis=1)
+        terms = np.linalg.qr(slow)[0]
+        return cls(samples - terms @ (terms.T @ samples), start, terms)
+
+    @property
+    def taken(self) -> int:
+        """How many freedoms the terms have taken."""
+        return self.terms.shape[1]
 
 
 def _noise(
@@ -153,10 +136,12 @@ def _noise(
     """Noise from stretches that hold nothing else; `shared`: how many of their samples hold the
     same noise.  Its size is followed along the recording where it is larger than the response's
     resolution: within a converter's step there is none, and beside it much."""
-    series = [s.samples * np.sqrt(s.samples.size / (s.samples.size - s.taken)) for s in stretches]
-    coefficients, innovation = autoregression(series)
-    sigma = float(np.sqrt(np.mean(np.concatenate(series) ** 2)))
+    colour = autoregression([s.samples for s in stretches], [s.terms for s in stretches])
+    coefficients, innovation = colour
+    squares = sum(np.sum(s.samples**2) + taken_power(colour, s.terms) for s in stretches)
+    sigma = float(np.sqrt(squares / sum(s.samples.size for s in stretches)))
     taps = coefficients / innovation
+    series = [s.samples * np.sqrt(s.samples.size / (s.samples.size - s.taken)) for s in stretches]
     lost = taps.size - 1
     whitened = [np.asarray(lfilter(taps, 1.0, s))[lost:] for s in series]
     starts = [s.start + lost for s in stretches]
@@ -236,7 +221,9 @@ def cleared(noise: Noise, residual: np.ndarray, used: np.ndarray, recording: Rec
         again = _noise(
             stretches, noise.unit, "repeats", _SHARED, resolution=resolution(recording.response)
         )
-        return again if again.innovation < _CLEARER * noise.innovation else noise
+        # A decay that has not settled is in few slow lines, which the innovation hardly tells.
+        clearer = min(again.innovation / noise.innovation, again.sigma / noise.sigma) < _CLEARER
+        return again if clearer else noise
     if noise.method == "static" and _given_twice(recording.drive) is not None and used.all():
         again = residual_noise(residual, used, recording)
         of_noise = again.innovation**2 < _MUCH_MORE * noise.innovation**2
@@ -287,16 +274,19 @@ def _from_repeats(
         blocks, starts = blocks[whole], starts[whole]
         if not len(blocks):
             return []
-    if len(blocks) < _FEW and period > _LEAST_PER_TERM * _RELAXATION:
-        # Too few to tell when that has settled: its slow bend is taken off.  Of many it is not, for
-        # it would take the slow part of the noise too.
-        pairs = zip(blocks, starts, strict=True)
-        return [_Stretch(_without_relaxation(b), int(start), _RELAXATION) for b, start in pairs]
-    spread = blocks.std(axis=1)
-    settled = int(np.argmax(spread <= 1.2 * np.median(spread)))
-    mean = blocks[settled:].mean()
-    pairs = zip(blocks[settled:], starts[settled:], strict=True)
-    return [_Stretch(block - mean, int(start)) for block, start in pairs]
+    if len(blocks) >= _FEW:
+        spread = blocks.std(axis=1)
+        settled = int(np.argmax(spread <= 1.2 * np.median(spread)))
+        blocks, starts = blocks[settled:], starts[settled:]
+    if period > _SHORT:
+        # What has not settled still bends slowly.
+        return [
+            _Stretch.without_relaxation(block, int(start))
+            for block, start in zip(blocks, starts, strict=True)
+        ]
+    mean = blocks.mean()
+    pairs = zip(blocks, starts, strict=True)
+    return [_Stretch.untouched(block - mean, int(start)) for block, start in pairs]
 
 
 def _from_static(recording: Recording, counts: np.ndarray | None, step: float) -> list[_Stretch]:
@@ -309,18 +299,12 @@ def _from_static(recording: Recording, counts: np.ndarray | None, step: float) -
         begin = start + (stop - start) // 10
         if counts is not None and not np.all(counts[begin:stop]):
             continue
-        left = _without_relaxation(recording.response[begin:stop])
-        if np.ptp(recording.response[begin:stop]) == 0 or left.std() < step / np.sqrt(12):
+        stretch = _Stretch.without_relaxation(recording.response[begin:stop], begin)
+        still = np.ptp(recording.response[begin:stop]) == 0
+        if still or stretch.samples.std() < step / np.sqrt(12):
             continue
-        stretches.append(_Stretch(left, begin, _RELAXATION))
+        stretches.append(stretch)
     return stretches
-
-
-def _without_relaxation(series: np.ndarray) -> np.ndarray:
-    """A series (n,) less the parabola and the logarithms of time that fit it best."""
-    x = np.linspace(0, 1, series.size)
-    slow = np.stack([np.ones_like(x), x, x**2, np.log(x + 0.02), np.log(x + 0.2)], axis=1)
-    return series - slow @ np.linalg.lstsq(slow, series, rcond=None)[0]
 
 
 def measured_noise(
@@ -345,7 +329,7 @@ def measured_noise(
                 "record the same drive twice"
             )
         difference = (repeat.response - recording.response) / np.sqrt(2)
-        return _noise([_Stretch(difference - difference.mean(), 0)], unit, "repeats")
+        return _noise([_Stretch.untouched(difference - difference.mean(), 0)], unit, "repeats")
     step = resolution(recording.response)
     if series := _from_repeats(recording, counts):
         return _noise(series, unit, "repeats", _SHARED, resolution=step)
@@ -377,11 +361,12 @@ def residual_noise(residual: np.ndarray, used: np.ndarray, recording: Recording)
     if period is not None and used.all():
         # Of three times only two: what two differences share would be a comb in their spectrum.
         again = residual[period : 2 * period]
-        difference = _without_relaxation((again - residual[: again.size]) / np.sqrt(2))
-        noise = _noise([_Stretch(difference, 0, _RELAXATION)], recording.response_unit, "repeats")
+        difference = (again - residual[: again.size]) / np.sqrt(2)
+        stretch = _Stretch.without_relaxation(difference, 0)
+        noise = _noise([stretch], recording.response_unit, "repeats")
     else:
         left = residual[used] - residual[used].mean()
-        noise = _noise([_Stretch(left, 0)], recording.response_unit, "residual")
+        noise = _noise([_Stretch.untouched(left, 0)], recording.response_unit, "residual")
     return replace(noise, is_leftover=True)
 
 

@@ -11,10 +11,10 @@ from scipy.signal import lfilter
 
 from .._blocks import AbstractBlock
 from .._parameters import Parameter, named_parameters
+from ._autoregression import autoregression
 from ._combinations import Combination, combinations_of
 from ._conditions import Conditions, Number, numbers_of, prior_rows
 from ._least_squares import Problems, sensitivity
-from ._noise import autoregression
 
 _CLOSE = 0.995
 _SHARE_OF_RESPONSE = 0.05

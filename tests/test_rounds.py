@@ -13,7 +13,7 @@ import fracjax as fj
 from fracjax._blocks import EFFECTS
 from fracjax._diagnose import _detect, _procedure, _refit, _round
 from fracjax._diagnose._held_out import Gain, Predict, Prediction, predict_stretches
-from fracjax._diagnose._judgement import Judged, best_of
+from fracjax._diagnose._judgement import SIGNIFICANCE, Judged, best_of
 from fracjax._diagnose._refit import Refit, begun_from, sought_further, within_usual_ranges
 from fracjax._diagnose._score import EffectScore, _families, kind_of
 from fracjax._diagnose._stage import Layer, Stage, wrapped
@@ -566,6 +566,44 @@ def test_of_a_specified_noise_a_better_fit_tells_the_colour(monkeypatch):
     # Where even that leaves more than the noise, nothing of the colour is known.
     left[1.0] = replace(left[1.0], sigma=0.6)
     assert _procedure._seen_past(base, solved) == (-np.inf, preparation)
+
+
+def opened(disturbance: np.ndarray) -> tuple[Stage, _procedure.Course]:
+    """LFDH, fitted to itself with a disturbance [share of the response], the last quarter of the
+    drive a rest; and a course on which nothing was refitted."""
+    drive = np.where(TIMES < 2.25, DRIVE, DRIVE[450])
+    response = fj.simulate("lfdh", drive, STEP, "constant").response
+    response = response + np.ptp(response) * disturbance
+    preparation = prepare([fj.Recording(drive, response, STEP, "V", "um")], history="constant")
+    block = fj.parse_model("lfdh", preparation.setting).block
+    with jax.enable_x64(True):
+        base = Stage("lfdh", block, (), solve_from([block], preparation), preparation)
+        seen = _detect.detect(base, 0, silent)
+    return base, _procedure.Course(seen, True, [], seen, [], {}, base, None)
+
+
+def test_where_no_effect_gains_anything_noise_may_be_larger_outside_a_rest():
+    louder = NOISE * np.where(TIMES < 2.25, 2.0, 1.0)
+    base, course = opened(louder)
+    (told,) = [take.noise for take in base.preparation.takes]
+    assert told is not None
+    assert told.method == "static"
+    assert course.first.least < SIGNIFICANCE
+    with jax.enable_x64(True):
+        explained = _procedure.explained_by_noise(base, course, 0, silent)
+        assert explained is not None
+        again, quiet = explained
+        assert quiet.first.least >= SIGNIFICANCE
+        (followed,) = [take.noise for take in again.preparation.takes]
+        assert followed is not None
+        ratio = followed.sigma / told.sigma
+        assert np.std(louder) / np.std(NOISE[TIMES > 2.25]) == pytest.approx(ratio, rel=0.2)
+        # An effect that would have been an improvement is no noise.
+        gaining = replace(course, judged={"a": fine_judged("a", 20.0, True)})
+        assert _procedure.explained_by_noise(base, gaining, 0, silent) is None
+        # What is smooth from sample to sample is none either.
+        wave = 0.006 * np.sin(9 * TIMES + TIMES**2) * (TIMES < 2.25)
+        assert _procedure.explained_by_noise(*opened(NOISE + wave), 0, silent) is None
 
 
 def fine_judged(name: str, gained: float, plausible: bool, left: float = 1.0) -> Judged:

@@ -60,7 +60,7 @@ from ._judgement import (
 from ._jumps import Jumps, find_jumps
 from ._locate import frequency
 from ._next_experiment import Limits, parse_limits, propose, recorded_limits
-from ._procedure import Course, Round, run, with_noise_beyond_mismatch
+from ._procedure import Course, Round, explained_by_noise, run, with_noise_beyond_mismatch
 from ._residual import residual_of
 from ._result import (
     Axis,
@@ -147,6 +147,7 @@ def diagnose(
             progress("reading the noise again, without the mismatch")
             solved, preparation = solve_from([solved.block, model.block], clearer), clearer
             readings_left, earlier = readings_left - 1, course.opening
+        base, course = explained_by_noise(base, course, seed, progress) or (base, course)
         limits = limits or recorded_limits(listed)
         conclusion = _Conclusion(model, base, numerics, unseen, predict, course)
         return conclusion.diagnosis(limits, progress)
@@ -236,8 +237,7 @@ class _Conclusion:
             return "unexplained"
         # Where no effect gains anything, places alone must be surer: a noise level that was read
         # from few samples with heavy tails is off by more than it says.
-        gains = any(j.delta_bic >= DELTA_BIC for j in self.course.judged.values())
-        limit = SIGNIFICANCE if gains else _PLACES_ALONE
+        limit = SIGNIFICANCE if self.course.gains else _PLACES_ALONE
         return "none" if self.course.first.p_value >= limit else "unexplained"
 
     @property

@@ -3,11 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .._fit import LIMIT, Preparation, Progress, Solved, residual_noise
+from .._fit import LIMIT, Preparation, Progress, Solved, followed, residual_noise, solve_from
 from ._detect import Detection, detect, scored
 from ._evidence import delta_bic
 from ._held_out import Predict, foretells_worse, gain, predict_stretches
@@ -53,6 +53,11 @@ class Course:
     judged: dict[str, Judged]
     stage: Stage
     too_small: str | None
+
+    @property
+    def gains(self) -> bool:
+        """Whether any effect would have been an improvement."""
+        return any(j.delta_bic >= DELTA_BIC for j in self.judged.values())
 
 
 def run(
@@ -165,6 +170,36 @@ def with_noise_beyond_mismatch(base: Stage, course: Course) -> Preparation | Non
     # A name that was given already would not change for a little less noise.
     matters = not course.rounds or _quietened(base.preparation, clearer) > _CLEARLY_LESS
     return clearer if matters else None
+
+
+def explained_by_noise(
+    base: Stage, course: Course, seed: int, progress: Progress
+) -> tuple[Stage, Course] | None:
+    """The base and a course beside a noise that is followed beyond the rests that told it, where
+    nothing shows against that.
+
+    It is asked where places alone speak for a mismatch and no effect gains anything: noise may have
+    been larger outside the rests.
+    """
+    told = [take.noise for take in base.preparation.takes if take.noise is not None]
+    rests = any(noise.method == "static" for noise in told)
+    if course.first.least >= SIGNIFICANCE or course.gains or not rests:
+        return None
+    progress("following the noise beyond the rests")
+    takes = zip(told, base.preparation.takes, base.solved.simulations, strict=True)
+    noises = [
+        followed(noise, take.recording.response - simulation, take.used)
+        if noise.method == "static"
+        else noise
+        for noise, take, simulation in takes
+    ]
+    preparation = base.preparation.with_noises(noises)
+    solved = solve_from([base.solved.block, base.start()], preparation)
+    again = replace(base, solved=solved, preparation=preparation)
+    seen = detect(again, seed, progress)
+    if seen.least < SIGNIFICANCE:
+        return None
+    return again, replace(course, first=seen, opening=[], last=seen, judged={}, stage=again)
 
 
 def _guesses_noise(stage: Stage) -> bool:

@@ -36,7 +36,7 @@ from .._fit import Problem, position_of
 _DRAWS = 20_000
 _DETECTION = 5.0
 _LEAST_NORM = 1e-6
-_LEAST_APART = 1e-6
+_INDEPENDENT = 1e-6
 
 
 @dataclass(frozen=True)
@@ -100,7 +100,7 @@ class EffectScore:
 
     def _taken(self, family: list[int]) -> float:
         values, turned = np.linalg.eigh(self.directions[family] @ self.directions[family].T)
-        apart = values > _LEAST_APART * values[-1]
+        apart = values > _INDEPENDENT * values[-1]
         along = turned[:, apart].T @ self.z[family]
         return float(np.sum(along**2 / values[apart])) - (along.size - 1)
 
@@ -207,7 +207,7 @@ def family_wise_p(scores: list[EffectScore], freedom: float, seed: int) -> float
     if bonferroni < 1 / _DRAWS:
         return bonferroni
     values, vectors = np.linalg.eigh(directions @ directions.T)
-    apart = values > _LEAST_APART * values[-1]
+    apart = values > _INDEPENDENT * values[-1]
     root = vectors[:, apart] * np.sqrt(values[apart])
     generator = np.random.default_rng(seed)
     normal = generator.standard_normal((_DRAWS, root.shape[1]), np.float32)

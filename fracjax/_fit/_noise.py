@@ -47,7 +47,7 @@ class Noise:
     one that is specified, as a number, its colour.
     `course`: sample numbers and the noise's size there (n,), of which it is 1 on average; none
     where the noise is as large everywhere as far as can be seen.  `crest`: its rms over what the
-    median of its differences says, 1 for normal noise, and where it does not vary.  `tone`: one
+    median of its differences says, 1 for normal noise.  `tone`: one
     that it surely holds.
     """
 
@@ -153,7 +153,7 @@ def _noise(
         ]
     white = np.concatenate(whitened)
     # Codes that stay the same for most samples have differences of no size.
-    typical = _median_size(np.diff(white)) if course[0].size else 0.0
+    typical = _median_size(np.diff(white))
     tails = max(float(kurtosis(white, fisher=False)), 3.0)
     # The slowest lines are the ones that the fit took away.
     slow = [1 + (s.taken + 1) // 2 for s in stretches]
@@ -229,23 +229,31 @@ def cleared(noise: Noise, residual: np.ndarray, used: np.ndarray, recording: Rec
         of_noise = again.innovation**2 < _MUCH_MORE * noise.innovation**2
         if of_noise and again.effective > noise.effective:
             return replace(again, is_leftover=False)
-    return _followed(noise, residual, used) if noise.course[0].size else noise
+    return followed(noise, residual, used) if noise.course[0].size else noise
 
 
-def _followed(noise: Noise, residual: np.ndarray, used: np.ndarray) -> Noise:
+def followed(noise: Noise, residual: np.ndarray, used: np.ndarray) -> Noise:
     """A noise whose size varies, followed all along a residual (N,) where samples are `used`.
 
-    Rests show that it varies and how large it is; between them the differences of what a fit leaves
-    over show its course, for a mismatch is smooth from sample to sample.
+    Rests show how large it is in them, and the heights of its crests; between them the differences
+    of what a fit leaves over show its course, for a mismatch is smooth from sample to sample.
     """
     lost = noise.filter.size - 1
-    differences = np.diff(np.asarray(lfilter(noise.whitening, 1.0, residual))[lost:])
+    whitened = np.asarray(lfilter(noise.whitening, 1.0, residual))[lost:]
+    differences, counted = np.diff(whitened), used[lost + 1 :]
     where = lost + np.arange(differences.size)
-    counted = used[lost + 1 :]
     parts = np.array_split(np.flatnonzero(counted), _PIECES)
     centres = np.array([where[part].mean() for part in parts])
     sizes = noise.crest * np.array([_median_size(differences[part]) for part in parts])
-    return replace(noise, course=(centres, sizes))
+    # There is no more noise than is left over, whatever the crests of a short rest say.
+    left = np.sqrt(np.mean(whitened[1:][counted] ** 2))
+    average = float(min(np.sqrt(np.mean(sizes**2)), left))
+    return replace(
+        noise,
+        sigma=average * noise.sigma,
+        innovation=average * noise.innovation,
+        course=(centres, sizes / np.sqrt(np.mean(sizes**2))),
+    )
 
 
 def _from_repeats(

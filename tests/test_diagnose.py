@@ -31,6 +31,7 @@ from fracjax._diagnose._judgement import (
     rivals_of,
     share_of_excess,
 )
+from fracjax._diagnose._procedure import Course
 from fracjax._diagnose._result import Axis
 from fracjax._diagnose._score import EffectScore, Residual, family_wise_p
 from fracjax._fit import (
@@ -529,8 +530,9 @@ def test_look_alikes_are_told_with_the_drive_that_would_part_them(monkeypatch):
     ],
 )
 def test_places_alone_must_be_surer(gained, p_value, verdict):
-    course = SimpleNamespace(
-        judged={"a": judged_of("a", gained)}, first=SimpleNamespace(p_value=p_value)
-    )
+    unseen: Any = None
+    first: Any = SimpleNamespace(p_value=p_value)
+    refitted = {"a": judged_of("a", gained)}
+    course = Course(first, True, [], first, [], refitted, unseen, None)
     conclusion: Any = SimpleNamespace(course=course, jumps=None)
     assert _Conclusion._verdict(conclusion, ()) == verdict

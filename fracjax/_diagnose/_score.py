@@ -99,10 +99,9 @@ class EffectScore:
         return max(self._taken(list(family)) for family in self.families)
 
     def _taken(self, family: list[int]) -> float:
-        values, turned = np.linalg.eigh(self.directions[family] @ self.directions[family].T)
-        apart = values > _INDEPENDENT * values[-1]
-        along = turned[:, apart].T @ self.z[family]
-        return float(np.sum(along**2 / values[apart])) - (along.size - 1)
+        values, turned = _independent(self.directions[family])
+        along = turned.T @ self.z[family]
+        return float(np.sum(along**2 / values)) - (along.size - 1)
 
     @property
     def log_evidence(self) -> float:
@@ -192,6 +191,14 @@ def kind_of(block: AbstractBlock) -> Hashable:
     return structure, tuple(np.shape(leaf) for leaf in leaves)
 
 
+def _independent(directions: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Eigenvalues (n,) and vectors (K, n) of the Gram matrix of directions (K, ΣL), without the
+    combinations that cancel."""
+    values, vectors = np.linalg.eigh(directions @ directions.T)
+    apart = values > _INDEPENDENT * values[-1]
+    return values[apart], vectors[:, apart]
+
+
 def family_wise_p(scores: list[EffectScore], freedom: float, seed: int) -> float:
     """P(max |z| over all columns ≥ the one observed) where the model is right.
 
@@ -206,9 +213,8 @@ def family_wise_p(scores: list[EffectScore], freedom: float, seed: int) -> float
     bonferroni = min(1.0, 2 * directions.shape[0] * float(norm.sf(observed)))
     if bonferroni < 1 / _DRAWS:
         return bonferroni
-    values, vectors = np.linalg.eigh(directions @ directions.T)
-    apart = values > _INDEPENDENT * values[-1]
-    root = vectors[:, apart] * np.sqrt(values[apart])
+    values, vectors = _independent(directions)
+    root = vectors * np.sqrt(values)
     generator = np.random.default_rng(seed)
     normal = generator.standard_normal((_DRAWS, root.shape[1]), np.float32)
     draws = normal @ root.T.astype(np.float32)

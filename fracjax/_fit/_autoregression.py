@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.fft import next_fast_len
 from scipy.linalg import solve_toeplitz
 from scipy.ndimage import median_filter
 
@@ -31,17 +32,18 @@ def autoregression(
     and the terms that were taken off pass for noise that is not there (Worsley et al., NeuroImage
     15, 2002, mend the same bias in the same way).  No memory is told to be longer than a stretch.
     """
-    count = sum(s.size for s in series)
-    shortest = min(s.size for s in series)
+    sizes = [s.size for s in series]
+    count, shortest = sum(sizes), min(sizes)
     largest = min(_LARGEST_ORDER, shortest // _LEAST_PER_ORDER)
     if terms is None:
         terms = [np.zeros((s.size, 0)) for s in series]
+    periodograms = [np.abs(np.fft.rfft(s)) ** 2 / s.size for s in series]
     found: Autoregression = np.ones(1), 1.0
     before = np.zeros(largest + 1)
     for _ in range(_PASSES):
-        parts = [_autocovariance(s, t, found, largest) for s, t in zip(series, terms, strict=True)]
-        shares = [s.size / count for s in series]
-        autocovariance = np.average(parts, axis=0, weights=shares)
+        pairs = zip(periodograms, terms, strict=True)
+        parts = [_autocovariance(power, t, found, largest) for power, t in pairs]
+        autocovariance = np.average(parts, axis=0, weights=sizes)
         found = _yule_walker(autocovariance, count, np.exp(-1 / shortest))
         if np.allclose(autocovariance, before, rtol=0, atol=_SETTLED * autocovariance[0]):
             break
@@ -65,48 +67,48 @@ def _yule_walker(autocovariance: np.ndarray, count: int, forgets: float) -> Auto
 
 
 def _autocovariance(
-    series: np.ndarray, terms: np.ndarray, told: Autoregression, lags: int
+    power: np.ndarray, terms: np.ndarray, told: Autoregression, lags: int
 ) -> np.ndarray:
-    """Autocovariance (lags+1,) of the noise in a stretch (n,) without its terms (n, k), from its
-    spectrum in units of what is `told` of it, smoothed."""
-    size = series.size
-    power = np.abs(np.fft.rfft(series)) ** 2 / size
+    """Autocovariance (lags+1,) of the noise in a stretch without its terms (n, k), from its
+    periodogram (n//2+1,) in units of what is `told` of it, smoothed."""
     expected, spectrum = _expected_power(told, terms)
     relative = power / np.maximum(expected, _LEAST_SHARE * spectrum)
     relative[0] = relative[1]
     width = min(2 * max(power.size // 40, 5) + 1, power.size)
     # Periodogram values are exponentially distributed: their median is ln 2 of their mean.
     smooth = median_filter(relative, width, mode="nearest") / np.log(2)
-    return np.fft.irfft(smooth * spectrum, size)[: lags + 1]
+    return np.fft.irfft(smooth * spectrum, len(terms))[: lags + 1]
 
 
 def _expected_power(told: Autoregression, terms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     """The expected periodogram (n//2+1,) of a stretch (n,) of this noise less what `terms` (n, k)
     fit of it, and the noise's spectrum at the same frequencies."""
-    size = len(terms)
-    spectrum, covariance = _spectrum_and_covariance(told, size)
+    (taps, innovation), size = told, len(terms)
+    covariance = _covariance(told, size)
     of_lag = covariance * (1 - np.arange(size) / size) - _taken(covariance, terms) / size
-    around = np.fft.rfft(np.concatenate([of_lag, [0.0], of_lag[:0:-1]])).real
-    return around[::2], spectrum
+    # At the periodogram's frequencies a lag of -k is one of n - k.
+    of_lag[1:] += of_lag[:0:-1]
+    return np.fft.rfft(of_lag).real, innovation**2 / np.abs(np.fft.rfft(taps, size)) ** 2
 
 
-def _spectrum_and_covariance(told: Autoregression, size: int) -> tuple[np.ndarray, np.ndarray]:
-    """Of noise over `size` samples, the power at its periodogram's frequencies and the covariance
-    of its lags."""
+def _covariance(told: Autoregression, size: int) -> np.ndarray:
+    """The covariance (n,) of noise at the lags below n = `size`."""
     taps, innovation = told
-    power = innovation**2 / np.abs(np.fft.rfft(taps, _LASTING * size)) ** 2
-    return power[::_LASTING], np.fft.irfft(power, _LASTING * size)[:size]
+    length = next_fast_len(_LASTING * size, real=True)
+    return np.fft.irfft(innovation**2 / np.abs(np.fft.rfft(taps, length)) ** 2, length)[:size]
 
 
 def taken_power(told: Autoregression, terms: np.ndarray) -> float:
     """How much of the sum of squares of noise that is `told` orthonormal terms (n, k) take off."""
-    return float(_taken(_spectrum_and_covariance(told, len(terms))[1], terms)[0])
+    return float(_taken(_covariance(told, len(terms)), terms)[0])
 
 
 def _taken(covariance: np.ndarray, terms: np.ndarray) -> np.ndarray:
     """What of the sums Σ_t E[e_t e_{t+k}] (n,) goes with the terms Q (n, k): of C - MCM at each
     lag, M = 1 - QQᵀ."""
     size = len(terms)
+    if not terms.size:
+        return np.zeros(size)
 
     def transformed(columns: np.ndarray) -> np.ndarray:
         return np.fft.rfft(columns, 2 * size, axis=0)

@@ -37,7 +37,8 @@ _NONE = np.zeros(0), np.zeros(0)
 class Noise:
     """Autoregressive noise: Σ_k filter[k] e_{t-k} = innovation · white, filter[0] = 1.
 
-    `sigma` is the rms of all that does not repeat, in `unit`; `method` says where it was read.  The
+    `sigma` is the rms of all that does not repeat, in `unit`, and of what went with slow terms that
+    were fitted to it; `method` says where it was read.  The
     filter leaves lines of the mains out, so that they count as mismatch and can be named.
     It was read from `effective` independent samples, of this `kurtosis`: a floor read from a short
     rest, or from noise with heavy tails, is known less well than the recording's length suggests.
@@ -245,14 +246,14 @@ def followed(noise: Noise, residual: np.ndarray, used: np.ndarray) -> Noise:
     parts = np.array_split(np.flatnonzero(counted), _PIECES)
     centres = np.array([where[part].mean() for part in parts])
     sizes = noise.crest * np.array([_median_size(differences[part]) for part in parts])
+    typical = np.sqrt(np.mean(sizes**2))
     # There is no more noise than is left over, whatever the crests of a short rest say.
-    left = np.sqrt(np.mean(whitened[1:][counted] ** 2))
-    average = float(min(np.sqrt(np.mean(sizes**2)), left))
+    average = float(min(typical, np.sqrt(np.mean(whitened[1:][counted] ** 2))))
     return replace(
         noise,
         sigma=average * noise.sigma,
         innovation=average * noise.innovation,
-        course=(centres, sizes / np.sqrt(np.mean(sizes**2))),
+        course=(centres, sizes / typical),
     )
 
 

@@ -316,6 +316,16 @@ def test_a_gain_changes_by_its_share_in_the_long_run():
     np.testing.assert_allclose(steady, 1.1 * np.sin(angle), rtol=0, atol=1e-3)
 
 
+def test_a_gain_that_begins_at_rest_forgets_its_first_response():
+    """Of a drive that begins with a jump a fractional law's first response depends on the step."""
+    block = GainDrift(0.1, 1.0, 0.01, speed=1.0, size=1.0)
+    drive = np.sin(9 * TIMES)
+    jumped = np.concatenate([[100.0], drive[1:]])
+    late = TIMES > 0.5
+    found, other = (respond(block, d, history="rest")[late] for d in (drive, jumped))
+    np.testing.assert_allclose(other, found, rtol=0, atol=1e-12)
+
+
 # Viscoelastic layer -------------------------------------------------------------------------------
 
 

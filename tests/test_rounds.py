@@ -749,6 +749,31 @@ def test_where_only_a_fit_tells_the_noise_refits_are_asked_though_nothing_shows(
     assert list(course.judged) == (["a"] if guessed else [])
 
 
+@pytest.mark.parametrize(
+    ("guessed", "may", "rounds"), [(True, True, 0), (True, False, 1), (False, True, 1)]
+)
+def test_a_noise_that_hid_behind_the_mismatch_is_read_before_the_rounds_go_on(
+    guessed, may, rounds, monkeypatch
+):
+    seen = iter([SIGNIFICANCE / 2, 0.5])
+    scored: Any = [SimpleNamespace(height=2.0)]
+    monkeypatch.setattr(_procedure, "detect", lambda *_: _detect.Detection(scored, [], next(seen)))
+    with jax.enable_x64(True):
+        stage = stage_of(())
+        (noise,) = (take.noise for take in stage.preparation.takes if take.noise is not None)
+        noise = replace(noise, is_leftover=guessed)
+        stage = replace(stage, preparation=stage.preparation.with_noises([noise]))
+        less = stage.preparation.with_noises([replace(noise, sigma=0.9 * noise.sigma)])
+        monkeypatch.setattr(_procedure, "_seen_past", lambda *_: (20.0, less))
+        found = [judged(stage, "drive_lag")]
+        monkeypatch.setattr(_procedure, "judge", lambda *_, **__: found)
+        course = _procedure.run(stage, 0.0, NOTHING, 0, silent, may_read_again=may)
+        clearer = _procedure.with_noise_beyond_mismatch(stage, course)
+    assert len(course.rounds) == rounds
+    # Whoever asked for it early finds it.
+    assert (clearer is not None) == guessed
+
+
 def test_a_refined_candidate_keeps_to_its_usual_ranges_on_its_own_grid(monkeypatch):
     """Of two modes one left them there for nothing, and was excluded for it."""
 

@@ -25,8 +25,9 @@ class GainDrift(AbstractBlock):
     is the relative change of the gain after a long run at this drive.  Losses go with the square of
     the amplitude; with the frequency itself for hysteresis (p = 1) and with its square for a
     viscous or an ohmic loss (p = 2).
-    y_0 is the first response, and z [response] how far above the unknown zero of the displacement
-    it lies.  Of a drive that jumps, losses with p > 1 depend on the step.
+    y_0 is the response before the first sample (0 with `rest` history, for of a drive that begins
+    with a jump the first response depends on the step), and z [response] how far above the unknown
+    zero of the displacement it lies.  Of a drive that jumps, losses with p > 1 depend on the step.
     The power of each step h, that of its mean speed and its middle, is held over it and T follows
     exactly: of second order.  The actuator is cold at the start; with `periodic` history it is
     warm, and T only ripples.
@@ -69,17 +70,18 @@ class GainDrift(AbstractBlock):
         return False
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
+        begun = 0.0 if grid.history == "rest" else drive[0]
         before = jnp.roll(drive, 1)
         if grid.history != "periodic":
             before = before.at[0].set(drive[0])
         speed = jnp.abs(drive - before) / (grid.step * self.speed)
-        size = jnp.abs(0.5 * (drive + before) - drive[0]) / self.size
+        size = jnp.abs(0.5 * (drive + before) - begun) / self.size
         # A power of zero has no derivative with respect to its exponent.
         speed, size = (jnp.maximum(x, _LEAST) for x in (speed, size))
         power = speed**self.losses.value * size ** (2 - self.losses.value)
         exponents = jnp.full(drive.shape, grid.step / self.time_constant.value)
         warming = relax(power, exponents, grid.history)
-        return drive + self.gain.value * (drive - drive[0] + self.zero.value) * warming
+        return drive + self.gain.value * (drive - begun + self.zero.value) * warming
 
 
 def _trials(setting: Setting) -> list:

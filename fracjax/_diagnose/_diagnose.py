@@ -140,7 +140,9 @@ def diagnose(
             predict = (
                 predict_stretches if unseen is None else partial(predict_recording, take=unseen)
             )
-            course = run(base, numerics, predict, seed, progress, earlier)
+            course = run(
+                base, numerics, predict, seed, progress, earlier, may_read_again=readings_left > 0
+            )
             clearer = with_noise_beyond_mismatch(base, course) if readings_left else None
             if clearer is None:
                 break

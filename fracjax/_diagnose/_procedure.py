@@ -67,10 +67,14 @@ def run(
     seed: int,
     progress: Progress,
     earlier: Sequence[Judged] = (),
+    *,
+    may_read_again: bool = False,
 ) -> Course:
     """Adopt one effect after another while the residual shows one, then drop what became idle.
 
-    `earlier`: the refits beside the same base, seen against another noise, to start from.
+    `earlier`: the refits beside the same base, seen against another noise, to start from.  Where
+    the noise may be read again it ends with the opening, once that shows the noise to be clearly
+    less: every later round would be gone through twice.
     """
     before, stage, rounds, judged, too_small = base, base, [], {}, None
     opening: list[Judged] = []
@@ -88,6 +92,10 @@ def run(
         found = judge(base, stage, detection.scores, predict, seed, progress, started)
         opening = opening or found
         judged = {**{j.name: j for j in found}, **judged}
+        if may_read_again and opening is found:
+            clearer = _read_past(base, [j.solved for j in found if j.plausible])
+            if clearer is not None and _quietened(base.preparation, clearer) > _CLEARLY_LESS:
+                break
         winner = best_of(found)
         if winner is None:
             break
@@ -160,16 +168,21 @@ def with_noise_beyond_mismatch(base: Stage, course: Course) -> Preparation | Non
     Where nothing but a fit tells the noise, what the base left over holds the mismatch too; seen
     against that, a mismatch looks small.  None where no refit leaves clearly less.
     """
-    if not _guesses_noise(base):
-        return None
     refits = [j.solved for j in course.judged.values() if j.plausible]
-    found = [_seen_past(base, solved) for solved in (*refits, course.stage.solved)]
-    gain, clearer = max(found, key=lambda pair: pair[0])
-    if gain < DELTA_BIC:
+    clearer = _read_past(base, [*refits, course.stage.solved])
+    if clearer is None:
         return None
     # A name that was given already would not change for a little less noise.
     matters = not course.rounds or _quietened(base.preparation, clearer) > _CLEARLY_LESS
     return clearer if matters else None
+
+
+def _read_past(base: Stage, refits: list[Solved]) -> Preparation | None:
+    """The base's recordings, their noise that of the refit that gains most by it, if any does."""
+    if not refits or not _guesses_noise(base):
+        return None
+    gain, clearer = max((_seen_past(base, solved) for solved in refits), key=lambda pair: pair[0])
+    return clearer if gain >= DELTA_BIC else None
 
 
 def explained_by_noise(

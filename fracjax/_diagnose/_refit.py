@@ -17,7 +17,7 @@ from ._stage import Layer, Stage
 _LEAST_APART, _DRAWS, _FURTHER_DRAWS = 3, 4, 8
 _BETTER = 1.0
 _RESEMBLES = 0.3
-_FINE, _COARSER = 4, 8
+_COARSER = 4
 _LONG = 16_000
 
 
@@ -162,9 +162,9 @@ def _searched(starts: list[AbstractBlock], preparation: Preparation, hopeless: f
     """The best of the starts, found on a coarse grid where the recordings' own is fine and long,
     and finished on that."""
     steps = sum(len(take.recording) for take in preparation.takes) * preparation.oversampling
-    if preparation.oversampling < _FINE or steps < _LONG:
+    if preparation.oversampling < _COARSER or steps < _LONG:
         return solve_from(starts, preparation, hopeless)
-    coarse = preparation.with_oversampling(max(1, preparation.oversampling // _COARSER))
+    coarse = preparation.with_oversampling(preparation.oversampling // _COARSER)
     return solve_from([solve_from(starts, coarse, hopeless).block], preparation, hopeless)
 
 

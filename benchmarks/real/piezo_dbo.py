@@ -15,7 +15,8 @@ adopted.  `by hand` rows are compositions named beforehand, the ceiling within t
 
 from __future__ import annotations
 
-from typing import Literal
+from itertools import product
+from typing import Literal, get_args
 
 import numpy as np
 from scipy.signal import lfilter
@@ -25,13 +26,6 @@ from benchmarks.real.recordings import piezo_dbo, rounded, table
 
 START_UP, PERIOD = 20, 200  # samples
 History = Literal["rest", "constant"]
-DIAGNOSED: tuple[tuple[str, History, bool], ...] = (
-    ("foh", "constant", False),
-    ("foh", "constant", True),
-    ("foh", "rest", True),
-    ("lfdh", "constant", False),
-    ("lfdh", "rest", True),
-)
 BY_HAND: tuple[tuple[str, History], ...] = (
     ("foh", "constant"),
     ("foh", "rest"),
@@ -135,7 +129,8 @@ def main() -> None:
     steady, nested = piezo_dbo()
     rows = [reference(steady, nested, history) for history in ("constant", "rest")]
     rows += [by_hand(*case, steady, nested) for case in BY_HAND]
-    rows += [diagnosed(*case, steady, nested) for case in DIAGNOSED]
+    diagnoses = product(("foh", "lfdh"), get_args(History), (False, True))
+    rows += [diagnosed(*case, steady, nested) for case in diagnoses]
     base = next(r["unseen_um"] for r in rows if (r["model"], r["history"]) == ("foh", "constant"))
     floor = fj.fit(fj.parse_model("lfdh"), steady, starts=1).preparation.takes[0].noise
     assert floor is not None  # the cycles repeat

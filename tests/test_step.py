@@ -141,3 +141,35 @@ def test_a_grid_is_refined_as_far_as_what_the_fit_leaves_asks_for():
                 assert error <= _numerics.tolerated(_numerics.TARGET, solved, share)
     assert grids["right", 0.1] == grids["right", 0.0] > grids["drifting", 0.1]
     assert grids["drifting", 0.0] > grids["drifting", 0.1]
+
+
+@pytest.mark.parametrize(
+    ("errors", "grid"),
+    [
+        ([8.0, 4.0, 0.4, 0.2, 0.1, 0.05], 4),  # the first that meets the target
+        ([16.0, 8.0, 4.0, 2.6, 1.7, 1.1], 32),  # still on its way
+        ([2.9, 1.7, 1.3, 1.2, 1.3, 1.4], 2),  # no longer
+        ([1.9, 1.3, 0.95, 0.8, 0.8, 0.9], 4),  # under the limit, where any is
+        ([np.nan, np.nan, 7.0, 5.0, 5.0, 5.0], 4),  # too coarse to be simulated at all
+        ([np.nan] * 6, 1),
+    ],
+)
+def test_a_grid_is_no_finer_than_the_error_falls(errors, grid, monkeypatch):
+    """At a kink that meets a sample a fractional derivative hardly converges."""
+    recording, _, known = record(0)
+    changes = np.array(errors)[::-1]
+
+    def whitened(_, problems):
+        """Such that each halving changes it by the error of the grid before."""
+        coarser = int(np.log2(problems[0].oversampling))
+        return np.array([0.0, changes[: changes.size - coarser].sum()])
+
+    monkeypatch.setattr(_numerics, "_whitened", whitened)
+    monkeypatch.setattr(_numerics, "orthonormal", lambda _: np.array([[1.0], [0.0]]))
+    with jax.enable_x64(True):
+        prepared = _fit.prepare([recording], noise=known, history="constant")
+        prepared = prepared.with_oversampling(1)
+        solved = _fit.solve_from([MODEL.with_values(LAW).block], prepared)
+        found, error = _numerics._halved_until(0.5, solved, prepared)
+    assert found.oversampling == grid
+    assert error == pytest.approx(np.nan_to_num(errors[int(np.log2(grid))], nan=np.inf))

@@ -15,6 +15,7 @@ from ._uncertainty import orthonormal
 
 FINEST, _MOST_SAMPLES = 32, 2**18
 TARGET, LIMIT = 0.5, 1.0
+_NEARLY = 1.5
 
 
 def numerical_error(solved: Solved, preparation: Preparation) -> float:
@@ -58,20 +59,31 @@ def too_coarse(error: float) -> tuple[str, ...]:
 def _halved_until(
     target: float, solved: Solved, preparation: Preparation
 ) -> tuple[Preparation, float]:
-    """The coarsest grid, from the one at hand on, whose numerical error is at most the target or
-    that cannot be halved; and that error, of the solved blocks as they are."""
+    """The coarsest grid, from the one at hand on, whose numerical error is at most the target; and
+    that error, of the solved blocks as they are.
+
+    Where no grid is so fine, the coarsest that is nearly as good as any: at a kink that meets a
+    sample a fractional derivative hardly converges, and many small steps would gain nothing.
+    """
     problems = preparation.problems()
     basis = orthonormal(sensitivity_of(solved, preparation).whitened)
     longest = max(len(take.recording) for take in preparation.takes)
     coarse = _whitened(solved.blocks, problems)
+    grids: list[tuple[Preparation, float]] = []
     while True:
         doubled = 2 * preparation.oversampling
         finer = preparation.with_oversampling(doubled)
         halved = _whitened(solved.blocks, finer.problems())
         change = halved - coarse
-        error = float(np.linalg.norm(change - basis @ (basis.T @ change)))
-        if error <= target or doubled > FINEST or doubled * longest > _MOST_SAMPLES:
+        unabsorbed = np.linalg.norm(change - basis @ (basis.T @ change))
+        error = float(np.nan_to_num(unabsorbed, nan=np.inf))
+        grids.append((preparation, error))
+        if error <= target:
             return preparation, error
+        if doubled > FINEST or doubled * longest > _MOST_SAMPLES:
+            least = min(error for _, error in grids)
+            enough = least * _NEARLY if least > LIMIT else min(LIMIT, least * _NEARLY)
+            return next(grid for grid in grids if grid[1] <= enough)
         preparation, coarse = finer, halved
 
 

@@ -33,7 +33,7 @@ from ._stage import Stage
 
 _SHORTLIST, _LONGEST_SHORTLIST = 4, 8
 _LIKE = 0.9
-_HALF, _NEARLY = 0.5, 0.9
+_HALF, _NEARLY, _MUCH = 0.5, 0.9, 0.05
 
 
 def judge(
@@ -247,8 +247,9 @@ def _contenders_refined(
 
     Where none is admissible, of those that gain at least half of what any does: on too coarse a
     grid a mode seems damped, and the number that makes up for it implausible.  Where a finer grid
-    makes more of one, its look-alikes are sought on that grid too: on the coarse one they may have
-    ended far off.  Those of the best also begin from where that ended.
+    makes more of one, its look-alikes begin there from where that ended, as those of the best do;
+    where it makes much more, they are sought there anew: on the coarse one they may have ended far
+    off.
     """
     found = list(found)
     share = _NEARLY if best_of([answer for _, answer in found]) else _HALF
@@ -274,7 +275,8 @@ def _contenders_refined(
             }
             for i in sorted(alike - sought):
                 progress(f"refitting with {judged[i].name} from where {refined.name} ended")
-                beside = _sought_beside(refined, *found[i], seed, anew=gained >= DELTA_BIC)
+                anew = gained >= max(DELTA_BIC, _MUCH * (before.bic - refined.solved.bic))
+                beside = _sought_beside(refined, *found[i], seed, anew=anew)
                 if beside is not None:
                     found[i] = beside
                     checked.discard(i)

@@ -136,6 +136,33 @@ def test_what_was_first_adopted_stays_where_the_better_fit_foretells_worse(
     assert found == (list(names) if stays else ["drive_lag", "electrostriction"])
 
 
+@pytest.mark.parametrize(("needed", "grid"), [(1, 1), (4, 4)])
+def test_what_is_judged_again_runs_on_the_grid_that_it_needs_itself(needed, grid, monkeypatch):
+    """Plays before a fractional law may have asked for one thirty times as fine."""
+    grids = []
+
+    def judge(_: Any, less: Stage, *__: Any) -> list[Judged]:
+        grids.append(less.preparation.oversampling)
+        return []
+
+    def fine_enough(solved: Any, preparation: Any, *_: Any) -> tuple[Any, Any, float]:
+        assert preparation.oversampling == 1
+        return solved, preparation.with_oversampling(needed), 0.0
+
+    monkeypatch.setattr(_procedure, "scored", lambda *_: [])
+    monkeypatch.setattr(_procedure, "residual_of", lambda *_: None)
+    monkeypatch.setattr(_procedure, "judge", judge)
+    monkeypatch.setattr(_procedure, "fine_enough", fine_enough)
+    names = ("electrostriction", "drive_lag")
+    with jax.enable_x64(True):
+        base, stage = stage_of(()), stage_of(names)
+        base = replace(base, preparation=base.preparation.with_oversampling(1))
+        stage = replace(stage, preparation=stage.preparation.with_oversampling(8))
+        rounds = [_procedure.Round(judged(base, name), []) for name in names]
+        _procedure._reconsidered(base, stage, rounds, predict_stretches, 0, silent)
+    assert grids == [grid]
+
+
 def test_what_was_adopted_beside_one_that_has_given_way_is_judged_again(monkeypatch):
     beside = ("electrostriction", "drive_lag")
     found = reconsidered(("sensor_nonlinearity", "resonance"), beside, monkeypatch)

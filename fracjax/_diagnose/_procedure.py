@@ -7,7 +7,16 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .._fit import LIMIT, Preparation, Progress, Solved, followed, residual_noise, solve_from
+from .._fit import (
+    LIMIT,
+    Preparation,
+    Progress,
+    Solved,
+    fine_enough,
+    followed,
+    residual_noise,
+    solve_from,
+)
 from ._detect import Detection, detect, scored
 from ._evidence import delta_bic
 from ._held_out import Predict, foretells_worse, gain, predict_stretches
@@ -152,6 +161,16 @@ def _deleted(stage: Stage, k: int, progress: Progress) -> tuple[Stage, bool]:
     return less, delta_bic(less.solved, stage.solved) >= DELTA_BIC
 
 
+def _on_its_own_grid(base: Stage, stage: Stage, progress: Progress) -> Stage:
+    """The stage on the coarsest grid that it needs: what asked for a finer one may be gone."""
+    coarse = stage.preparation.with_oversampling(base.preparation.oversampling)
+    if coarse.oversampling == stage.preparation.oversampling:
+        return stage
+    solved = solve_from([stage.solved.block], coarse)
+    solved, preparation, _ = fine_enough(solved, coarse, progress, SMALL)
+    return replace(stage, solved=solved, preparation=preparation)
+
+
 def _is_worth_naming(base: Stage, stage: Stage, winner: Judged) -> bool:
     """Whether a further effect takes a share that counts, of the recordings or of data held out,
     where the base conceals less of it; or is none that another's law could imitate."""
@@ -281,6 +300,7 @@ def _reconsidered(
             continue
         if not is_exhausted(base, stage):
             continue
+        less = _on_its_own_grid(base, less, progress)
         scores = scored(less, less.solved, residual_of(less.solved, less.preparation))
         halfway = 0.5 * (less.solved.cost + stage.solved.cost)
         found = judge(base, less, scores, predict, seed, progress, {}, halfway)

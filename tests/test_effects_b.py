@@ -316,6 +316,17 @@ def test_a_gain_changes_by_its_share_in_the_long_run():
     np.testing.assert_allclose(steady, 1.1 * np.sin(angle), rtol=0, atol=1e-3)
 
 
+def test_a_gain_that_follows_its_power_within_a_cycle_is_no_drift():
+    """Of a sine the motion turns in 1/ω."""
+    frequency = 2 * np.pi * 3.0
+    fast, slow = (
+        GainDrift(0.1, 0.0, tau, speed=frequency, size=1.0).time_constant for tau in (0.04, 0.06)
+    )
+    assert 0.04 < 1 / frequency < 0.06
+    assert not fast.is_plausible
+    assert slow.is_plausible
+
+
 def test_a_gain_that_begins_at_rest_forgets_its_first_response():
     """Of a drive that begins with a jump a fractional law's first response depends on the step."""
     block = GainDrift(0.1, 1.0, 0.01, speed=1.0, size=1.0)

@@ -34,9 +34,9 @@ class GainDrift(AbstractBlock):
     warm, and T only ripples.
     Ranges: τ from 10 ms (a film on its electrode) over 1 s (a chip) to 1 h (a stack in a frame),
     and not under s/v, in which the motion turns: a gain that follows its power within a cycle is no
-    drift but another law of the motion; z within two strokes; the stroke has been seen to grow by 15 % when driven at 10 kHz without
-    cooling (Actuators 10 (2021) 297).  Ageing over the recording looks alike and is not in the
-    catalogue: repeat when cool.
+    drift but another law of the motion; z within two strokes; the stroke has been seen to grow by
+    15 % when driven at 10 kHz without cooling (Actuators 10 (2021) 297).  Ageing over the recording
+    looks alike and is not in the catalogue: repeat when cool.
     Source: Zheng, Takahashi, Yoshikawa, Uchino & de Vries, J. Am. Ceram. Soc. 79 (1996) 3193.
     """
 

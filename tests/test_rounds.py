@@ -17,7 +17,7 @@ from fracjax._diagnose._judgement import SIGNIFICANCE, Judged, best_of
 from fracjax._diagnose._refit import Refit, begun_from, sought_further, within_usual_ranges
 from fracjax._diagnose._score import EffectScore, _families, kind_of
 from fracjax._diagnose._stage import Layer, Stage, wrapped
-from fracjax._fit import prepare, silent, solve_from
+from fracjax._fit import prepare, residual_noise, silent, solve_from
 from fracjax._parameters import named_parameters, set_values
 
 STEP = 5e-3
@@ -595,16 +595,22 @@ def test_of_a_specified_noise_a_better_fit_tells_the_colour(monkeypatch):
     assert _procedure._seen_past(base, solved) == (-np.inf, preparation)
 
 
-def opened(disturbance: np.ndarray) -> tuple[Stage, _procedure.Course]:
+def opened(disturbance: np.ndarray, rests: bool = True) -> tuple[Stage, _procedure.Course]:
     """LFDH, fitted to itself with a disturbance [share of the response], the last quarter of the
-    drive a rest; and a course on which nothing was refitted."""
-    drive = np.where(TIMES < 2.25, DRIVE, DRIVE[450])
+    drive a rest, or none; and a course on which nothing was refitted."""
+    drive = np.where(TIMES < 2.25, DRIVE, DRIVE[450]) if rests else DRIVE
     response = fj.simulate("lfdh", drive, STEP, "constant").response
     response = response + np.ptp(response) * disturbance
     preparation = prepare([fj.Recording(drive, response, STEP, "V", "um")], history="constant")
     block = fj.parse_model("lfdh", preparation.setting).block
     with jax.enable_x64(True):
-        base = Stage("lfdh", block, (), solve_from([block], preparation), preparation)
+        solved = solve_from([block], preparation)
+        (take,) = preparation.takes
+        if take.noise is None:
+            left = residual_noise(response - solved.simulations[0], take.used, take.recording)
+            preparation = preparation.with_noises([left])
+            solved = solve_from([block], preparation)
+        base = Stage("lfdh", block, (), solved, preparation)
         seen = _detect.detect(base, 0, silent)
     return base, _procedure.Course(seen, True, [], seen, [], {}, base, None)
 
@@ -631,6 +637,22 @@ def test_where_no_effect_gains_anything_noise_may_be_larger_outside_a_rest():
         # What is smooth from sample to sample is none either.
         wave = 0.006 * np.sin(9 * TIMES + TIMES**2) * (TIMES < 2.25)
         assert _procedure.explained_by_noise(*opened(NOISE + wave), 0, silent) is None
+
+
+def test_a_noise_that_a_fit_left_over_may_vary_along_the_recording():
+    louder = NOISE * np.where(TIMES < 1.5, 0.5, 2.0)
+    base, course = opened(louder, rests=False)
+    # A loud stretch that by chance is tilted: sure, were it of the noise's average size.
+    course = replace(course, first=replace(course.first, p_value=1e-5))
+    with jax.enable_x64(True):
+        explained = _procedure.explained_by_noise(base, course, 0, silent)
+        assert explained is not None
+        (followed,) = [take.noise for take in explained[0].preparation.takes]
+        assert followed is not None
+        sizes = followed.course[1]
+        assert sizes[-3:].mean() == pytest.approx(4 * sizes[:3].mean(), rel=0.25)
+        wave = 0.006 * np.sin(9 * TIMES + TIMES**2) * (TIMES < 2.25)
+        assert _procedure.explained_by_noise(*opened(NOISE + wave, False), 0, silent) is None
 
 
 def fine_judged(name: str, gained: float, plausible: bool, left: float = 1.0) -> Judged:

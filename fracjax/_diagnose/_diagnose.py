@@ -46,6 +46,7 @@ from ._held_out import (
 from ._judgement import (
     DELTA_BIC,
     EXPLAINED,
+    PLACES_ALONE,
     SIGNIFICANCE,
     Judged,
     excess_doubt,
@@ -76,7 +77,6 @@ from ._sentence import next_experiment, sentence_of, where_of
 from ._stage import Stage, path_of
 
 _STARTS = 8
-_PLACES_ALONE = 1e-4
 _MOST_READINGS = 2
 _MOST_RIVALS = 4
 _WORTH_FITTING = 0.5
@@ -239,7 +239,7 @@ class _Conclusion:
             return "unexplained"
         # Where no effect gains anything, places alone must be surer: a noise level that was read
         # from few samples with heavy tails is off by more than it says.
-        limit = SIGNIFICANCE if self.course.gains else _PLACES_ALONE
+        limit = SIGNIFICANCE if self.course.gains else PLACES_ALONE
         return "none" if self.course.first.p_value >= limit else "unexplained"
 
     @property

@@ -15,7 +15,7 @@ from ._result import Axis
 from ._score import EffectScore
 from ._stage import Layer, Stage
 
-SIGNIFICANCE = 0.01
+SIGNIFICANCE, PLACES_ALONE = 0.01, 1e-4
 DELTA_BIC = 10.0
 EXPLAINED = 0.9
 SMALL = 0.1

@@ -22,6 +22,7 @@ from ._evidence import delta_bic
 from ._held_out import Predict, foretells_worse, gain, predict_stretches
 from ._judgement import (
     DELTA_BIC,
+    PLACES_ALONE,
     SIGNIFICANCE,
     SMALL,
     Judged,
@@ -207,29 +208,27 @@ def _read_past(base: Stage, refits: list[Solved]) -> Preparation | None:
 def explained_by_noise(
     base: Stage, course: Course, seed: int, progress: Progress
 ) -> tuple[Stage, Course] | None:
-    """The base and a course beside a noise that is followed beyond the rests that told it, where
-    nothing shows against that.
+    """The base and a course beside a noise whose size is followed all along the recordings, where
+    what shows against that is not sure.
 
-    It is asked where places alone speak for a mismatch and no effect gains anything: noise may have
-    been larger outside the rests.
+    It is asked where places alone speak for a mismatch and no effect gains anything, of noise that
+    rests told, outside which it may have been larger, or that a fit left over.
     """
     told = [take.noise for take in base.preparation.takes if take.noise is not None]
-    rests = any(noise.method == "static" for noise in told)
-    if course.first.least >= SIGNIFICANCE or course.gains or not rests:
+    changing = [noise.method in ("static", "residual") for noise in told]
+    if course.first.least >= SIGNIFICANCE or course.gains or not any(changing):
         return None
-    progress("following the noise beyond the rests")
-    takes = zip(told, base.preparation.takes, base.solved.simulations, strict=True)
+    progress("following the noise along the recording")
+    takes = zip(told, changing, base.preparation.takes, base.solved.simulations, strict=True)
     noises = [
-        followed(noise, take.recording.response - simulation, take.used)
-        if noise.method == "static"
-        else noise
-        for noise, take, simulation in takes
+        followed(noise, take.recording.response - simulation, take.used) if changes else noise
+        for noise, changes, take, simulation in takes
     ]
     preparation = base.preparation.with_noises(noises)
     solved = solve_from([base.solved.block, base.start()], preparation)
     again = replace(base, solved=solved, preparation=preparation)
     seen = detect(again, seed, progress)
-    if seen.least < SIGNIFICANCE:
+    if seen.least < PLACES_ALONE:
         return None
     return again, replace(course, first=seen, opening=[], last=seen, judged={}, stage=again)
 

@@ -237,7 +237,8 @@ def followed(noise: Noise, residual: np.ndarray, used: np.ndarray) -> Noise:
     """A noise whose size varies, followed all along a residual (N,) where samples are `used`.
 
     Rests show how large it is in them, and the heights of its crests; between them the differences
-    of what a fit leaves over show its course, for a mismatch is smooth from sample to sample.
+    of what a fit leaves over show its course, for a mismatch is smooth from sample to sample; none
+    where most samples are on their neighbours' codes.
     """
     lost = noise.filter.size - 1
     whitened = np.asarray(lfilter(noise.whitening, 1.0, residual))[lost:]
@@ -246,6 +247,8 @@ def followed(noise: Noise, residual: np.ndarray, used: np.ndarray) -> Noise:
     parts = np.array_split(np.flatnonzero(counted), _PIECES)
     centres = np.array([where[part].mean() for part in parts])
     sizes = noise.crest * np.array([_median_size(differences[part]) for part in parts])
+    if not sizes.all():
+        return noise
     typical = np.sqrt(np.mean(sizes**2))
     # There is no more noise than is left over, whatever the crests of a short rest say.
     average = float(min(typical, np.sqrt(np.mean(whitened[1:][counted] ** 2))))

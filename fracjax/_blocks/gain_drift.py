@@ -78,7 +78,7 @@ class GainDrift(AbstractBlock):
         return False
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
-        begun = 0.0 if grid.history == "rest" else drive[0]
+        begun = grid.origin(drive)
         before = jnp.roll(drive, 1)
         if grid.history != "periodic":
             before = before.at[0].set(drive[0])

@@ -61,8 +61,7 @@ class LostContact(AbstractBlock):
         return False
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
-        begun = 0.0 if grid.history == "rest" else drive[0]
-        above = drive - begun - self.threshold.value
+        above = drive - grid.origin(drive) - self.threshold.value
         # A cube root has no derivative at 0.
         pressed = jnp.maximum(above / self.span, _LEAST) ** (2 / 3)
         missing = self.share.value * jnp.minimum(above, 0.0)

@@ -30,6 +30,10 @@ class Grid(eqx.Module):
         """What a signal (N,) was just before its first sample."""
         return {"rest": jnp.zeros(()), "constant": signal[0], "periodic": signal[-1]}[self.history]
 
+    def origin(self, signal: Array) -> Array:
+        """What a signal (N,) is counted from: zero where it began at rest, or its first sample."""
+        return jnp.zeros(()) if self.history == "rest" else signal[0]
+
     def changes(self, signal: Array) -> Array:
         """How far a signal goes from sample to sample (N,), the first from before it."""
         return jnp.diff(signal, prepend=self.before(signal))

@@ -416,23 +416,22 @@ def test_more_starts_leave_a_basin_and_keep_what_they_cannot_better(stuck, bette
     assert found.solved.cost == pytest.approx(best.cost, abs=1.0)
 
 
-@pytest.mark.parametrize(("left", "asked"), [(1.05, []), (1.5, ["a", "b", "c", "d"])])
-def test_those_that_gain_most_are_sought_further_where_the_best_leaves_more_than_noise(
-    left, asked, monkeypatch
-):
-    """Of a thousand samples the power of the noise is known to .13 (three standard errors)."""
+@pytest.mark.parametrize(
+    ("left", "rivals", "asked"),
+    [(1.05, [], []), (1.05, ["c", "f"], ["b", "c", "f"]), (1.5, ["c"], ["a", "b", "c", "d"])],
+)
+def test_those_on_whose_order_the_name_depends_are_sought_further(left, rivals, asked, monkeypatch):
+    """Those that gain most where the best leaves more than noise, else the best and its rivals.  Of
+    a thousand samples the power of the noise is known to .13 (three standard errors)."""
     gains = {"b": 300.0, "a": 400.0, "e": 50.0, "d": 100.0, "c": 200.0, "f": 5.0}
-    found: list[Any] = [
-        (
-            SimpleNamespace(attempt=name, stage=None),
-            SimpleNamespace(
-                name=name,
-                delta_bic=gain,
-                preparation=known(),
-                solved=cost_of(1000 * left, -gain),
-            ),
+    answers = {
+        name: SimpleNamespace(
+            name=name, delta_bic=gain, preparation=known(), solved=cost_of(1000 * left, -gain)
         )
         for name, gain in gains.items()
+    }
+    found: list[Any] = [
+        (SimpleNamespace(attempt=name, stage=None), answer) for name, answer in answers.items()
     ]
     tried: list[Any] = []
 
@@ -441,6 +440,8 @@ def test_those_that_gain_most_are_sought_further_where_the_best_leaves_more_than
         return attempt
 
     monkeypatch.setattr(_round, "sought_further", sought)
+    monkeypatch.setattr(_round, "best_of", lambda _: answers["b"])
+    monkeypatch.setattr(_round, "rivals_of", lambda *_: [answers[name] for name in rivals])
     before: Any = cost_of(5000.0)
     assert _round._sought_further(before, found, 0, silent) == found
     assert tried == asked

@@ -218,17 +218,22 @@ class _Question:
 def _sought_further(
     before: Solved, found: list[tuple[_Question, Judged]], seed: int, progress: Progress
 ) -> list[tuple[_Question, Judged]]:
-    """Those that gain most, from more starts, where even the best leaves more than noise: that is
-    another effect, a law unlike ours, or a basin that no start has left."""
+    """Those from more starts on whose order the name depends, for a basin that no start has left
+    may decide it: where even the best leaves more than noise, as do another effect and a law unlike
+    ours too, those that gain most; else the best and its rivals."""
     judged = [answer for _, answer in found]
-    best = min(judged, key=lambda j: j.solved.cost, default=None)
-    if best is None or best.solved.cost <= best.solved.samples * (
-        1 + excess_doubt(best.preparation, best.solved)
-    ):
+    fitting = min(judged, key=lambda j: j.solved.cost, default=None)
+    if fitting is None:
         return found
+    doubt = excess_doubt(fitting.preparation, fitting.solved)
+    if fitting.solved.cost > fitting.solved.samples * (1 + doubt):
+        asked = sorted(_gaining(before, judged, 0.0), key=lambda k: -judged[k].delta_bic)
+    else:
+        best = best_of(judged)
+        near = [] if best is None else [best, *rivals_of(best, judged)]
+        asked = [judged.index(j) for j in near] if len(near) > 1 else []
     again = list(found)
-    gaining = sorted(_gaining(before, judged, 0.0), key=lambda k: -judged[k].delta_bic)
-    for k in gaining[:_SHORTLIST]:
+    for k in asked[:_SHORTLIST]:
         question, answer = found[k]
         progress(f"refitting with {answer.name} from more starts")
         attempt = sought_further(question.attempt, question.stage, seed)

@@ -112,10 +112,33 @@ def test_the_errors_of_another_recording_are_whitened_and_their_offset_is_known_
     assert abs(np.mean(errors[:, 1:] * errors[:, :-1])) < 0.02
 
 
-def coloured(generator: np.random.Generator) -> np.ndarray:
+@pytest.mark.parametrize("pole", [0.0, 0.6])
+def test_the_zero_of_another_recording_costs_little_of_its_rmse(pole):
+    """Read from twenty samples it would cost 2.5 and 10 %."""
+    generator = np.random.default_rng(3)
+    sigma = SIGMA / np.sqrt(1 - pole**2)
+    noise = Noise(sigma, "um", "specification", np.array([1, -pole]), SIGMA)
+    solved, preparation = fitted(
+        CREEP.block, DRIVE, response(DRIVE), noise, coloured(generator, pole)
+    )
+    takes = [
+        take_of(
+            fj.Recording(OTHER, response(OTHER) + 3.0 + coloured(generator, pole), STEP, "V", "um"),
+            noise,
+            "constant",
+            0,
+        )
+        for _ in range(40)
+    ]
+    rmse = [predict_recording(solved, preparation, take).rmse for take in takes]
+    assert np.mean(np.square(rmse)) < 1.05 * sigma**2
+    assert takes[0].baseline == slice(0, 100 if pole == 0 else 200)
+
+
+def coloured(generator: np.random.Generator, pole: float = 0.95) -> np.ndarray:
     """AR(1) noise (N,) of innovation sd SIGMA."""
     long = SIGMA * generator.standard_normal(2 * SAMPLES)
-    return np.asarray(lfilter([1.0], [1.0, -0.95], long))[SAMPLES:]
+    return np.asarray(lfilter([1.0], [1.0, -pole], long))[SAMPLES:]
 
 
 @pytest.mark.parametrize("seed", [1, 4])

@@ -45,6 +45,17 @@ def test_noise_that_is_the_same_everywhere_has_no_course():
     assert seen == 0
 
 
+@pytest.mark.parametrize("pole", [0.0, 0.8, -0.5])
+def test_a_mean_is_known_as_well_as_the_colour_lets_it(pole):
+    sigma = SIGMA / np.sqrt(1 - pole**2)
+    noise = fj.Noise(sigma, "um", "specification", np.array([1, -pole]), SIGMA)
+    samples = noise.samples_to_average(0.1)
+    assert samples == pytest.approx(100 * (1 + pole) / (1 - pole))
+    white = SIGMA * np.random.default_rng(1).standard_normal((4000, 300 + round(samples)))
+    means = np.asarray(lfilter([1.0], [1.0, -pole], white))[:, 300:].mean(axis=1)
+    assert np.std(means) == pytest.approx(0.1 * sigma, rel=0.06)
+
+
 def test_heavy_tails_are_no_course():
     drive = staircase()
     noise = SIGMA / np.sqrt(2) * np.random.default_rng(3).standard_t(4, drive.size)

@@ -9,6 +9,7 @@ import numpy as np
 
 from .actuator import Actuator, draw_law, rms
 from .drives import Array
+from .oracle import expected_rmse
 from .refit import Chord
 from .separability import SEPARABLE, Off, separation
 from .templates import floor_of, make_drive
@@ -124,7 +125,7 @@ def build(spec: Spec) -> Made:
     truths = [_truth(s, actuator, chord, spec, sd) for s in effects]
     truths += [coarse] if coarse else []
     residual = rms(left + (y - clean - e))
-    holdout, floor = _holdout(spec, law, pairs, coarse, sd)
+    holdout, unforeseen, expected = _holdout(spec, actuator, pairs, coarse, sd)
     change = rms(clean - actuator.plain)
     spread = float(np.sum((y - y.mean()) ** 2))
     label = {
@@ -142,7 +143,8 @@ def build(spec: Spec) -> Made:
         "floor": floor_of(drive),
         "rests_s": drive.rests,
         "period_s": drive.period,
-        "oracle_rmse_um": floor,
+        "oracle_rmse_um": unforeseen,
+        "oracle_fit_rmse_um": expected,
         "samples": len(clean),
         "spec": asdict(spec),
     }
@@ -218,15 +220,19 @@ def _spot(s: Scaled, actuator: Actuator) -> dict | None:
 
 
 def _holdout(
-    spec: Spec, law: dict, pairs: list, coarse: dict | None, sd: float
-) -> tuple[Array | None, float | None]:
-    """Another drive through the same truth, and the rms of what nobody could predict in it."""
+    spec: Spec, actuator: Actuator, pairs: list, coarse: dict | None, sd: float
+) -> tuple[Array | None, float | None, float | None]:
+    """Another drive through the same truth, the rms of what nobody could predict in it, and what
+    remains to one who knows all but the numbers."""
     if spec.holdout is None:
-        return None, None
+        return None, None, None
     drive = make_drive(spec.holdout, spec.seed + 1, spec.rate, spec.samples // 2 + 1000, spec.seed)
-    clean = Actuator(spec.base, law, drive).with_all(pairs)
+    held_out = Actuator(spec.base, actuator.law, drive)
+    clean = held_out.with_all(pairs)
     e = noise(spec.noise, len(clean), sd, np.random.default_rng([spec.seed, 13]))
     y = clean + e
     if coarse:
         y = EFFECTS["quantisation"].apply(y, **coarse["parameters"])
-    return np.column_stack([drive.times, drive(drive.times), y]), rms(y - clean)
+    unforeseen = rms(y - clean)
+    expected = expected_rmse(actuator, held_out, pairs, spec.noise, sd, unforeseen)
+    return np.column_stack([drive.times, drive(drive.times), y]), unforeseen, expected

@@ -140,19 +140,27 @@ def _mean(name: str, target: str, sizes: Sequence[int]) -> Measure:
 
 
 def heldout(pairs: Sequence[Pair]) -> list[Measure]:
-    """Held-out RMSE over the oracle's: median with its order-statistic interval, and the share."""
+    """Held-out RMSE over that of an oracle that knows the effect and its law, and over that of one
+    that knows every number too: medians with their order-statistic intervals, and the shares."""
     kept = [(x, a) for x, a in pairs if x["oracle_rmse_um"] and x["kind"] != "outside"]
-    ratios = np.sort([a.holdout_um / x["oracle_rmse_um"] for x, a in kept if a.holdout_um])
+    return [
+        *_over(kept, "oracle_fit_rmse_um", "the oracle's"),
+        *_over(kept, "oracle_rmse_um", "the noise alone"),
+    ]
+
+
+def _over(kept: Sequence[Pair], key: str, name: str) -> list[Measure]:
+    ratios = np.sort([a.holdout_um / x[key] for x, a in kept if a.holdout_um])
     n = len(ratios)
     half = 0.98 * np.sqrt(n)
     ends = [int(np.clip(n / 2 + s * half, 0, max(n - 1, 0))) for s in (-1, 1)]
     values = [float(np.median(ratios)), *(float(ratios[k]) for k in ends)] if n else [np.nan] * 3
-    median = Measure("held-out RMSE over the oracle's, median", "<= 1.05", *values, n)
+    median = Measure(f"held-out RMSE over {name}, median", "<= 1.05", *values, n)
 
     def close(x: dict, a: Answer) -> bool:
-        return a.holdout_um is not None and a.holdout_um <= 1.05 * x["oracle_rmse_um"]
+        return a.holdout_um is not None and a.holdout_um <= 1.05 * x[key]
 
-    return [median, share("held-out RMSE within 1.05 of the oracle's", "", kept, close)]
+    return [median, share(f"held-out RMSE within 1.05 of {name}", "", kept, close)]
 
 
 def intervals(pairs: Sequence[Pair]) -> Measure:

@@ -62,6 +62,7 @@ def test_case_is_what_it_says() -> None:
     assert made.holdout is not None
     sd = made.label["noise_sd_um"]
     assert made.label["oracle_rmse_um"] == pytest.approx(sd, rel=0.1)
+    assert 1 < made.label["oracle_fit_rmse_um"] / made.label["oracle_rmse_um"] < 1.1
     assert sd == pytest.approx(1e-3 * made.label["stroke_um"])
     assert max(made.label["between_samples"].values()) < 0.5
     still = made.recording[:, 0] < 0.2  # the rest before the drive moves shows the noise alone
@@ -134,7 +135,7 @@ def label(case: int, name: str | None = "backlash", **more) -> dict:
     whole = {
         "case": f"case_{case:04d}", "kind": "main" if name else "null", "effects": effects,
         "level": 1.0, "concealment": 0.5, "R2": 0.9999, "base": "foh", "noise": "white",
-        "oracle_rmse_um": None, "spec": {"drive": "sine"},
+        "oracle_rmse_um": None, "oracle_fit_rmse_um": None, "spec": {"drive": "sine"},
     }  # fmt: skip
     return whole | {k: v for k, v in more.items() if k in whole}
 
@@ -268,11 +269,13 @@ def test_two_effects() -> None:
 
 
 def test_heldout_ratio() -> None:
-    pairs = [(label(k, oracle_rmse_um=0.01), answer(holdout_um=0.01 * r))
+    known = {"oracle_rmse_um": 0.01, "oracle_fit_rmse_um": 0.0125}
+    pairs = [(label(k, **known), answer(holdout_um=0.01 * r))
              for k, r in enumerate((1.0, 1.02, 1.04, 1.2, 3.0))]  # fmt: skip
-    median, close = heldout([*pairs, (label(9, oracle_rmse_um=0.01), Answer("failed"))])
+    fit, fit_close, median, close = heldout([*pairs, (label(9, **known), Answer("failed"))])
     assert (median.value, median.n) == (pytest.approx(1.04), 5)
     assert (close.value, close.n) == (0.5, 6)
+    assert (fit.value, fit_close.value) == (pytest.approx(0.832), pytest.approx(4 / 6))
 
 
 def test_parameters_and_units() -> None:

@@ -83,6 +83,15 @@ class Noise:
         ends = {"left": max(size[0], 1.0), "right": max(size[-1], 1.0)}
         return np.interp(np.arange(samples), where, size, **ends)
 
+    def samples_to_average(self, error: float) -> float:
+        """How many samples in a row know a constant with a standard error of that share of sigma.
+
+        The variance of their mean tends to (innovation / Σ_k filter[k])² / n, the spectrum at
+        frequency zero: where neighbours are alike, noise averages out more slowly.
+        """
+        slow = self.innovation / (self.sigma * max(abs(float(np.sum(self.filter))), 1e-12))
+        return (slow / error) ** 2
+
     def doubt(self, kurtosis: float = 3.0) -> float:
         """The relative standard error of the variance, with the heavier of both tails."""
         return float(np.sqrt((max(kurtosis, self.kurtosis) - 1) / self.effective))

@@ -18,7 +18,7 @@ from ._problem import Problem, make_problem, setting_of
 
 Past = History | Literal["estimated"]
 _STEADY_FROM = 8
-_LEAST_BASELINE = 20
+_LEAST_BASELINE, _BASELINE_ERROR, _BASELINE_SHARE = 20, 0.1, 0.1
 
 
 @dataclass(frozen=True)
@@ -52,8 +52,11 @@ class Take:
 
     @property
     def baseline(self) -> slice:
-        """The first samples, from which a prediction's zero is read."""
-        return slice(0, max(self.settling, _LEAST_BASELINE))
+        """The first samples, from which a prediction's zero is read: to a tenth of the noise, if a
+        tenth of the recording is as long as that takes."""
+        enough = 0.0 if self.noise is None else self.noise.samples_to_average(_BASELINE_ERROR)
+        known = int(min(enough, _BASELINE_SHARE * len(self.recording)))
+        return slice(0, max(self.settling, _LEAST_BASELINE, known))
 
 
 @dataclass(frozen=True)

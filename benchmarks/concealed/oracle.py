@@ -3,8 +3,8 @@
     E rms² = rms²(noise there) + tr(J_h C J_hᵀ)/n_h,    C = (J_tᵀ J_t + P⁻¹)⁻¹
 
 J_t, J_h: derivatives of the training and of the held-out response by every number of the truth
-and by an offset, J_t whitened.  It knows the effect's own law and what its numbers are drawn from,
-which is P: the base's within a fifth, the effect's of about their own size.
+and by an offset, J_t whitened.  It knows the base's law and the effect's, and of their numbers how
+large they are: P, their own squares.
 """
 
 from __future__ import annotations
@@ -15,7 +15,6 @@ from .actuator import Actuator
 from .drives import Array
 from .truth import Effect, Params, whiten
 
-OF_LAW, OF_EFFECT = 0.2 / np.sqrt(3), 1.0  # prior sd, of a number's own size
 MOVES = 0.1  # what a difference quotient moves the response by, in sd of the noise
 UNTAUGHT = {"seed", "sign"}  # what chooses a realisation or a case is no number to learn
 
@@ -35,9 +34,8 @@ def expected_rmse(
             moved = _moved(training, held_out, pairs, place, share * size)
             change = np.sqrt(np.mean((moved[0] - before[0]) ** 2))
             last, share = share, share * float(np.clip(MOVES * sd / (change + 1e-300), 1e-3, 1e2))
-        prior = OF_LAW if place[0] < 0 else OF_EFFECT
         for kept, now, then in zip(rows, moved, before, strict=True):
-            kept.append(prior * (now - then) / last)
+            kept.append((now - then) / last)
     offset = training.scene.stroke
     trained = np.column_stack([*rows[0], np.full(len(before[0]), offset)])
     told = np.column_stack([*rows[1], np.full(len(before[1]), offset)])

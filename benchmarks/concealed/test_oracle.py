@@ -38,6 +38,6 @@ def test_every_number_counts_once_and_one_more_makes_it_worse() -> None:
     seen, unseen = Actuator("bouc_wen", law, training), Actuator("bouc_wen", law, other)
     effect = EFFECTS["sensor_lag"]
     lag = [(effect, {"order": 1, "tau": 0.01})]
-    assert numbers(law, lag) == [*((-1, name, None) for name in law), (0, "tau", None)]
+    assert numbers(law, lag) == [*((0, name, None) for name in law), (1, "tau", None)]
     alone, both = (expected_rmse(seen, unseen, pairs, "white", SD, 0.0) for pairs in ([], lag))
     assert alone < both

@@ -221,10 +221,10 @@ def _sought_further(
     """Those from more starts on whose order the name depends, for a basin that no start has left
     may decide it: where even the best leaves more than noise, as do another effect and a law unlike
     ours too, those that gain most; else the best and its rivals."""
-    judged = [answer for _, answer in found]
-    fitting = min(judged, key=lambda j: j.solved.cost, default=None)
-    if fitting is None:
+    if not found:
         return found
+    judged = [answer for _, answer in found]
+    fitting = min(judged, key=lambda j: j.solved.cost)
     doubt = excess_doubt(fitting.preparation, fitting.solved)
     if fitting.solved.cost > fitting.solved.samples * (1 + doubt):
         asked = sorted(_gaining(before, judged, 0.0), key=lambda k: -judged[k].delta_bic)

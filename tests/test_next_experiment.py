@@ -16,6 +16,7 @@ from fracjax._diagnose._next_experiment import (
     parse_limits,
     propose,
     recorded_limits,
+    rest_samples,
 )
 from fracjax._fit import Noise, prepare, silent
 from fracjax._parameters import set_values
@@ -64,7 +65,7 @@ def test_limits_that_are_none_are_refused_in_a_sentence(text):
 @pytest.mark.parametrize("slew", [50.0, 5e3, 1e6])
 def test_drives_keep_to_the_limits(slew):
     limits = Limits(-10.0, 70.0, slew)
-    found = drives(limits, STEP, "V", 20.0)
+    found = drives(limits, STEP, "V", 20.0, LEAD)
     assert len(found) >= (30 if slew > 1e3 else 10)
     assert len({drive.description for drive in found}) == len(found)
     for drive in found:
@@ -75,7 +76,7 @@ def test_drives_keep_to_the_limits(slew):
 
 def test_drives_are_what_they_say():
     """Without a limit on the slew, from the end of the rest that each begins with."""
-    told = drives(Limits(-10.0, 70.0, 1e6), STEP, "V", 20.0)
+    told = drives(Limits(-10.0, 70.0, 1e6), STEP, "V", 20.0, LEAD)
     found = {drive.description: drive.values for drive in told}
     assert all(values.size == 4096 + LEAD for values in found.values())
     moved = {name: (values[LEAD:] - 30) / 40 for name, values in found.items()}
@@ -109,11 +110,11 @@ def test_drives_are_what_they_say():
 @pytest.mark.parametrize(("step", "rest"), [(0.1, 204), (1e-3, 204), (5e-4, 400), (1e-5, 1024)])
 def test_drives_begin_where_the_recording_did_with_a_rest_and_without_corners(step, rest):
     """The rest is .2 s, but a twentieth to a quarter of the drive; a step takes five samples."""
-    for drive in drives(Limits(-10.0, 70.0, 1e9), step, "V", 20.0):
+    for drive in drives(Limits(-10.0, 70.0, 1e9), step, "V", 20.0, rest_samples(step)):
         assert drive.values.size == 4096 + rest
         assert drive.values[: rest - 2] == pytest.approx(20.0)
         assert np.abs(np.diff(drive.values)).max() <= 80 * 6 / 16 + 1e-9
-    outside = drives(Limits(-10.0, 70.0, 1e9), step, "V", 90.0)[0]
+    outside = drives(Limits(-10.0, 70.0, 1e9), step, "V", 90.0, rest_samples(step))[0]
     assert outside.values[0] == pytest.approx(70.0)
 
 
@@ -187,7 +188,7 @@ def test_what_a_drive_would_show_is_told_in_units_of_the_noise():
 
 def test_the_fastest_full_tone_takes_the_slew_that_there_is():
     limits = Limits(-10.0, 70.0, 2e3)
-    found = {d.description: d.values for d in drives(limits, STEP, "V", 20.0)}
+    found = {d.description: d.values for d in drives(limits, STEP, "V", 20.0, LEAD)}
     full = [v for name, v in found.items() if name.startswith("a sine") and "over 80 V" in name]
     rates = sorted(np.abs(np.diff(values)).max() / STEP for values in full)
     assert rates[-1] == pytest.approx(limits.slew, rel=0.02)

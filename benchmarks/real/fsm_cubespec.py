@@ -9,9 +9,13 @@ one axis answers to its own drive alone.  Drive and response alike lose everythi
 zero-phase filter, then every 2nd sample), so that no mode is driven.  Every recording is one period
 of steady motion.  Each axis is diagnosed on one triple of realisations; the second period is the
 repeat, the other triple is held out.  Then the full band is unsealed: the mode of an axis is the
-highest peak of its frequency response, of which there are several.  What superposing makes of the
-hysteresis of three actuators repeats with the period and follows no law of the one drive:
-`linear_nm` is what any smooth linear law leaves over.
+highest peak of its frequency response, of which there are several.
+
+What superposing makes of the hysteresis of three actuators repeats with the period and follows no law
+of the one drive: `linear_nm` is what any smooth linear law leaves over.  Beside a repeat it is a
+mismatch.  It is another one for other phases, so `scatter` gives as the noise what two triples say
+of their common law (the stochastic nonlinear distortions of Pintelon & Schoukens, System
+Identification, 2012, §4.3): then only what all of them share is a mismatch.
 
 *Coupling.* One realisation as it was recorded: all three drives act, one is shown.  What the base
 fit leaves is regressed on the drives that were hidden.
@@ -79,6 +83,16 @@ def left_by_any_linear_law(train: fj.Recording) -> float:
     return float(np.sqrt(2 * np.sum(np.abs(left) ** 2)) / len(train))
 
 
+def scatter(one: fj.Recording, other: fj.Recording) -> float:
+    """The rms [um] by which an answer scatters about the linear law that both have in common."""
+    (u, y), (v, z) = (
+        (np.fft.rfft(r.drive), np.fft.rfft(r.response)) for r in (one, other)
+    )
+    driven = (np.abs(u) > 0.1 * np.abs(u).max()) & (np.abs(v) > 0.1 * np.abs(v).max())
+    apart = np.abs(u[driven]) * (y[driven] / u[driven] - z[driven] / v[driven]) / np.sqrt(2)
+    return float(np.sqrt(2 * np.sum(np.abs(apart) ** 2)) / len(one))
+
+
 def predicted_mode(diagnosis: fj.Diagnosis) -> float | None:
     """The frequency [Hz] of the mode in what the diagnosis ends on, if it holds one."""
     parameters = diagnosis.extended_model.parameters.items()
@@ -86,8 +100,8 @@ def predicted_mode(diagnosis: fj.Diagnosis) -> float | None:
     return found[0] if found else None
 
 
-def mode(axis: int, model: str, drives: np.ndarray, responses: np.ndarray) -> dict:
-    """One axis, its modes concealed."""
+def mode(kind: str, axis: int, model: str, drives: np.ndarray, responses: np.ndarray) -> dict:
+    """One axis, its modes concealed; its noise by a `repeat` or by its `scatter`."""
     train, repeat = recordings(
         *alone(drives[:, :, FIRST], responses[:, :, FIRST], axis), f"axis {axis}"
     )
@@ -97,13 +111,13 @@ def mode(axis: int, model: str, drives: np.ndarray, responses: np.ndarray) -> di
     diagnosis = fj.diagnose(
         fj.parse_model(model),
         train,
-        repeat=repeat,
+        **{"repeat": {"repeat": repeat}, "scatter": {"noise": scatter(train, held)}}[kind],
         holdout=held,
         history="periodic",
     )
     unsealed = unsealed_mode(drives[:, :, FIRST], responses[:, :, FIRST], axis)
     predicted = predicted_mode(diagnosis)
-    return row("mode", axis, model, diagnosis) | {
+    return row(f"mode, {kind}", axis, model, diagnosis) | {
         "linear_nm": rounded(1e3 * left_by_any_linear_law(train)),
         "mode_Hz": rounded(unsealed),
         "predicted_Hz": "" if predicted is None else rounded(predicted),
@@ -132,6 +146,7 @@ def coupling(axis: int, model: str, drives: np.ndarray, responses: np.ndarray) -
 
 def row(kind: str, axis: int, model: str, diagnosis: fj.Diagnosis) -> dict:
     effects = diagnosis.effects
+    proposed = diagnosis.next_experiment
     print(f"{kind}, axis {axis}: {diagnosis.sentence}", flush=True)
     return {
         "kind": kind,
@@ -146,13 +161,19 @@ def row(kind: str, axis: int, model: str, diagnosis: fj.Diagnosis) -> dict:
         "base_nm": rounded(1e3 * diagnosis.held_out.base_rmse),
         "extended_nm": rounded(1e3 * (diagnosis.held_out.extended_rmse or np.nan)),
         "numerics": rounded(diagnosis.numerics),
+        "next_drive": proposed.drive.description if proposed else "",
+        "separates": rounded(proposed.probability) if proposed else "",
     }
 
 
 def main() -> None:
     drives, responses = fsm_cubespec()
-    rows = [mode(axis, "lfdh", drives, responses) for axis in range(3)]
-    rows.append(mode(2, "foh", drives, responses))
+    rows = [
+        mode(kind, axis, model, drives, responses)
+        for kind in ("repeat", "scatter")
+        for axis in range(3)
+        for model in ("lfdh", "foh")
+    ]
     rows.append(coupling(0, "lfdh", drives, responses))
     table("fsm_cubespec", rows)
 

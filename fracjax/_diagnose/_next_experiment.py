@@ -7,6 +7,9 @@ For two fitted explanations k and l the drive is worth
 with P_l the projection onto what l's own parameters could still take up: the fall of χ² that the
 right one of them would show, N(λ, 4λ) distributed.  The drive with the largest least λ over all
 pairs is proposed; where that is likely to fail, over those of the first with as many as possible.
+Where it fails for all of them, the drives are tried anew at other rates: as many samples over a
+longer time, in which what is slow shows, or over a shorter one, whose faster drives reach above
+the band that was recorded.
 Source: Atkinson & Fedorov, Biometrika 62 (1975) 57 (T-optimality).
 """
 
@@ -14,7 +17,7 @@ from __future__ import annotations
 
 import re
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from itertools import combinations, permutations
 
 import numpy as np
@@ -33,6 +36,7 @@ _DELTA_BIC = 10.0
 _REST, _LEAD, _LONGEST_LEAD = 0.2, 0.05, 0.25
 _ROUNDING = np.array([1, 4, 6, 4, 1]) / 16
 _EXAMINED = 10
+_OTHER_RATES = (1 / 4, 4, 1 / 16, 16)
 LIKELY = 0.5
 """A drive that is more likely to fail tells nothing."""
 
@@ -108,8 +112,15 @@ def _triangle(angle: np.ndarray) -> np.ndarray:
     return sawtooth(angle, 0.5)  # type: ignore[arg-type]
 
 
-def drives(limits: Limits, step: float, unit: str, start: float) -> list[Drive]:
-    """Some forty drives within the limits, `_SAMPLES` long after a rest at `start`: tones,
+def rest_samples(step: float) -> int:
+    """How many samples a drive rests before it begins: as long as tells a noise floor, but no
+    longer than a quarter of the drive."""
+    shortest, longest = (int(share * _SAMPLES) for share in (_LEAD, _LONGEST_LEAD))
+    return int(np.clip(_REST / step, shortest, longest))
+
+
+def drives(limits: Limits, step: float, unit: str, start: float, rest: int) -> list[Drive]:
+    """Some forty drives within the limits, `_SAMPLES` long after `rest` samples at `start`: tones,
     triangles, amplitude ladders, steps, reversal curves, sweeps, bursts, small tones on a shifted
     bias, and a rest."""
     t = np.arange(_SAMPLES) * step
@@ -176,20 +187,20 @@ def drives(limits: Limits, step: float, unit: str, start: float) -> list[Drive]:
     )
     add("a rest at one level", np.full(_SAMPLES, limits.centre))
     return [
-        Drive(text, _allowed(values, limits, step, start), step) for text, values in found.items()
+        Drive(text, _allowed(values, limits, step, start, rest), step)
+        for text, values in found.items()
     ]
 
 
-def _allowed(values: np.ndarray, limits: Limits, step: float, start: float) -> np.ndarray:
+def _allowed(
+    values: np.ndarray, limits: Limits, step: float, start: float, rest: int
+) -> np.ndarray:
     """The drive from a rest at `start`, within range and slew.
 
-    It begins where the recording began, for some effects count from there, and rests for as long as
-    tells a noise floor, but no longer than a quarter of the drive.  Its corners are rounded over
-    four samples: what a drive with corners does between its samples, they do not tell.
+    It begins where the recording began, for some effects count from there.  Its corners are rounded
+    over four samples: what a drive with corners does between its samples, they do not tell.
     """
-    shortest, longest = (int(share * values.size) for share in (_LEAD, _LONGEST_LEAD))
-    lead = int(np.clip(_REST / step, shortest, longest))
-    led = np.concatenate([np.full(lead, start), values])
+    led = np.concatenate([np.full(rest, start), values])
     most = limits.slew * step
     followed = np.empty_like(led)
     wanted = np.clip(led, limits.low, limits.high)
@@ -224,20 +235,32 @@ def propose(
     first: two that nothing tells apart are no reason to leave the others together.
     """
     take = preparation.takes[0]
-    noise = take.noise
+    noise, recording = take.noise, take.recording
     assert noise is not None  # a diagnosis has one
-    recording = take.recording
-    start = float(recording.drive[0])
-    candidates = drives(limits, recording.dt, recording.drive_unit, start)
-    progress(f"choosing the next experiment among {len(candidates)} drives")
-    trials = [_Trial(drive, noise, preparation.oversampling) for drive in candidates]
-    # What the parameters can take up costs ten times more to find than the responses themselves.
-    gaps = np.array([trial.gaps(rivals) for trial in trials])
-    promising = np.argsort(-np.mean(np.log(gaps + 1e-300), axis=1))[:_EXAMINED]
-    apart = _probability(np.array([trials[k].separability(rivals) for k in promising]))
-    k, told, all_apart = _most_telling(apart)
-    probability = float(apart[k].min() if all_apart else apart[k, 0, told].min())
-    return Proposal(candidates[promising[k]], probability, told, all_apart)
+    rest = rest_samples(recording.dt)  # of one length at all rates, so that no law compiles anew
+
+    def at(rate: float) -> Proposal:
+        step, start = recording.dt / rate, float(recording.drive[0])
+        candidates = drives(limits, step, recording.drive_unit, start, rest)
+        progress(f"choosing the next experiment among {len(candidates)} drives")
+        trials = [_Trial(drive, noise, preparation.oversampling) for drive in candidates]
+        # What the parameters can take up costs ten times more to find than the responses do.
+        gaps = np.array([trial.gaps(rivals) for trial in trials])
+        promising = np.argsort(-np.mean(np.log(gaps + 1e-300), axis=1))[:_EXAMINED]
+        apart = _probability(np.array([trials[k].separability(rivals) for k in promising]))
+        k, told, all_apart = _most_telling(apart)
+        probability = float(apart[k].min() if all_apart else apart[k, 0, told].min())
+        chosen = candidates[promising[k]]
+        if rate != 1:
+            told_rate = f"{chosen.description}, at {1 / step:.6g} samples/s"
+            chosen = replace(chosen, description=told_rate)
+        return Proposal(chosen, probability, told, all_apart)
+
+    own = at(1)
+    if own.probability >= LIKELY:
+        return own
+    likely = (found for found in map(at, _OTHER_RATES) if found.probability >= LIKELY)
+    return next(likely, own)
 
 
 def _most_telling(apart: np.ndarray) -> tuple[int, tuple[int, ...], bool]:

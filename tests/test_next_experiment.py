@@ -6,8 +6,11 @@ import pytest
 
 import fracjax as fj
 from fracjax._blocks import DriveLag
+from fracjax._blocks.creep import LogarithmicCreep
 from fracjax._blocks.delay import Delay
+from fracjax._blocks.thermal_drift import ThermalDrift
 from fracjax._diagnose._next_experiment import (
+    LIKELY,
     Drive,
     Limits,
     _most_telling,
@@ -133,6 +136,36 @@ def test_a_lag_and_a_delay_part_on_a_fast_drive():
     rate = np.abs(np.diff(fast.drive.values)).max() / STEP
     assert rate > 10 * np.abs(np.diff(slow.drive.values)).max() / STEP
     assert "choosing the next experiment" in said[0]
+
+
+@pytest.mark.parametrize(("late", "rate"), [(1e-5, 4000), (2e-6, 16000)])
+def test_what_shows_above_the_band_is_sought_at_a_higher_rate(late, rate):
+    """A lag and a delay part as (ω τ)², and what samples of 1 ms can tell ends at 500 Hz."""
+    noise = Noise(0.2, "um", "specification", np.ones(1), 0.2)
+    with jax.enable_x64(True):
+        preparation = prepare([recording(0.5)], noise=noise, history="constant")
+        base = fj.parse_model("foh").block
+        rivals = [DriveLag(late) >> base, Delay(late, longest=0.01) >> base]
+        found = propose(rivals, preparation, Limits(0, 100, 1e9), silent)
+    assert found.drive.step == pytest.approx(1 / rate)
+    assert found.drive.description.endswith(f", at {rate} samples/s")
+    assert found.probability > LIKELY
+
+
+@pytest.mark.parametrize(("sigma", "rate"), [(0.2, 250), (0.4, 62.5)])
+def test_what_shows_after_the_recording_is_sought_at_a_lower_rate(sigma, rate):
+    """A creep and a drift, of which four seconds show the beginning: longer holds part them."""
+    noise = Noise(sigma, "um", "specification", np.ones(1), sigma)
+    with jax.enable_x64(True):
+        preparation = prepare([recording(0.5)], noise=noise, history="constant")
+        base = fj.parse_model("foh").block
+        drift = set_values(ThermalDrift(10.0, longest=60.0), {"amplitude": 0.2})
+        rivals = [base >> LogarithmicCreep(0.02, 10.0), base + drift]
+        found = propose(rivals, preparation, Limits(0, 100, 1e5), silent)
+    assert found.drive.step == pytest.approx(1 / rate)
+    assert "steps" in found.drive.description
+    assert found.drive.description.endswith(f", at {rate:g} samples/s")
+    assert found.probability > LIKELY
 
 
 def test_two_that_nothing_tells_apart_are_no_reason_to_leave_the_others_together():

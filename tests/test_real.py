@@ -4,6 +4,7 @@ import numpy as np
 import pytest
 from scipy.signal import welch
 
+import fracjax as fj
 from benchmarks.real import fsm_cubespec, nulls, recordings, semi_synthetic
 
 RATE, PERIOD = recordings.FSM_RATE, recordings.FSM_PERIOD
@@ -29,6 +30,21 @@ def test_superposition_finds_what_an_axis_answers_to_its_own_drive():
         drive, answer = fsm_cubespec.alone(drives, responses, axis)
         assert np.ptp(drive) > 1
         assert answer == pytest.approx(gains[axis, axis] * np.roll(drive, 3, axis=0), abs=1e-9)
+
+
+def test_scatter_is_what_realisations_do_not_have_in_common():
+    """A law of both and a disturbance of each: the disturbance's rms, whatever the law."""
+    generator = np.random.default_rng(3)
+    size, line = 4096, 400
+    disturbed, sigma = [], 0.02
+    for _ in range(2):
+        spectrum = np.zeros(size // 2 + 1, complex)
+        spectrum[1:line] = np.exp(2j * np.pi * generator.random(line - 1))
+        drive = np.fft.irfft(spectrum) * 100
+        own = np.fft.irfft(spectrum * generator.standard_normal(spectrum.size))
+        answer = 3 * np.roll(drive, 2) + sigma * own / own.std()
+        disturbed.append(fj.Recording(drive, answer, 1e-3))
+    assert fsm_cubespec.scatter(*disturbed) == pytest.approx(sigma, rel=0.1)
 
 
 def test_surrogate_noise_has_the_spectrum_it_was_given():

@@ -11,11 +11,11 @@ of steady motion.  Each axis is diagnosed on one triple of realisations; the sec
 repeat, the other triple is held out.  Then the full band is unsealed: the mode of an axis is the
 highest peak of its frequency response, of which there are several.
 
-What superposing makes of the hysteresis of three actuators repeats with the period and follows no law
-of the one drive: `linear_nm` is what any smooth linear law leaves over.  Beside a repeat it is a
-mismatch.  It is another one for other phases, so `scatter` gives as the noise what two triples say
-of their common law (the stochastic nonlinear distortions of Pintelon & Schoukens, System
-Identification, 2012, §4.3): then only what all of them share is a mismatch.
+What superposing makes of the hysteresis of three actuators repeats with the period and follows no
+law of the one drive: `linear_nm` is what any smooth linear law leaves over.  Beside a repeat it is
+a mismatch.  It is another one for other phases, so `scatter` gives as the noise how far two triples
+lie from the law that they have in common (the stochastic nonlinear distortions of Pintelon &
+Schoukens, System Identification, 2012, §4.3): then only what all of them share is a mismatch.
 
 *Coupling.* One realisation as it was recorded: all three drives act, one is shown.  What the base
 fit leaves is regressed on the drives that were hidden.
@@ -85,9 +85,7 @@ def left_by_any_linear_law(train: fj.Recording) -> float:
 
 def scatter(one: fj.Recording, other: fj.Recording) -> float:
     """The rms [um] by which an answer scatters about the linear law that both have in common."""
-    (u, y), (v, z) = (
-        (np.fft.rfft(r.drive), np.fft.rfft(r.response)) for r in (one, other)
-    )
+    (u, y), (v, z) = ((np.fft.rfft(r.drive), np.fft.rfft(r.response)) for r in (one, other))
     driven = (np.abs(u) > 0.1 * np.abs(u).max()) & (np.abs(v) > 0.1 * np.abs(v).max())
     apart = np.abs(u[driven]) * (y[driven] / u[driven] - z[driven] / v[driven]) / np.sqrt(2)
     return float(np.sqrt(2 * np.sum(np.abs(apart) ** 2)) / len(one))
@@ -111,7 +109,8 @@ def mode(kind: str, axis: int, model: str, drives: np.ndarray, responses: np.nda
     diagnosis = fj.diagnose(
         fj.parse_model(model),
         train,
-        **{"repeat": {"repeat": repeat}, "scatter": {"noise": scatter(train, held)}}[kind],
+        repeat=repeat if kind == "repeat" else None,
+        noise=scatter(train, held) if kind == "scatter" else None,
         holdout=held,
         history="periodic",
     )

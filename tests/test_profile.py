@@ -97,6 +97,37 @@ def test_intervals_end_where_profiles_do(creep):
     assert told["k_c"] == next(e for e in creep.estimates if e.name == "k_c").interval
 
 
+class Bent(fj.AbstractBlock):
+    """a u + b |u|, of which the bound of b may be in the way."""
+
+    slope: fj.Parameter
+    bend: fj.Parameter
+    linear = False
+
+    def __init__(self, least: float):
+        self.slope = fj.Parameter(1.0, lower=0.0, upper=5.0)
+        self.bend = fj.Parameter(1.1, lower=least, upper=5.0)
+
+    def __call__(self, drive, grid):
+        return self.slope.value * drive + self.bend.value * jnp.abs(drive)
+
+
+@pytest.mark.parametrize(("least", "stopped"), [(0.2, False), (1.0, True)])
+def test_beside_a_number_at_its_bound_an_interval_is_no_shorter_than_its_error(least, stopped):
+    """|u| is much like u on a drive that is seldom negative: held, it lets a be known well."""
+    drive = DRIVE - 22
+    noise = SIGMA * np.random.default_rng(5).standard_normal(SAMPLES)
+    recording = fj.Recording(drive, drive + 0.99 * np.abs(drive) + noise, STEP)
+    found = fj.fit(fj.Model(Bent(least)), recording, noise=KNOWN, history="rest", starts=1)
+    slope = by_name(found, "slope")
+    assert by_name(found, "bend").at_bound == stopped
+    told = np.array(intervals(found, "slope")["slope"])
+    parabola = slope.value + 1.96 * slope.standard_error * np.array([-1, 1])
+    assert told == pytest.approx(parabola, abs=0.05 * slope.standard_error)
+    held = np.ptp(np.array(fj.profile(found, "slope").interval_95))
+    assert held < 0.7 * np.ptp(told) if stopped else held == pytest.approx(np.ptp(told), rel=0.05)
+
+
 LONG = 0.02 * SAMPLES
 DRIFTING = fj.Model(fj.parse_model("creep").block + fj.blocks.ThermalDrift(3.0, longest=LONG))
 DRIFT = {

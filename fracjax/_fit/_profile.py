@@ -108,6 +108,8 @@ def with_profiled_intervals(fit: Fit, names: Iterable[str]) -> Fit:
     A time constant near the recording's length, or a threshold near the drive's peak, is known far
     better on one side than on the other, which no standard error tells.  Numbers that the data
     leave open, that are one recording's own or part of a vector keep the interval that they have.
+    Beside another number that ended at its bound no interval is shorter than its standard error
+    tells: the noise may have put that one there, and a profile does not see it move.
     """
     single = named_parameters(fit.model.block).keys() & set(names)
     wanted = [k for k, e in enumerate(fit.estimates) if e.name in single and e.identified]
@@ -129,7 +131,10 @@ def with_profiled_intervals(fit: Fit, names: Iterable[str]) -> Fit:
     ends = iter(side_by_side(end, [(k, side) for k in wanted for side in (-1, 1)]))
     told = list(fit.estimates)
     for k in wanted:
-        told[k] = replace(told[k], ends=(next(ends), next(ends)))
+        low, high = next(ends), next(ends)
+        if any(e.at_bound for e in (*told[:k], *told[k + 1 :])):
+            low, high = min(low, told[k].interval[0]), max(high, told[k].interval[1])
+        told[k] = replace(told[k], ends=(low, high))
     return replace(fit, estimates=tuple(told))
 
 

@@ -249,9 +249,14 @@ def judged_of(
     before: float = 0.0,
     foretells_worse: bool = False,
     left: float = 0.0,
+    special_case: str = "",
 ) -> Judged:
     unseen: Any = None
-    refit: Any = SimpleNamespace(name=name, solved=SimpleNamespace(cost=left, samples=0.0))
+    refit: Any = SimpleNamespace(
+        name=name,
+        solved=SimpleNamespace(cost=left, samples=0.0),
+        layer=SimpleNamespace(effect=SimpleNamespace(special_case=special_case)),
+    )
     return Judged(
         refit=refit,
         preparation=unseen,
@@ -316,6 +321,22 @@ def test_rivals_are_those_within_25_or_a_hundredth():
     assert rivals_of(winner, [many]) == [many]
     assert rivals_of(winner, [judged_of("m", 10, left=9.0, gain=worse)]) == []
     assert rivals_of(winner, [judged_of("m", 10, left=11.0, gain=better)]) == []
+
+
+def test_a_law_that_contains_another_takes_its_name_for_a_hundredth_more():
+    one, two = judged_of("a", 9901), judged_of("b", 10_000, special_case="a")
+    assert best_of([one, two]) is one
+    assert rivals_of(one, [one, two]) == [two]
+    assert best_of([judged_of("a", 9899), two]) is two
+    # Only where that is admissible, and contained.
+    assert best_of([judged_of("a", 9999, plausible=False), two]) is two
+    apart = judged_of("b", 10_000)
+    assert best_of([one, apart]) is apart
+    # Of a small gain the evidence decides; all that was gained before counts.
+    small = judged_of("b", 50, special_case="a")
+    assert best_of([judged_of("a", 40), small]) is small
+    later, simple = judged_of("b", 50, before=9950, special_case="a"), judged_of("a", 40)
+    assert best_of([simple, later]) is simple
 
 
 def test_a_numerical_error_far_under_what_is_left_excludes_no_candidate():

@@ -102,11 +102,14 @@ class Bent(fj.AbstractBlock):
 
     slope: fj.Parameter
     bend: fj.Parameter
-    linear = False
 
     def __init__(self, least: float):
         self.slope = fj.Parameter(1.0, lower=0.0, upper=5.0)
         self.bend = fj.Parameter(1.1, lower=least, upper=5.0)
+
+    @property
+    def linear(self) -> bool:
+        return False
 
     def __call__(self, drive, grid):
         return self.slope.value * drive + self.bend.value * jnp.abs(drive)

@@ -658,7 +658,7 @@ def test_a_noise_that_a_fit_left_over_may_vary_along_the_recording():
 
 def fine_judged(name: str, gained: float, plausible: bool, left: float = 1.0) -> Judged:
     solved = SimpleNamespace(gained=gained, bic=-gained * left, cost=-gained * left, samples=0.0)
-    layer = SimpleNamespace(effect=SimpleNamespace(name=name))
+    layer = SimpleNamespace(effect=SimpleNamespace(name=name, special_case=""))
     refit: Any = SimpleNamespace(name=name, solved=solved, layer=layer)
     return replace(JUDGED, refit=refit, delta_bic=gained, altogether=gained, plausible=plausible)
 

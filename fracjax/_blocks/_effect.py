@@ -59,6 +59,7 @@ class Effect:
     `one_sided`: its trials show the only sign that physics allows, as a delay is never an advance.
     `foreign`: it follows neither the drive nor a slow course, so that what another effect's law
     leaves over does not look like it, nor what it leaves over like another effect.
+    `special_case`: the effect whose law this one's is where some of its numbers vanish.
     Each block's parameters say their unit and the range that is plausible in it.
     """
 
@@ -74,6 +75,7 @@ class Effect:
     elsewhere: Mapping[type[AbstractBlock], Site] = field(default_factory=dict)
     one_sided: bool = False
     foreign: bool = False
+    special_case: str = ""
 
     def site_of(self, block: AbstractBlock) -> Site:
         """Where one of its blocks is inserted."""

@@ -101,4 +101,5 @@ EFFECT = Effect(
     },
     concealed_by="one equivalent mode, while the drive stays below both",
     axes=("frequency", "reversal", "rate"),
+    special_case="resonance",
 )

@@ -103,8 +103,16 @@ def best_of(found: Sequence[Judged]) -> Judged | None:
 
     By BIC each of eight plays costs as much as a number that the data know well, and a law of few
     numbers that fits and foretells less would take its name.
+    Of two laws of which one contains the other the simpler keeps its name, unless the other gains a
+    hundredth more: of a large gain so much may be how the effect's own law differs from ours, and
+    the further numbers follow that.
     """
-    return max((j for j in found if j.admissible), key=lambda j: j.evidence, default=None)
+    named = {j.name: j for j in found if j.admissible}
+    best = max(named.values(), key=lambda j: j.evidence, default=None)
+    if best is None or best.layer.effect.special_case not in named:
+        return best
+    simpler = named[best.layer.effect.special_case]
+    return simpler if best.evidence - simpler.evidence < _ALIKE * best.altogether else best
 
 
 def _ahead(j: Judged, winner: Judged) -> float:

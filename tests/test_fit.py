@@ -391,6 +391,44 @@ def test_one_period_tells_whether_it_had_run_before(history):
     assert fit.scores.rmse == pytest.approx(SIGMA, rel=0.1)
 
 
+def two_cycles(history: History, wandering: float) -> fj.Recording:
+    """FOH and a mode under ten tones, two periods, with a noise that also wanders off."""
+    generator = np.random.default_rng(4)
+    times = np.arange(1024) * STEP
+    tones = np.arange(1, 11)[:, None]
+    phases = generator.uniform(0, 2 * np.pi, (10, 1))
+    drive = 40 + 8 * np.sum(np.cos(2 * np.pi * tones * times / (512 * STEP) + phases), axis=0)
+    model = fj.parse_model("foh >> resonance").with_values(
+        {"second.frequency": 15 / (512 * STEP), "second.damping": 0.02}
+    )
+    response = fj.simulate(model, drive, STEP, history).response
+    noise = SIGMA * generator.standard_normal(1024)
+    return fj.Recording(
+        drive, response + noise + wandering * np.cumsum(generator.standard_normal(1024)), STEP
+    )
+
+
+@pytest.mark.parametrize("wandering", [0.0, 0.5 * SIGMA])
+@pytest.mark.parametrize("history", ["periodic", "constant"])
+def test_two_cycles_tell_whether_it_had_run_before_whatever_the_law_misses(history, wandering):
+    """FOH misses a mode in both of them by far more than what their start could add."""
+    recording = two_cycles(history, wandering)
+    fit = fit_foh(recording)
+    assert fit.scores.rmse > 20 * SIGMA
+    assert fit.to_dict()["assumptions"][0]["history"] == history
+
+
+def test_the_period_of_a_drive():
+    """By three repeats, or by one other that fills the recording."""
+    recording = two_cycles("periodic", 0.0)
+    assert take_of(recording, None, None, None).period == 512
+    assert take_of(recording.window(0, 1000), None, None, None).period is None
+    assert take_of(one_period("periodic"), None, None, None).period is None
+    times = np.arange(1100) * STEP
+    sine = fj.Recording(np.sin(2 * np.pi * times / 0.4), times, STEP)
+    assert take_of(sine, None, None, None).period == 200
+
+
 def test_one_period_of_steady_motion_may_be_told():
     recording = one_period("periodic")
     taken = prepare([recording], history="periodic").takes[0]

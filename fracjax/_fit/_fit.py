@@ -18,9 +18,10 @@ from ._asked import Asked, OfParameters, conditioned
 from ._border import model_of, past_of, recordings_of, settling_of, sigma_of, whole
 from ._combinations import Combination
 from ._conditions import PLAIN, Conditions
+from ._history import is_likelier
 from ._noise import Noise, cleared, measured_noise, read_from_residual
 from ._numerics import fine_enough, too_coarse
-from ._preparation import Past, Preparation, Take, coarse_oversampling, other_histories, take_of
+from ._preparation import Past, Preparation, coarse_oversampling, other_histories, take_of
 from ._robust import ROUNDS, SETTLED, Loss, Robust, shape_of, weigh
 from ._solve import Progress, Solved, fit_block, silent, solve_from
 from ._uncertainty import Estimate, uncertainty_of
@@ -217,9 +218,7 @@ def settle(
             takes = zip(others, preparation.takes, strict=True)
             alternative = replace(preparation, takes=tuple(o or t for o, t in takes))
             other = fit_block(block, alternative, starts, seed)
-            if _error_in_common(other, alternative, others) < _error_in_common(
-                solved, preparation, others
-            ):
+            if is_likelier(other, alternative, solved, preparation):
                 solved, preparation = other, alternative
     believed, noises = _believed_noises(solved, preparation), []
     for noise, take, simulation in zip(
@@ -305,20 +304,6 @@ def _believed_noises(solved: Solved, preparation: Preparation) -> list[Noise | N
         overrated = told and counted.size > 0 and float(np.mean(counted**2)) < _OVERRATED
         found.append(None if overrated else take.noise)
     return found
-
-
-def _error_in_common(
-    solved: Solved, preparation: Preparation, others: Sequence[Take | None]
-) -> float:
-    """Mean square residual where both histories are put to the test: of a jump the settling samples
-    too, of steady cycles whole periods, without one that was left out."""
-    errors = []
-    for take, other, simulation in zip(preparation.takes, others, solved.simulations, strict=True):
-        steady = other is not None and other.history == "periodic"
-        stop = len(other.recording) if other is not None else len(take.recording)
-        start = take.settling if steady else 0
-        errors.append((take.recording.response - simulation)[start:stop] ** 2)
-    return float(np.mean(np.concatenate(errors)))
 
 
 def reweighted(

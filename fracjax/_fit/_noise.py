@@ -234,7 +234,7 @@ def cleared(noise: Noise, residual: np.ndarray, used: np.ndarray, recording: Rec
         # A decay that has not settled is in few slow lines, which the innovation hardly tells.
         clearer = min(again.innovation / noise.innovation, again.sigma / noise.sigma) < _CLEARER
         return again if clearer else noise
-    if noise.method == "static" and _given_twice(recording.drive) is not None and used.all():
+    if noise.method == "static" and given_twice(recording.drive) is not None and used.all():
         again = residual_noise(residual, used, recording)
         of_noise = again.innovation**2 < _MUCH_MORE * noise.innovation**2
         if of_noise and again.effective > noise.effective:
@@ -378,7 +378,7 @@ def residual_noise(residual: np.ndarray, used: np.ndarray, recording: Recording)
     what the memory of the start makes of the first time is in the fit.  Otherwise all of it,
     mismatch and all: the last resort.
     """
-    period = _given_twice(recording.drive)
+    period = given_twice(recording.drive)
     if period is not None and used.all():
         # Of three times only two: what two differences share would be a comb in their spectrum.
         again = residual[period : 2 * period]
@@ -391,7 +391,7 @@ def residual_noise(residual: np.ndarray, used: np.ndarray, recording: Recording)
     return replace(noise, is_leftover=True)
 
 
-def _given_twice(drive: np.ndarray) -> int | None:
+def given_twice(drive: np.ndarray) -> int | None:
     """After how many samples a drive (N,) comes a second time: at least a third of it, to 0.2 % of
     its deviation and moving as much as the whole; None where it does not."""
     moved = drive - drive.mean()

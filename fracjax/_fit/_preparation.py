@@ -13,7 +13,7 @@ from .._blocks import Setting
 from .._operators._grid import History
 from .._recording import MINIMUM_SAMPLES, InputError, Recording, parse_quantity
 from ._conditions import PLAIN, Conditions
-from ._noise import Noise
+from ._noise import Noise, given_twice
 from ._problem import Problem, make_problem, setting_of
 
 Past = History | Literal["estimated"]
@@ -39,6 +39,16 @@ class Take:
     weights: np.ndarray | None = None
     trust: np.ndarray | None = None
     jumps: tuple[int, ...] = ()
+
+    @property
+    def period(self) -> int | None:
+        """After how many samples the drive comes again, from the first sample to the last; None
+        where it does not."""
+        repeats = self.recording.drive_period()
+        if repeats is not None:
+            return repeats.period
+        again = given_twice(self.recording.drive)
+        return again if again is not None and 2 * again == len(self.recording) else None
 
     @property
     def roots(self) -> np.ndarray | None:

@@ -18,6 +18,7 @@ from ._problem import Problem, make_problem, setting_of
 
 Past = History | Literal["estimated"]
 _STEADY_FROM = 8
+_STEADY, _DRIFTING = 1.5, 2.0
 _LEAST_BASELINE, _BASELINE_ERROR, _BASELINE_SHARE = 20, 0.1, 0.1
 
 
@@ -219,7 +220,8 @@ def steady_of(take: Take) -> Take | None:
     repeats = recording.drive_period()
     if repeats is None:
         closed = _closes(recording.drive) and _closes(recording.response)
-        whole = len(recording) if closed and begins_in_motion(recording) else 0
+        steady = take.period is None or _is_steady(recording, take.period)
+        whole = len(recording) if closed and steady and begins_in_motion(recording) else 0
     else:
         kept = repeats.start == 0 and repeats.stop > 0.8 * len(recording)
         whole = repeats.whole if kept and _is_steady(recording, repeats.period) else 0
@@ -233,11 +235,22 @@ def begins_in_motion(recording: Recording) -> bool:
 
 
 def _is_steady(recording: Recording, period: int) -> bool:
-    """Whether the first period of the response is like the second, as far as the later ones are."""
+    """Whether the first period of the response is like the second: as far as the later ones are,
+    or, of two, at its beginning as far as later on."""
     count = len(recording) // period
-    periods = recording.response[: count * period].reshape(count, period)
-    changes = np.sqrt(np.mean(np.diff(periods, axis=0) ** 2, axis=1))
-    return bool(changes[0] <= 1.5 * np.median(changes))
+    changes = np.diff(recording.response[: count * period].reshape(count, period), axis=0)
+    if count > 2:
+        return _begins_like_the_rest(changes, _STEADY)
+    # A start rings, or creeps; so does noise that drifts, which is given more.
+    eighths = changes[0, : period // 8 * 8].reshape(8, -1)
+    rings = np.diff(eighths, axis=1)
+    return _begins_like_the_rest(rings, _STEADY) and _begins_like_the_rest(eighths, _DRIFTING)
+
+
+def _begins_like_the_rest(parts: np.ndarray, most: float) -> bool:
+    """Whether the first of the parts (n, L) is at most so many times as large as the median."""
+    sizes = np.sqrt(np.mean(parts**2, axis=1))
+    return bool(sizes[0] <= most * np.median(sizes))
 
 
 def coarse_oversampling(recordings: list[Recording]) -> int:

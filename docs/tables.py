@@ -108,7 +108,7 @@ def compensation() -> str:
 def exam() -> str:
     """Marks of the diagnosis on cases from a simulator that it shares nothing with: the last to be
     answered, the concealed ones among them, and those before; and of a run of nulls alone."""
-    heads = "measure", "target", "value", "95 % interval", "cases", "concealed", "the 100 before"
+    heads = "measure", "target", "value", "95 % interval", "cases", "concealed", "the 90 before"
     lines = [_line(*heads), "|---" * len(heads) + "|"]
     hidden, before = (
         {
@@ -116,15 +116,11 @@ def exam() -> str:
             for row in rows_of(f"{MARKS}/{table}")
             if row["n"] != "0"
         }
-        for table in ("from_791/concealed.csv", "from_691/grade.csv")
+        for table in ("from_881/concealed.csv", "from_791/grade.csv")
     )
     nulls = rows_of(f"{MARKS}/nulls/grade.csv")[0]
     alone = nulls | {"measure": f"{nulls['measure']}, a run of these alone"}
-    again = [
-        row | {"measure": f"{row['measure']}, asked again"}
-        for row in rows_of(f"{MARKS}/from_791/held_out_again.csv")
-    ]
-    for row in (alone, *rows_of(f"{MARKS}/from_791/grade.csv"), *again):
+    for row in (alone, *rows_of(f"{MARKS}/from_881/grade.csv")):
         interval, name = f"{row['low']} to {row['high']}", row["measure"]
         beside = hidden.get(name, ""), before.get(name, "")
         found = (row["value"], interval) if row["n"] != "0" else ("not measured", "")

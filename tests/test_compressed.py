@@ -301,6 +301,19 @@ def test_where_the_full_model_disagrees_it_is_fitted_from_every_start(monkeypatc
     assert solved.start_costs == solve_from(starts_of(model.block, 4, 0), preparation).start_costs
 
 
+def test_fewer_samples_than_signals_are_fitted_again_and_again():
+    """From the second fit to a drive on its basis is kept, of no more vectors than samples."""
+    times = np.arange(40)
+    drive = np.sin(2 * np.pi * times / 20) + 0.3 * np.cos(2 * np.pi * times / 10)
+    found = []
+    for seed in (0, 1, 0):
+        noise = 1e-3 * np.random.default_rng(seed).standard_normal(40)
+        recording = fj.Recording(drive, 0.1 * drive + noise, 0.01)
+        found.append(fj.fit("lfdh", recording, history="constant").scores.rmse)
+    assert found[2] == pytest.approx(found[0], rel=1e-3)
+    assert max(found) < 1.2e-3
+
+
 def test_few_starts_are_not_worth_it():
     model = model_of("creep")
     problems = prepared(model, [DRIVES["tones"]]).problems()

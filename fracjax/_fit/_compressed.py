@@ -195,13 +195,13 @@ def _rows_of(span: Span, problem: Problem) -> np.ndarray:
         frame.basis, frame.triangle = np.linalg.qr(whitened)
     along = frame.basis.T @ response
     beside = np.linalg.norm(response - frame.basis @ along)
-    return np.block([[frame.triangle, along[:, None]], [np.zeros_like(along), beside]])
+    return np.block([[frame.triangle, along[:, None]], [np.zeros(frame.triangle.shape[1]), beside]])
 
 
 @dataclass
 class _Frame:
-    """An orthonormal basis (L, M) of whitened signals and their triangle (M, M), once they were
-    asked for a second time."""
+    """An orthonormal basis (L, K) of M whitened signals and their triangle (K, M), K the lesser of
+    L and M, once they were asked for a second time."""
 
     asked: bool = False
     basis: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))

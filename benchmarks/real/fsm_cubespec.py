@@ -80,7 +80,12 @@ def left_by_any_linear_law(train: fj.Recording) -> float:
     places = np.interp(logarithms, [logarithms.min(), logarithms.max()], [-1.0, 1.0])
     columns = np.polynomial.legendre.legvander(places, 8) * u[within, None]
     left = y[within] - columns @ np.linalg.lstsq(columns, y[within], rcond=None)[0]
-    return float(np.sqrt(2 * np.sum(np.abs(left) ** 2)) / len(train))
+    return rms_of(left, len(train))
+
+
+def rms_of(lines: np.ndarray, samples: int) -> float:
+    """The rms of a signal of so many samples with these lines and no others."""
+    return float(np.sqrt(2 * np.sum(np.abs(lines) ** 2)) / samples)
 
 
 def scatter(one: fj.Recording, other: fj.Recording) -> float:
@@ -88,7 +93,7 @@ def scatter(one: fj.Recording, other: fj.Recording) -> float:
     (u, y), (v, z) = ((np.fft.rfft(r.drive), np.fft.rfft(r.response)) for r in (one, other))
     driven = (np.abs(u) > 0.1 * np.abs(u).max()) & (np.abs(v) > 0.1 * np.abs(v).max())
     apart = np.abs(u[driven]) * (y[driven] / u[driven] - z[driven] / v[driven]) / np.sqrt(2)
-    return float(np.sqrt(2 * np.sum(np.abs(apart) ** 2)) / len(one))
+    return rms_of(apart, len(one))
 
 
 def predicted_mode(diagnosis: fj.Diagnosis) -> float | None:

@@ -18,7 +18,7 @@ from __future__ import annotations
 import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
-from itertools import combinations, permutations
+from itertools import chain, combinations, permutations
 
 import numpy as np
 from scipy.signal import chirp, lfilter, sawtooth
@@ -36,7 +36,7 @@ _DELTA_BIC = 10.0
 _REST, _LEAD, _LONGEST_LEAD = 0.2, 0.05, 0.25
 _ROUNDING = np.array([1, 4, 6, 4, 1]) / 16
 _EXAMINED = 10
-_OTHER_RATES = (1 / 4, 4, 1 / 16, 16)
+_RATES = (1, 1 / 4, 4, 1 / 16, 16)
 LIKELY = 0.5
 """A drive that is more likely to fail tells nothing."""
 
@@ -232,35 +232,42 @@ def propose(
     """The drive on which the fitted rivals part the most.
 
     Where none is likely to tell each of them from every other, the one that tells most from the
-    first: two that nothing tells apart are no reason to leave the others together.
+    first: two that nothing tells apart are no reason to leave the others together.  At another
+    rate than the recording's only where none is likely to tell anything at that.
     """
     take = preparation.takes[0]
     noise, recording = take.noise, take.recording
     assert noise is not None  # a diagnosis has one
+    start = float(recording.drive[0])
     rest = rest_samples(recording.dt)  # of one length at all rates, so that no law compiles anew
 
     def at(rate: float) -> Proposal:
-        step, start = recording.dt / rate, float(recording.drive[0])
+        step = recording.dt / rate
         candidates = drives(limits, step, recording.drive_unit, start, rest)
         progress(f"choosing the next experiment among {len(candidates)} drives")
-        trials = [_Trial(drive, noise, preparation.oversampling) for drive in candidates]
-        # What the parameters can take up costs ten times more to find than the responses do.
-        gaps = np.array([trial.gaps(rivals) for trial in trials])
-        promising = np.argsort(-np.mean(np.log(gaps + 1e-300), axis=1))[:_EXAMINED]
-        apart = _probability(np.array([trials[k].separability(rivals) for k in promising]))
-        k, told, all_apart = _most_telling(apart)
-        probability = float(apart[k].min() if all_apart else apart[k, 0, told].min())
-        chosen = candidates[promising[k]]
-        if rate != 1:
-            told_rate = f"{chosen.description}, at {1 / step:.6g} samples/s"
-            chosen = replace(chosen, description=told_rate)
-        return Proposal(chosen, probability, told, all_apart)
+        found = _proposed(candidates, rivals, noise, preparation.oversampling)
+        if rate == 1:
+            return found
+        told = f"{found.drive.description}, at {1 / step:.6g} samples/s"
+        return replace(found, drive=replace(found.drive, description=told))
 
-    own = at(1)
-    if own.probability >= LIKELY:
-        return own
-    likely = (found for found in map(at, _OTHER_RATES) if found.probability >= LIKELY)
-    return next(likely, own)
+    own = at(_RATES[0])
+    others = map(at, _RATES[1:])
+    return next((found for found in chain([own], others) if found.probability >= LIKELY), own)
+
+
+def _proposed(
+    candidates: list[Drive], rivals: Sequence[AbstractBlock], noise: Noise, oversampling: int
+) -> Proposal:
+    """The most telling of some drives."""
+    trials = [_Trial(drive, noise, oversampling) for drive in candidates]
+    # What the parameters can take up costs ten times more to find than the responses themselves.
+    gaps = np.array([trial.gaps(rivals) for trial in trials])
+    promising = np.argsort(-np.mean(np.log(gaps + 1e-300), axis=1))[:_EXAMINED]
+    apart = _probability(np.array([trials[k].separability(rivals) for k in promising]))
+    k, told, all_apart = _most_telling(apart)
+    probability = float(apart[k].min() if all_apart else apart[k, 0, told].min())
+    return Proposal(candidates[promising[k]], probability, told, all_apart)
 
 
 def _most_telling(apart: np.ndarray) -> tuple[int, tuple[int, ...], bool]:

@@ -2,8 +2,6 @@
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 from scipy.signal import lfilter
 
@@ -12,15 +10,6 @@ from ._preparation import Preparation
 from ._solve import Solved
 
 _BEYOND_DOUBT = 10.0
-
-
-class _Left(NamedTuple):
-    """What two fits leave of a recording (N,), one from a constant past, one from another; and how
-    either changes from cycle to cycle, where the other past is that of steady cycles."""
-
-    constant: np.ndarray
-    other: np.ndarray
-    changes: tuple[np.ndarray, np.ndarray] | None
 
 
 def is_likelier(
@@ -33,41 +22,24 @@ def is_likelier(
     colour, and a constant past must foretell the changes better beyond doubt.  Else the mean square
     residual decides, of a jump that of the settling samples too.
     """
-    left = _left(other, alternative, solved, preparation)
-    changes = [one.changes for one in left if one.changes is not None]
-    if not changes:
-        constant, other_ = (
-            float(np.mean(np.concatenate(parts) ** 2))
-            for parts in ([one.constant for one in left], [one.other for one in left])
-        )
-        return other_ < constant
-    taps = autoregression([constant for constant, _ in changes])[0]
-    lost = taps.size - 1
-    constant, steady = (
-        np.concatenate([np.asarray(lfilter(taps, 1.0, change))[lost:] for change in of_one])
-        for of_one in zip(*changes, strict=True)
-    )
-    return constant.size * float(np.sum(steady**2) / np.sum(constant**2) - 1) < _BEYOND_DOUBT
-
-
-def _left(
-    other: Solved, alternative: Preparation, solved: Solved, preparation: Preparation
-) -> list[_Left]:
-    """Of each recording, where both pasts are put to the test: of steady cycles whole ones, and
-    without the one that a constant past leaves out."""
-    found = []
+    left, changes = [], []
     for take, taken, *simulations in zip(
         preparation.takes, alternative.takes, solved.simulations, other.simulations, strict=True
     ):
+        # Of steady cycles whole ones.
         response = take.recording.response[: len(taken.recording)]
-        constant, changed = (response - s[: response.size] for s in simulations)
-        steady = taken.history == "periodic" and taken is not take
-        period = take.period if steady else None
-        start = take.settling if steady else 0
-        changes = (
-            None
-            if period is None
-            else (constant[period:] - constant[:-period], changed[period:] - changed[:-period])
-        )
-        found.append(_Left(constant[start:], changed[start:], changes))
-    return found
+        both = [response - simulation[: response.size] for simulation in simulations]
+        steady = taken.history == "periodic"
+        left.append([one[take.settling if steady else 0 :] for one in both])
+        if steady and take.period is not None:
+            changes.append([one[take.period :] - one[: -take.period] for one in both])
+    if not changes:
+        errors = [np.mean(np.concatenate(of_one) ** 2) for of_one in zip(*left, strict=True)]
+        return bool(errors[1] < errors[0])
+    taps = autoregression([constant for constant, _ in changes])[0]
+    known = slice(taps.size - 1, None)
+    constant, steadily = (
+        np.concatenate([np.asarray(lfilter(taps, 1.0, change))[known] for change in of_one])
+        for of_one in zip(*changes, strict=True)
+    )
+    return constant.size * float(np.sum(steadily**2) / np.sum(constant**2) - 1) < _BEYOND_DOUBT

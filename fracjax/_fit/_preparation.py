@@ -41,10 +41,10 @@ class Take:
     trust: np.ndarray | None = None
     jumps: tuple[int, ...] = ()
 
-    @property
+    @cached_property
     def period(self) -> int | None:
-        """After how many samples the drive comes again, from the first sample to the last; None
-        where it does not."""
+        """After how many samples the drive comes again: in repeats, or as the recording's second
+        half; None where it does not."""
         repeats = self.recording.drive_period()
         if repeats is not None:
             return repeats.period
@@ -213,15 +213,15 @@ def steady_of(take: Take) -> Take | None:
     """The recording as steady cycles (`periodic`), where it may be some.
 
     Its drive repeats from the first sample on, and the first period of the response is like the
-    second; or it is one period, which begins in motion and ends, drive and response, where it
-    began.
+    second; or it is one period, or two that are alike, that begin in motion and end, drive and
+    response, where they began.
     """
     recording = take.recording
     repeats = recording.drive_period()
     if repeats is None:
         closed = _closes(recording.drive) and _closes(recording.response)
-        steady = take.period is None or _is_steady(recording, take.period)
-        whole = len(recording) if closed and steady and begins_in_motion(recording) else 0
+        steady = closed and (take.period is None or _is_steady(recording, take.period))
+        whole = len(recording) if steady and begins_in_motion(recording) else 0
     else:
         kept = repeats.start == 0 and repeats.stop > 0.8 * len(recording)
         whole = repeats.whole if kept and _is_steady(recording, repeats.period) else 0

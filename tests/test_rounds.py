@@ -550,8 +550,14 @@ def test_what_a_later_effect_makes_superfluous_is_found():
 def test_what_a_refit_gains_where_each_noise_is_what_it_leaves_itself(monkeypatch):
     """-2 ln of the likelihood falls by 2 N ln of the noise's, and each number costs ln n."""
 
-    def noise(sigma: float) -> Any:
-        return SimpleNamespace(is_leftover=True, innovation=sigma, sigma=sigma, method="residual")
+    def noise(sigma: float, square: float = 1.0) -> Any:
+        return SimpleNamespace(
+            is_leftover=True,
+            innovation=sigma,
+            sigma=sigma,
+            method="residual",
+            whitened_square=square,
+        )
 
     take = SimpleNamespace(
         noise=noise(2.0),
@@ -570,6 +576,10 @@ def test_what_a_refit_gains_where_each_noise_is_what_it_leaves_itself(monkeypatc
         assert [n.sigma for n in noises] == [left]
     monkeypatch.setattr(_procedure, "residual_noise", lambda *_: noise(2.5))
     assert _procedure._seen_past(base, solved) == (-np.inf, preparation)
+    # A line that no filter holds is in no innovation, and costs its whitened squares.
+    monkeypatch.setattr(_procedure, "residual_noise", lambda *_: noise(2.0))
+    take.noise = noise(2.0, square=4.0)
+    assert _procedure._seen_past(base, solved)[0] == pytest.approx(80 * 3 - 3 * np.log(80))
 
 
 def test_of_a_specified_noise_a_better_fit_tells_the_colour(monkeypatch):

@@ -260,7 +260,8 @@ def _seen_past(base: Stage, solved: Solved) -> tuple[float, Preparation]:
                 before = residual_noise(y - of_base, take.used, take.recording)
                 seen = noise.coloured_as(again)
             count = np.count_nonzero(take.used)
-            gain += float(2 * count * np.log(before.innovation / again.innovation))
+            fall = 2 * np.log(before.innovation / again.innovation) + before.whitened_square
+            gain += float(count * (fall - again.whitened_square))
             if again.sigma > before.sigma:  # another colour, but no less of it
                 return -np.inf, base.preparation
             noise = seen

@@ -101,6 +101,13 @@ class Noise:
         return replace(self, lines=_NONE)
 
     @property
+    def whitened_square(self) -> float:
+        """The mean square of what it was read from, whitened: 1, unless that holds a line that the
+        filter leaves out."""
+        power = self.lines[1]
+        return float(power.mean()) if power.size else 1.0
+
+    @property
     def whitening(self) -> np.ndarray:
         """The filter that turns this noise into white noise of unit variance."""
         return self.filter / self.innovation

@@ -1,16 +1,26 @@
 """Where a mismatch is: planted at one place, it is found there; noise is nowhere."""
 
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
 import jax
 import numpy as np
 import pytest
 from scipy.stats import kstest, norm
 
 import fracjax as fj
+from fracjax._diagnose._detect import detect
+from fracjax._diagnose._diagnose import _Conclusion
+from fracjax._diagnose._held_out import predict_stretches
+from fracjax._diagnose._judgement import SIGNIFICANCE
 from fracjax._diagnose._locate import _map, frequency, locate
+from fracjax._diagnose._procedure import Course, Round
 from fracjax._diagnose._residual import residual_of
 from fracjax._diagnose._result import Axis
 from fracjax._diagnose._score import Residual
-from fracjax._fit import prepare, solve_from
+from fracjax._diagnose._stage import Stage
+from fracjax._fit import prepare, silent, solve_from
 
 STEP = 0.01
 PERIOD = 250
@@ -206,3 +216,31 @@ def test_a_stretch_stands_out_that_is_half_as_strong_as_the_strongest():
     assert faint.threshold == pytest.approx(norm.isf(0.01 / 10))
     assert faint.intervals == ((1.0, 2.0), (3.0, 4.0))
     assert faint.p_value == pytest.approx(2 * 5 * 2 * norm.sf(3.5))
+
+
+def test_an_effect_too_weak_for_any_place_to_stand_out_has_one_where_it_acts():
+    """A saturation from 95 V on is named beside noise that shows nothing anywhere."""
+    with jax.enable_x64(True):
+        model = fj.parse_model("lfdh")
+        plain = fj.simulate(model, DRIVE, STEP, "constant").response
+        cut = fj.simulate(model, np.minimum(DRIVE, 95.0), STEP, "constant").response
+        noise = fj.Noise(1e-3, "um", "specification", np.ones(1), 1e-3)
+        seen = fj.Recording(DRIVE, plain + 1e-3 * white(1), STEP, "V", "um")
+        preparation = prepare([seen], noise=noise, history="constant")
+        solved = solve_from([model.block], preparation)
+        base = Stage("lfdh", model.block, (), solved, preparation)
+        changed = replace(solved, simulations=[solved.simulations[0] + 0.01 * (cut - plain)])
+        stage = replace(base, solved=changed)
+        first = detect(base, 0, silent)
+        winner: Any = SimpleNamespace(name="saturation", foretells_a_recording=True)
+        course = Course(first, True, [], first, [Round(winner, [])], {}, stage, None)
+        conclusion = _Conclusion(model, base, 0.0, None, predict_stretches, course)
+        named: Any = (SimpleNamespace(name="saturation"),)
+        leading = conclusion._axes(named)[0]
+        (unnamed,) = (axis for axis in conclusion._axes(()) if axis.axis == "level")
+    assert unnamed.p_value > SIGNIFICANCE
+    assert unnamed.intervals == ()
+    assert leading.axis == "level"
+    assert leading.p_value == unnamed.p_value
+    (interval,) = leading.intervals
+    assert interval == pytest.approx((100 / 12 * 11, 100.0))

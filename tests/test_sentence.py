@@ -47,6 +47,14 @@ def test_the_first_place_that_stands_out_is_told():
     nowhere = "Nowhere does the residual stand out from the noise."
     assert where_of(AXES, "none") == nowhere
     assert where_of(AXES[1:2], "unexplained") == "The mismatch stands out along no axis."
+    # Where none does by itself, what a named effect changes still has a place.
+    assert where_of(AXES[1:2], "missing", ["creep"]) == (
+        "The mismatch stands out along no axis; what creep changes lies along time, at 0 to 1 s."
+    )
+    assert where_of([*AXES[1:2], AXES[2]], "missing", ["creep", "delay"]) == (
+        "The mismatch stands out along harmonics, at 1.5 to 2.5; what creep and delay changes lies "
+        "along time, at 0 to 1 s."
+    )
 
 
 def said(

@@ -59,10 +59,10 @@ from ._judgement import (
     rivals_of,
 )
 from ._jumps import Jumps, find_jumps
-from ._locate import frequency
+from ._locate import acting_at, frequency, locate
 from ._next_experiment import Limits, parse_limits, propose, recorded_limits
 from ._procedure import Course, Round, explained_by_noise, run, with_noise_beyond_mismatch
-from ._residual import residual_of
+from ._residual import beside_fit, errors_of, residual_of
 from ._result import (
     Axis,
     Candidate,
@@ -223,7 +223,7 @@ class _Conclusion:
             effects=effects,
             candidates=candidates,
             axes=axes,
-            where=where_of(axes, verdict),
+            where=where_of(axes, verdict, stage.adopted if effects else ()),
             noise=self.noise,
             numerics=self.numerics,
             p_value=self._p_value(effects),
@@ -376,7 +376,25 @@ class _Conclusion:
         if natural == ("frequency",):
             # Of lines that it was read with, the floor hides the place.
             axes = [self._frequency() if a.axis == "frequency" else a for a in axes]
-        return tuple(sorted(axes, key=order))
+        axes = sorted(axes, key=order)
+        return tuple(self._placed(axes, natural) if effects and self.rounds else axes)
+
+    def _placed(self, axes: list[Axis], natural: Sequence[str]) -> list[Axis]:
+        """The axes, of which the named effect's own says where that acts, if no place of it stands
+        out by itself; and comes first, where none of them does."""
+        own = min(axes, key=lambda a: (*natural, a.axis).index(a.axis))
+        if own.intervals or own.axis not in natural:
+            return axes
+        base, stage = self.base, self.stage
+        left = errors_of(stage.solved, stage.preparation)[1]
+        explained = residual_of(base.solved, base.preparation).whitened - left
+        change = beside_fit(explained, base.solved, base.preparation)
+        freedom = freedom_of(base.preparation, base.solved.kurtosis)
+        maps = locate(base.preparation, base.preparation.problems(), change, freedom)
+        acting = acting_at(own, maps)
+        if axes[0].axis in natural:
+            return [acting if axis is own else axis for axis in axes]
+        return [acting, *(axis for axis in axes if axis is not own)]
 
     def _frequency(self) -> Axis:
         """The axis of frequency, the lines that the noise was read with taken for mismatch."""

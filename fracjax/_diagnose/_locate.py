@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -42,6 +43,14 @@ def frequency(
 ) -> Axis:
     """The axis of frequency alone, as `locate` has it."""
     return _Places(preparation, problems, residual, freedom).frequency()
+
+
+def acting_at(axis: Axis, explained: list[Axis]) -> Axis:
+    """An axis at the places where effects change the response by half as much as where they do
+    most; `explained` are the maps of that change in the residual's stead."""
+    (same,) = (other for other in explained if other.axis == axis.axis)
+    most = same.strength >= 0.5 * same.strength.max()
+    return replace(axis, intervals=_stretches(axis.edges, most))
 
 
 class _Places:
@@ -255,11 +264,17 @@ def _map(
     strength = norm.isf(np.maximum(p_values, 1e-300) / 2)
     threshold = float(norm.isf(_SIGNIFICANCE / p_values.size / 2))
     standing_out = strength >= max(threshold, 0.5 * float(strength.max()))
+    p_value = min(1.0, 2 * whole, 2 * float(p_values.min()) * p_values.size)
+    intervals = _stretches(edges, standing_out)
+    return Axis(name, unit, edges, strength, threshold, intervals, p_value, excess)
+
+
+def _stretches(edges: np.ndarray, chosen: np.ndarray) -> tuple[tuple[float, float], ...]:
+    """The chosen bins (n,) between edges (n+1,), joined where they touch."""
     intervals: list[tuple[float, float]] = []
-    for k in np.flatnonzero(standing_out):
+    for k in np.flatnonzero(chosen):
         low, high = float(edges[k]), float(edges[k + 1])
         if intervals and intervals[-1][1] == low:
             low = intervals.pop()[0]
         intervals.append((low, high))
-    p_value = min(1.0, 2 * whole, 2 * float(p_values.min()) * p_values.size)
-    return Axis(name, unit, edges, strength, threshold, tuple(intervals), p_value, excess)
+    return tuple(intervals)

@@ -69,8 +69,10 @@ class Axis:
 
     `edges` (n+1,) bound the bins, in `unit`; `strength` (n,) is each bin's |z|-equivalent and
     `threshold` the level that 1 % of clean recordings exceed anywhere on the axis; `intervals` are
-    the bins above it, joined where they touch.  `excess` is the χ² that the bins together take from
-    the residual beyond three standard deviations of what noise would give them.
+    the bins above it, joined where they touch; on a named effect's own axis, where there are none,
+    those where what it changes is at least half as strong as anywhere.  `excess` is the χ² that the
+    bins together take from the residual beyond three standard deviations of what noise would give
+    them.
     """
 
     axis: str

@@ -14,20 +14,27 @@ _FAR = 2.0
 """Noise floors from which on an error on data held out is remarked on."""
 
 
-def where_of(axes: Sequence[Axis], verdict: Verdict) -> str:
-    """One sentence on the place: the first axis that stands out, and its strongest stretch."""
+def where_of(axes: Sequence[Axis], verdict: Verdict, named: Sequence[str] = ()) -> str:
+    """One sentence on the place: the first axis that stands out, and its strongest stretch; and,
+    where it is another, where the effects that are `named` act."""
     standing_out = [axis for axis in axes if axis.p_value < _SIGNIFICANCE]
     if verdict == "none":
         return "Nowhere does the residual stand out from the noise."
+    acting = ""
+    if named and axes[0].p_value >= _SIGNIFICANCE and axes[0].intervals:
+        acting = f"; what {' and '.join(named)} changes lies along {_place(axes[0])}"
     if not standing_out:
-        return "The mismatch stands out along no axis."
-    axis = standing_out[0]
-    stretches = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in axis.intervals[:3])
-    unit = "" if axis.unit == "1" else f" {axis.unit}"
+        return f"The mismatch stands out along no axis{acting}."
     others = ", ".join(other.axis for other in standing_out[1:4])
     also = f"; it also shows along {others}" if others else ""
-    place = f", at {stretches}{unit}" if axis.intervals else " as a whole"
-    return f"The mismatch stands out along {axis.axis}{place}{also}."
+    return f"The mismatch stands out along {_place(standing_out[0])}{also}{acting}."
+
+
+def _place(axis: Axis) -> str:
+    """An axis, and where on it."""
+    stretches = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in axis.intervals[:3])
+    unit = "" if axis.unit == "1" else f" {axis.unit}"
+    return axis.axis + (f", at {stretches}{unit}" if axis.intervals else " as a whole")
 
 
 def sentence_of(

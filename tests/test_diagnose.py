@@ -17,7 +17,7 @@ from fracjax._blocks import EFFECTS
 from fracjax._diagnose import _detect, _refit, _round
 from fracjax._diagnose._diagnose import _Conclusion
 from fracjax._diagnose._evidence import delta_bic
-from fracjax._diagnose._held_out import Gain
+from fracjax._diagnose._held_out import Gain, Prediction
 from fracjax._diagnose._judgement import (
     Judged,
     best_of,
@@ -272,6 +272,23 @@ def judged_of(
         predict=unseen,
         plausible=plausible,
     )
+
+
+@pytest.mark.parametrize(
+    ("few", "many", "winner"),
+    [
+        # Numbers that the data hardly know do not take the name of a law that fits as well …
+        ((5636, -3), (5630, 6), "few"),
+        ((116, 6), (108, 17), "few"),
+        # … and many that they know do not lose it to one that fits less.
+        ((104, 0), (87, 35), "many"),
+    ],
+)
+def test_a_name_goes_to_the_most_support_by_both_counts_of_numbers(few, many, winner):
+    found = [judged_of("few", few[0], spared=few[1]), judged_of("many", many[0], spared=many[1])]
+    best = best_of(found)
+    assert best is not None
+    assert best.name == winner
 
 
 def test_rivals_are_those_within_25_or_a_hundredth():
@@ -539,6 +556,34 @@ def test_look_alikes_are_told_with_the_drive_that_would_part_them(monkeypatch):
     proposed = found.next_experiment.drive
     assert 0 <= proposed.values.min() < proposed.values.max() <= 100
     assert np.abs(np.diff(proposed.values)).max() / proposed.step <= 20e3 * (1 + 1e-9)
+
+
+@pytest.mark.parametrize(
+    ("layers", "left", "off", "is_unseen", "stands_in"),
+    [
+        (2, 4.0, 3.0, True, True),
+        # One law may differ from the effect's own, and reach less far.
+        (1, 4.0, 3.0, True, False),
+        # What comes down to the noise is left with the names it has.
+        (2, 1.4, 3.0, True, False),
+        (2, 4.0, 1.3, True, False),
+        # Stretches are no other recording.
+        (2, 4.0, 3.0, False, False),
+    ],
+)
+def test_several_effects_that_neither_fit_nor_foretell_stand_in_for_another(
+    layers, left, off, is_unseen, stands_in
+):
+    stage = ended_at(1000 * left)
+    stage.layers = (None,) * layers
+    white = np.random.default_rng(0).standard_normal(1000)
+    before, after = (
+        Prediction(1.0, (1.0,), size * white, np.zeros(1000, int), np.zeros((1000, 0)))
+        for size in (20.0, off * np.sqrt(left))
+    )
+    unseen = "another" if is_unseen else None
+    conclusion: Any = SimpleNamespace(stage=stage, unseen=unseen, _predicted=(before, after))
+    assert _Conclusion._stands_in.fget(conclusion) is stands_in  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(

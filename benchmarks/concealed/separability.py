@@ -136,17 +136,21 @@ def separation(truth: Array, clean: Array, bank: Bank, chord: Chord, noise: str,
     Each is taken at its typical amplitude about the refit; those that come near, also at the
     amplitude that leaves as much as the truth does (large changes bend), and about the actuator's
     own law: of a concealed effect the refit has gone far, and a fit of another effect with the base
-    together need not go there.  `clean` is the recording with the truth, without noise [um].
+    together need not go there.  All of them are, where the truth's own law at its typical amplitude
+    does not come near: there the refit has gone so far that nothing about it tells who could.
+    `clean` is the recording with the truth, without noise [um].
     """
-    off, power, out = Off(chord, noise, sd), float(truth @ truth), {}
+    off, power = Off(chord, noise, sd), float(truth @ truth)
     law = Off.law(bank, chord.absorber, noise, sd)
+    columns = {o.name: off(whiten(noise, o.left(bank, chord), sd)) for o in others(seed)}
+    linear = {name: unexplained(truth, column) for name, column in columns.items()}
+    out, tells = {}, linear.get(own, 0.0) < 0.5 * power
     for other in others(seed):
         if other.name == own:
             continue
-        columns = off(whiten(noise, other.left(bank, chord), sd))
-        out[other.name] = unexplained(truth, columns)
-        if out[other.name] < 0.5 * power:
-            times = float(np.sqrt(power / np.mean(np.sum(columns**2, axis=0))))
+        out[other.name] = linear[other.name]
+        if out[other.name] < 0.5 * power or not tells:
+            times = float(np.sqrt(power / np.mean(np.sum(columns[other.name] ** 2, axis=0))))
             matched = off(whiten(noise, other.left(bank, chord, times), sd))
             nearest = other.nearest(clean, bank, law, noise, sd, times)
             out[other.name] = min(out[other.name], unexplained(truth, matched), nearest)

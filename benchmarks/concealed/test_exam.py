@@ -8,6 +8,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from . import separability
 from .answers import Answer, covered, read_answer
 from .build import Spec, build
 from .design import LEVELS, design, subset
@@ -91,6 +92,18 @@ def test_look_alikes() -> None:
     rows = {r["effect"]: r for r in look("bouc_wen", "sine", "mid", samples=1000)}
     assert rows["delay"]["concealment"] > 0.9
     assert rows["mains_interference"]["concealment"] < 0.1
+
+
+def test_look_alikes_of_a_law_that_the_refit_has_left_far_behind(
+    monkeypatch: pytest.MonkeyPatch,
+) -> None:
+    """Where about the refit nothing comes near the truth, not its own law, all are compared about
+    the actuator's own."""
+    monkeypatch.setattr(separability, "unexplained", lambda truth, _: float(truth @ truth))
+    lag = replace(EASY, effects=("drive_lag",), base="foh", drive="wander", holdout=None)
+    truth = build(replace(lag, samples=1000)).label["effects"][0]
+    assert "delay" in truth["look_alikes"]
+    assert truth["least_lambda"] < 0.01 * truth["power"]
 
 
 def test_quantised_and_double_cases() -> None:

@@ -54,6 +54,7 @@ from ._judgement import (
     freedom_of,
     is_exhausted,
     leaves_a_pattern,
+    leftover,
     probability_of,
     reason,
     rivals_of,
@@ -298,7 +299,22 @@ class _Conclusion:
             and not leaves_a_pattern(self.base, stage, self.course.last.axes)
             # However well it fits, it has followed something else.
             and not foretells_worse(self.predict, *self._predicted)
+            and not self._stands_in
         )
+
+    @property
+    def _stands_in(self) -> bool:
+        """Whether several effects leave more than noise, and are much further from a recording held
+        out than from the training.
+
+        The law of one may differ from ours, and need not reach as far; laws of the catalogue that
+        are stacked without coming down to the noise stand in for one that is not in it.  That their
+        many numbers are open is no excuse.
+        """
+        stage = self.stage
+        if self.unseen is None or len(stage.layers) < 2 or leftover(stage) <= 0:
+            return False
+        return not self._predicted[1].is_as_good_as(stage.solved.left)
 
     def _effects(self, extended: Fit | None) -> tuple[NamedEffect, ...]:
         """The adopted effects, if together they explain the mismatch."""
@@ -350,7 +366,7 @@ class _Conclusion:
             name=score.effect.name,
             site=score.effect.site,
             score=score.height,
-            log_evidence=score.log_evidence if judged is None else 0.5 * judged.evidence,
+            log_evidence=score.log_evidence if judged is None else 0.5 * judged.support,
             detectable_amplitude=score.detectable_amplitude,
             concealment=float(np.clip(score.concealments[score.best], 0.0, 1.0)),
             reason=why,

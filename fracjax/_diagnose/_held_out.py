@@ -36,6 +36,11 @@ class Prediction:
     fold_of_sample: np.ndarray
     spread: np.ndarray
 
+    def is_as_good_as(self, trained: float) -> bool:
+        """Whether it is as far off as what the training leaves, χ² per sample, lets expect, its
+        parameters taken for known."""
+        return float(np.mean(self.whitened**2)) <= _FORETOLD * trained
+
 
 Predict = Callable[[Solved, Preparation], Prediction]
 

@@ -75,6 +75,15 @@ class Judged:
         return self.delta_bic + self.spared
 
     @property
+    def support(self) -> float:
+        """The mean of what it gains by BIC and by Laplace's evidence.
+
+        Both approach twice the logarithm of one Bayes factor: BIC as if one sample had told each
+        number beforehand, Laplace's by usual ranges that are as wide as what is known in general.
+        """
+        return self.delta_bic + 0.5 * self.spared
+
+    @property
     def admissible(self) -> bool:
         """Better beyond doubt, also on data held out, within its range, and not an artefact."""
         return (
@@ -99,20 +108,21 @@ class Judged:
 
 
 def best_of(found: Sequence[Judged]) -> Judged | None:
-    """The admissible candidate with the most evidence.
+    """The admissible candidate with the most support.
 
-    By BIC each of eight plays costs as much as a number that the data know well, and a law of few
-    numbers that fits and foretells less would take its name.
+    By BIC alone each of eight plays costs as much as a number that the data know well, and a law of
+    few numbers that fits and foretells less would take its name; by the evidence alone a law whose
+    numbers the data hardly know takes the name of one that has fewer and fits as well.
     Of two laws of which one contains the other the simpler keeps its name, unless the other gains a
     hundredth more: of a large gain so much may be how the effect's own law differs from ours, and
     the further numbers follow that.
     """
     named = {j.name: j for j in found if j.admissible}
-    best = max(named.values(), key=lambda j: j.evidence, default=None)
+    best = max(named.values(), key=lambda j: j.support, default=None)
     if best is None or best.layer.effect.special_case not in named:
         return best
     simpler = named[best.layer.effect.special_case]
-    return simpler if best.evidence - simpler.evidence < _ALIKE * best.altogether else best
+    return simpler if best.support - simpler.support < _ALIKE * best.altogether else best
 
 
 def _ahead(j: Judged, winner: Judged) -> float:
@@ -186,9 +196,14 @@ def is_exhausted(base: Stage, stage: Stage) -> bool:
 
     Where it is not, the best of the catalogue has taken up most of something that is not in it.
     """
-    doubt, samples = excess_doubt(stage.preparation, stage.solved), stage.solved.samples
-    inexact = _INEXACT * max(0.0, base.excess / base.solved.samples)
-    return stage.solved.cost / samples - 1 <= _REMAINDER + inexact + doubt
+    return leftover(stage) <= _INEXACT * max(0.0, base.excess / base.solved.samples)
+
+
+def leftover(stage: Stage) -> float:
+    """χ² per sample that is left over beyond the noise and a share of it, as far as that is
+    known."""
+    doubt = excess_doubt(stage.preparation, stage.solved)
+    return stage.solved.cost / stage.solved.samples - 1 - _REMAINDER - doubt
 
 
 def leaves_a_pattern(base: Stage, stage: Stage, axes: Sequence[Axis]) -> bool:

@@ -23,7 +23,8 @@ class Candidate:
     """One effect of the catalogue, tested against the recording.
 
     `score` is the largest |z| over its shapes and `log_evidence` the natural logarithm of the Bayes
-    factor for it: Laplace's after a refit, by which names are given, else the score's;
+    factor for it: the mean of BIC's and Laplace's after a refit, by which names are given, else
+    the score's;
     `detectable_amplitude` the smallest rms change of the response, in the response's unit and
     before any refit, that would have been seen; `concealment` the share of its signature that the
     base model absorbs (0–1).  After a refit: `delta_bic` (base minus extended, positive is better)

@@ -107,25 +107,40 @@ def compensation() -> str:
 
 def exam() -> str:
     """Marks of the diagnosis on cases from a simulator that it shares nothing with: the last to be
-    answered, the concealed ones among them, and those before; and of a run of nulls alone."""
-    heads = "measure", "target", "value", "95 % interval", "cases", "concealed", "the 90 before"
+    answered, the concealed ones among them, and these with the two runs before; and of a run of
+    nulls alone."""
+    heads = "measure", "target", "value", "95 % interval", "cases", "concealed", "with 180 before"
     lines = [_line(*heads), "|---" * len(heads) + "|"]
-    hidden, before = (
-        {
-            row["measure"]: f"{row['value']} of {row['n']}"
-            for row in rows_of(f"{MARKS}/{table}")
-            if row["n"] != "0"
-        }
-        for table in ("from_881/concealed.csv", "from_791/grade.csv")
+    last, hidden, *before = (
+        {row["measure"]: row for row in rows_of(f"{MARKS}/{table}") if row["n"] != "0"}
+        for table in (
+            "from_971/grade.csv",
+            "from_971/concealed.csv",
+            "from_881/grade.csv",
+            "from_791/grade.csv",
+        )
     )
     nulls = rows_of(f"{MARKS}/nulls/grade.csv")[0]
     alone = nulls | {"measure": f"{nulls['measure']}, a run of these alone"}
-    for row in (alone, *rows_of(f"{MARKS}/from_881/grade.csv")):
-        interval, name = f"{row['low']} to {row['high']}", row["measure"]
-        beside = hidden.get(name, ""), before.get(name, "")
-        found = (row["value"], interval) if row["n"] != "0" else ("not measured", "")
-        lines.append(_line(name, row["target"], *found, row["n"], *beside))
+    for row in (alone, *rows_of(f"{MARKS}/from_971/grade.csv")):
+        name = row["measure"]
+        found = ("not measured", "")
+        if row["n"] != "0":
+            found = row["value"], f"{row['low']} to {row['high']}"
+        beside = f"{hidden[name]['value']} of {hidden[name]['n']}" if name in hidden else ""
+        runs = [run[name] for run in (last, *before) if name in run]
+        lines.append(_line(name, row["target"], *found, row["n"], beside, _together(runs)))
     return "\n".join(lines)
+
+
+def _together(runs: list[dict[str, str]]) -> str:
+    """A share or a mean over several runs; of a median or a calibration error there is none."""
+    if not runs or any(word in runs[0]["measure"] for word in ("median", "calibration")):
+        return ""
+    counts = [int(run["n"]) for run in runs]
+    values = [float(run["value"]) for run in runs]
+    mean = sum(n * value for n, value in zip(counts, values, strict=True)) / sum(counts)
+    return f"{mean:.4f} of {sum(counts)}"
 
 
 def baselines() -> str:

@@ -106,16 +106,18 @@ def compensation() -> str:
 
 
 def exam() -> str:
-    """Marks of the diagnosis on cases from a simulator that it shares nothing with: the last to be
-    answered, the concealed ones among them, and these with the two runs before; and of a run of
-    nulls alone."""
-    heads = "measure", "target", "value", "95 % interval", "cases", "concealed", "with 180 before"
+    """Marks of the diagnosis on cases from a simulator that it shares nothing with: the largest of
+    the last runs, the concealed ones among its cases, the cases after them, and all with the two
+    runs before; and of a run of nulls alone."""
+    places = "measure", "target", "value", "95 % interval", "cases"
+    heads = *places, "concealed", "after", "in four runs"
     lines = [_line(*heads), "|---" * len(heads) + "|"]
-    last, hidden, *before = (
+    last, hidden, after, *before = (
         {row["measure"]: row for row in rows_of(f"{MARKS}/{table}") if row["n"] != "0"}
         for table in (
             "from_971/grade.csv",
             "from_971/concealed.csv",
+            "from_1121/grade.csv",
             "from_881/grade.csv",
             "from_791/grade.csv",
         )
@@ -127,9 +129,12 @@ def exam() -> str:
         found = ("not measured", "")
         if row["n"] != "0":
             found = row["value"], f"{row['low']} to {row['high']}"
-        beside = f"{hidden[name]['value']} of {hidden[name]['n']}" if name in hidden else ""
-        runs = [run[name] for run in (last, *before) if name in run]
-        lines.append(_line(name, row["target"], *found, row["n"], beside, _together(runs)))
+        beside = [
+            f"{table[name]['value']} of {table[name]['n']}" if name in table else ""
+            for table in (hidden, after)
+        ]
+        runs = [run[name] for run in (last, after, *before) if name in run]
+        lines.append(_line(name, row["target"], *found, row["n"], *beside, _together(runs)))
     return "\n".join(lines)
 
 

@@ -398,8 +398,8 @@ class _Conclusion:
     def _placed(self, axes: list[Axis], natural: Sequence[str]) -> list[Axis]:
         """The axes, of which the named effect's own says where that acts, if no place of it stands
         out by itself; and comes first, where none of them does."""
-        own = min(axes, key=lambda a: (*natural, a.axis).index(a.axis))
-        if own.intervals or own.axis not in natural:
+        own = next((axis for name in natural for axis in axes if axis.axis == name), None)
+        if own is None or own.intervals:
             return axes
         base, stage = self.base, self.stage
         left = errors_of(stage.solved, stage.preparation)[1]

@@ -23,13 +23,12 @@ class Candidate:
     """One effect of the catalogue, tested against the recording.
 
     `score` is the largest |z| over its shapes and `log_evidence` the natural logarithm of the Bayes
-    factor for it: the mean of BIC's and Laplace's after a refit, by which names are given, else
-    the score's;
-    `detectable_amplitude` the smallest rms change of the response, in the response's unit and
-    before any refit, that would have been seen; `concealment` the share of its signature that the
-    base model absorbs (0–1).  After a refit: `delta_bic` (base minus extended, positive is better)
-    and `explained_fraction` of the excess residual; `held_out_gain` the fall of held-out RMSE as a
-    share.  `reason` says in words why it was kept or rejected.
+    factor for it: the mean of BIC's and Laplace's after a refit, by which names are given, else the
+    score's; `detectable_amplitude` the smallest rms change of the response, in the response's unit
+    and before any refit, that would have been seen; `concealment` the share of its signature that
+    the base model absorbs (0–1).  After a refit: `delta_bic` (base minus extended, positive is
+    better) and `explained_fraction` of the excess residual; `held_out_gain` the fall of held-out
+    RMSE as a share.  `reason` says in words why it was kept or rejected.
     """
 
     name: str

@@ -109,8 +109,8 @@ def exam() -> str:
     """Marks of the diagnosis on cases from a simulator that it shares nothing with: the largest of
     the last runs, the concealed ones among its cases, the cases after them, and all with the two
     runs before; and of a run of nulls alone."""
-    places = "measure", "target", "value", "95 % interval", "cases"
-    heads = *places, "concealed", "after", "in four runs"
+    own = "target", "value", "95 % interval", "cases"
+    heads = "measure", *own, "concealed", "after", "in four runs"
     lines = [_line(*heads), "|---" * len(heads) + "|"]
     last, hidden, after, *before = (
         {row["measure"]: row for row in rows_of(f"{MARKS}/{table}") if row["n"] != "0"}

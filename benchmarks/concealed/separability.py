@@ -142,14 +142,12 @@ def separation(truth: Array, clean: Array, bank: Bank, chord: Chord, noise: str,
     """
     off, power = Off(chord, noise, sd), float(truth @ truth)
     law = Off.law(bank, chord.absorber, noise, sd)
-    columns = {o.name: off(whiten(noise, o.left(bank, chord), sd)) for o in others(seed)}
-    linear = {name: unexplained(truth, column) for name, column in columns.items()}
-    out, tells = {}, linear.get(own, 0.0) < 0.5 * power
-    for other in others(seed):
-        if other.name == own:
-            continue
-        out[other.name] = linear[other.name]
-        if out[other.name] < 0.5 * power or not tells:
+    rivals = others(seed)
+    columns = {o.name: off(whiten(noise, o.left(bank, chord), sd)) for o in rivals}
+    out = {name: unexplained(truth, column) for name, column in columns.items()}
+    tells = out.pop(own, 0.0) < 0.5 * power
+    for other in rivals:
+        if other.name in out and (out[other.name] < 0.5 * power or not tells):
             times = float(np.sqrt(power / np.mean(np.sum(columns[other.name] ** 2, axis=0))))
             matched = off(whiten(noise, other.left(bank, chord, times), sd))
             nearest = other.nearest(clean, bank, law, noise, sd, times)

@@ -402,9 +402,8 @@ class _Conclusion:
         if own is None or own.intervals:
             return axes
         base, stage = self.base, self.stage
-        left = errors_of(stage.solved, stage.preparation)[1]
-        explained = residual_of(base.solved, base.preparation).whitened - left
-        change = beside_fit(explained, base.solved, base.preparation)
+        before, after = (errors_of(s.solved, s.preparation)[1] for s in (base, stage))
+        change = beside_fit(before - after, base.solved, base.preparation)
         freedom = freedom_of(base.preparation, base.solved.kurtosis)
         maps = locate(base.preparation, base.preparation.problems(), change, freedom)
         acting = acting_at(own, maps)

@@ -12,6 +12,7 @@ from jax import Array
 from .._operators import Grid
 from .._parameters import Parameter
 from ._block import AbstractBlock
+from ._recursion import recursion, run_in
 
 _RUN_IN = 12
 _CELLS, _FARTHEST = 256, 23.0
@@ -31,10 +32,6 @@ _INNER = _DEPTHS[:-1, None] + _HALVES * (1 + _NODES)
 _SHARES = _HALVES * _WEIGHTS * np.exp(-_INNER)
 _LOG_INNER, _LOG_NODES = _log_level(_INNER), _log_level(_DEPTHS)
 _LEVELS = np.concatenate([np.expm1(-_DEPTHS[:0:-1]), -np.expm1(-_DEPTHS)])
-
-
-# The travel, the one that a turn here would lead to, and the direction.
-_State = tuple[Array, Array, Array]
 
 
 class _Branch(NamedTuple):
@@ -77,6 +74,20 @@ class _Branch(NamedTuple):
             return ends + width * t * (1 - t) * (start[k + 1] * (1 - t) - end[k + 1] * t)
 
         return cubic(0), cubic(2)
+
+    def go_on(self, travel: Array, given: tuple[Array, Array]) -> Array:
+        """The travel after a step, which goes on or begins with a turn."""
+        step, turns = given
+        return jnp.minimum(jnp.where(turns, self.at(travel)[1], travel) + step, self.travels[-1])
+
+
+def _directions(increments: Array, grid: Grid) -> tuple[Array, Array]:
+    """Each increment's sign (N,), where it is 0 the last before; and where it turns."""
+    signs = jnp.sign(increments)
+    moving = jnp.where(signs == 0, 0, jnp.arange(signs.size))
+    directions = signs[jax.lax.cummax(moving)]
+    before = directions[-1] if grid.history == "periodic" else jnp.zeros(())
+    return directions, directions * jnp.append(before, directions[:-1]) < 0
 
 
 class BoucWen(AbstractBlock):
@@ -123,22 +134,14 @@ class BoucWen(AbstractBlock):
         return False
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
-        rho = self.rho.value
         branch = _Branch.of(self.sigma.value, self.n.value)
-        farthest = branch.travels[-1]
-
-        def step(state: _State, increment: Array) -> tuple[_State, Array]:
-            travel, turned, direction = state
-            travel = jnp.where(increment * direction < 0, turned, travel)
-            travel = jnp.minimum(travel + rho * jnp.abs(increment), farthest)
-            direction = jnp.where(increment == 0, direction, jnp.sign(increment))
-            level, turned = branch.at(travel)
-            return (travel, turned, direction), direction * level
-
         increments = grid.changes(drive)
-        start = (jnp.zeros_like(farthest), jnp.zeros_like(farthest), jnp.zeros_like(increments[0]))
+        directions, turns = _directions(increments, grid)
+        steps = (self.rho.value * jnp.abs(increments), turns)
+        start = jnp.zeros_like(branch.travels[-1])
         if grid.history == "periodic":
-            # The state before the record, once further cycles no longer change it.
-            start, _ = jax.lax.scan(step, start, jnp.tile(increments, _RUN_IN))
-        _, state = jax.lax.scan(step, start, increments)
-        return self.k_u.value * drive + self.k_h.value * state
+            # The travel before the record, once further cycles no longer change it.
+            start = run_in(_Branch.go_on, branch, start, steps, _RUN_IN)
+        travels = recursion(_Branch.go_on, branch, start, steps)
+        levels = jax.vmap(branch.at)(travels)[0]
+        return self.k_u.value * drive + self.k_h.value * directions * levels

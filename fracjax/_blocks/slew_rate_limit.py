@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -11,9 +10,9 @@ from .._operators import Grid
 from .._parameters import Parameter
 from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
+from ._recursion import recursion, run_in
 
 _RUN_IN = 8
-_UNROLLED = 8
 
 
 class SlewRateLimit(AbstractBlock):
@@ -45,17 +44,15 @@ class SlewRateLimit(AbstractBlock):
         return False
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
-        reach = self.rate.value * grid.step
-
-        def follow(voltage: Array, command: Array) -> tuple[Array, Array]:
-            # Exactly the command wherever it is within reach.
-            voltage = jnp.minimum(jnp.maximum(command, voltage - reach), voltage + reach)
-            return voltage, voltage
-
-        start = grid.before(drive)
+        start, reach = grid.before(drive), self.rate.value * grid.step
         if grid.history == "periodic":
-            start, _ = jax.lax.scan(follow, start, jnp.tile(drive, _RUN_IN), unroll=_UNROLLED)
-        return jax.lax.scan(follow, start, drive, unroll=_UNROLLED)[1]
+            start = run_in(_follow, reach, start, drive, _RUN_IN)
+        return recursion(_follow, reach, start, drive)
+
+
+def _follow(reach: Array, voltage: Array, command: Array) -> Array:
+    """Exactly the command wherever it is within reach."""
+    return jnp.minimum(jnp.maximum(command, voltage - reach), voltage + reach)
 
 
 def _trials(setting: Setting) -> list:

@@ -1,0 +1,103 @@
+"""Recursions of one state, beside JAX's own derivative through the loop."""
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+import pytest
+
+from fracjax._blocks._recursion import recursion, run_in
+
+GIVEN = jnp.asarray(np.random.default_rng(0).standard_normal((2, 40)))
+SHARED, START = jnp.asarray(0.8), jnp.asarray(0.3)
+
+
+def step(shared, state, given):
+    return jnp.tanh(shared * state + given[0]) + 0.1 * given[1] * state
+
+
+def by_the_loop(shared, start, given):
+    def one(state, at):
+        state = step(shared, state, at)
+        return state, state
+
+    return jax.lax.scan(one, start, given)[1]
+
+
+def by_recursion(shared, start, given):
+    return recursion(step, shared, start, given)
+
+
+def energy(states):
+    return jnp.sum(states**3)
+
+
+def inputs():
+    return tuple(GIVEN)
+
+
+def alike(found, wanted):
+    pairs = zip(jax.tree.leaves(found), jax.tree.leaves(wanted), strict=True)
+    for one, other in pairs:
+        np.testing.assert_allclose(one, other, rtol=1e-12, atol=1e-13)
+
+
+@pytest.mark.parametrize("derivative", [jax.jacfwd, jax.jacrev])
+def test_its_derivative_is_that_through_the_loop(derivative):
+    found, wanted = (
+        derivative(law, (0, 1, 2))(SHARED, START, inputs()) for law in (by_recursion, by_the_loop)
+    )
+    alike(found, wanted)
+    assert all(np.abs(each).max() > 1e-3 for each in jax.tree.leaves(found))
+
+
+@pytest.mark.parametrize("compiled", [lambda f: f, jax.jit])
+def test_its_gradient_is_that_through_the_loop_compiled_or_not(compiled):
+    found, wanted = (
+        compiled(jax.grad(lambda *at, law=law: energy(law(*at)), (0, 1, 2)))(
+            SHARED, START, inputs()
+        )
+        for law in (by_recursion, by_the_loop)
+    )
+    alike(found, wanted)
+
+
+def test_its_second_derivative_is_that_through_the_loop():
+    found, wanted = (
+        jax.hessian(lambda s, x, law=law: energy(law(s, x, inputs())), (0, 1))(SHARED, START)
+        for law in (by_recursion, by_the_loop)
+    )
+    alike(found, wanted)
+
+
+def test_many_at_once_are_each_one():
+    shared = jnp.linspace(0.1, 1.5, 5)
+    states, changes = jax.vmap(
+        lambda s: jax.jvp(lambda s: by_recursion(s, START, inputs()), (s,), (jnp.ones(()),))
+    )(shared)
+    for k, each in enumerate(shared):
+        alike(states[k], by_the_loop(each, START, inputs()))
+        alike(changes[k], jax.jacfwd(by_the_loop)(each, START, inputs()))
+
+
+def test_of_flags_nothing_changes():
+    """What each sample was given may hold what has no derivative."""
+
+    def turned(shared, state, given):
+        return jnp.where(given[1], -shared * state, state) + given[0]
+
+    moves, turns = GIVEN[0], GIVEN[1] > 0.5
+    found = jax.grad(lambda s: energy(recursion(turned, s, START, (moves, turns))))(SHARED)
+    size = 1e-6
+    ends = [energy(recursion(turned, SHARED + e, START, (moves, turns))) for e in (size, -size)]
+    assert found == pytest.approx(float(ends[0] - ends[1]) / (2 * size), rel=1e-7)
+
+
+def test_a_run_in_is_the_recursion_over_cycle_after_cycle():
+    def cycled(shared):
+        return run_in(step, shared, START, inputs(), 3)
+
+    def tiled(shared):
+        return by_the_loop(shared, START, tuple(jnp.tile(given, 3) for given in inputs()))[-1]
+
+    for derivative in (lambda law: law, jax.jacfwd, jax.jacrev):
+        alike(derivative(cycled)(SHARED), derivative(tiled)(SHARED))

@@ -5,7 +5,7 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 
-from fracjax._blocks._recursion import recursion, run_in
+from fracjax._blocks._recursion import recursion, settled
 
 GIVEN = jnp.asarray(np.random.default_rng(0).standard_normal((2, 40)))
 SHARED, START = jnp.asarray(0.8), jnp.asarray(0.3)
@@ -92,12 +92,45 @@ def test_of_flags_nothing_changes():
     assert found == pytest.approx(float(ends[0] - ends[1]) / (2 * size), rel=1e-7)
 
 
-def test_a_run_in_is_the_recursion_over_cycle_after_cycle():
-    def cycled(shared):
-        return run_in(step, shared, START, inputs(), 3)
+def by_cycles(shared, start, given, cycles=60):
+    tiled = tuple(jnp.tile(each, cycles) for each in given)
+    return by_the_loop(shared, start, tiled)[-1]
 
-    def tiled(shared):
-        return by_the_loop(shared, START, tuple(jnp.tile(given, 3) for given in inputs()))[-1]
 
-    for derivative in (lambda law: law, jax.jacfwd, jax.jacrev):
-        alike(derivative(cycled)(SHARED), derivative(tiled)(SHARED))
+@pytest.mark.parametrize("derivative", [jax.jacfwd, jax.jacrev])
+def test_what_has_settled_is_what_many_cycles_come_to(derivative):
+    def found(shared, given):
+        return settled(step, shared, START, given)
+
+    def wanted(shared, given):
+        return by_cycles(shared, START, given)
+
+    alike(found(SHARED, inputs()), wanted(SHARED, inputs()))
+    alike(*(derivative(law, (0, 1))(SHARED, inputs()) for law in (found, wanted)))
+
+
+def test_what_forgets_little_in_a_cycle_settles_all_the_same():
+    """x → .999 x + b tends to 1000 b; of what it starts from a hundred cycles keep nine tenths."""
+
+    def faded(shared, state, given):
+        return shared * state + given
+
+    keeps = 0.999 ** (1 / 40)
+    inputs = jnp.full(40, (1 - keeps) * 7)
+    assert settled(faded, jnp.asarray(keeps), START, inputs) == pytest.approx(7, rel=1e-9)
+
+
+def test_what_forgets_nothing_stays_where_it_is():
+    def kept(shared, state, given):
+        return state + shared * given
+
+    still = jnp.zeros(40)
+    found = jax.value_and_grad(lambda s: settled(kept, s, START, still))(SHARED)
+    assert found == (START, 0.0)
+    assert np.isfinite(settled(kept, SHARED, START, still + 1))
+
+
+def test_many_settle_at_once():
+    shared = jnp.linspace(0.1, 1.2, 5)
+    found = jax.vmap(lambda s: settled(step, s, START, inputs()))(shared)
+    alike(found, jnp.stack([by_cycles(each, START, inputs()) for each in shared]))

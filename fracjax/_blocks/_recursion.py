@@ -11,6 +11,7 @@ import jax.numpy as jnp
 from jax import Array
 
 _UNROLLED = 8
+_MOST_CYCLES, _SETTLED, _LEAST_FORGOTTEN = 20, 1e-13, 1e-6
 
 Step = Callable[[Any, Array, Any], Array]
 
@@ -45,13 +46,51 @@ def _changed(step: Step, at: tuple, along: tuple) -> tuple[Array, Array]:
     return states, _carried(slopes, moved.at[0].add(slopes[0] * along[1]))
 
 
-def run_in(step: Step, shared: Any, start: Array, inputs: Any, cycles: int) -> Array:
-    """The state that a recursion has come to after cycles of the same inputs."""
+@partial(jax.custom_jvp, nondiff_argnums=(0,))
+def settled(step: Step, shared: Any, start: Array, inputs: Any) -> Array:
+    """The state that one more cycle of the same inputs does not change, sought from a start.
 
-    def cycle(state: Array, _: None) -> tuple[Array, None]:
-        return recursion(step, shared, state, inputs)[-1], None
+    By Newton's steps: a cycle F forgets a share of what it starts from, and x + (F - x) / (1 - F')
+    is what would be left after infinitely many.  Its derivative is that of the condition x = F(x).
+    Where a cycle forgets nothing it is the state after some.
+    """
 
-    return jax.lax.scan(cycle, start, length=cycles)[0]
+    def improved(found: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
+        state, _, cycles = found
+        after, forgotten = _cycle(step, shared, state, inputs)
+        change = (after - state) / jnp.where(forgotten > _LEAST_FORGOTTEN, forgotten, 1.0)
+        return state + change, change, cycles + 1
+
+    def moves(found: tuple[Array, Array, Array]) -> Array:
+        state, change, cycles = found
+        return (jnp.abs(change) > _SETTLED * (1 + jnp.abs(state))) & (cycles < _MOST_CYCLES)
+
+    begun = start, jnp.full_like(start, jnp.inf), jnp.zeros((), int)
+    return jax.lax.while_loop(moves, improved, begun)[0]
+
+
+@settled.defjvp
+def _settled_elsewhere(step: Step, at: tuple, along: tuple) -> tuple[Array, Array]:
+    shared, start, inputs = at
+    state = settled(step, shared, start, inputs)
+
+    def once(shared: Any, inputs: Any) -> Array:
+        return recursion(step, shared, state, inputs)[-1]
+
+    _, change = jax.jvp(once, (shared, inputs), (along[0], along[2]))
+    _, forgotten = _cycle(step, shared, state, inputs)
+    forgets = forgotten > _LEAST_FORGOTTEN
+    return state, forgets * change / jnp.where(forgets, forgotten, 1.0)
+
+
+def _cycle(step: Step, shared: Any, state: Array, inputs: Any) -> tuple[Array, Array]:
+    """The state after a cycle, and which share of a change of the one before that has forgotten."""
+
+    def once(state: Array) -> Array:
+        return recursion(step, shared, state, inputs)[-1]
+
+    after, slope = jax.jvp(once, (state,), (jnp.ones_like(state),))
+    return after, 1 - slope
 
 
 def _carried(slopes: Array, moved: Array) -> Array:

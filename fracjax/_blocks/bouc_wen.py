@@ -12,9 +12,8 @@ from jax import Array
 from .._operators import Grid
 from .._parameters import Parameter
 from ._block import AbstractBlock
-from ._recursion import recursion, run_in
+from ._recursion import recursion, settled
 
-_RUN_IN = 12
 _CELLS, _FARTHEST = 256, 23.0
 _GROUP = 32
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
@@ -78,7 +77,8 @@ class _Branch(NamedTuple):
     def go_on(self, travel: Array, given: tuple[Array, Array]) -> Array:
         """The travel after a step, which goes on or begins with a turn."""
         step, turns = given
-        return jnp.minimum(jnp.where(turns, self.at(travel)[1], travel) + step, self.travels[-1])
+        travel = jnp.where(turns, self.at(travel)[1], travel) + step
+        return jnp.clip(travel, self.travels[0], self.travels[-1])
 
 
 def _directions(increments: Array, grid: Grid) -> tuple[Array, Array]:
@@ -140,8 +140,7 @@ class BoucWen(AbstractBlock):
         steps = (self.rho.value * jnp.abs(increments), turns)
         start = jnp.zeros_like(branch.travels[-1])
         if grid.history == "periodic":
-            # The travel before the record, once further cycles no longer change it.
-            start = run_in(_Branch.go_on, branch, start, steps, _RUN_IN)
+            start = settled(_Branch.go_on, branch, start, steps)
         travels = recursion(_Branch.go_on, branch, start, steps)
         levels = jax.vmap(branch.at)(travels)[0]
         return self.k_u.value * drive + self.k_h.value * directions * levels

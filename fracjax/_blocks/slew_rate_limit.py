@@ -10,9 +10,7 @@ from .._operators import Grid
 from .._parameters import Parameter
 from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
-from ._recursion import recursion, run_in
-
-_RUN_IN = 8
+from ._recursion import recursion, settled
 
 
 class SlewRateLimit(AbstractBlock):
@@ -22,8 +20,9 @@ class SlewRateLimit(AbstractBlock):
 
     R [drive/s], h [s] the grid's step.  The voltage v follows the command u while it can and runs
     after it at the rate R where it cannot.  Of second order in the step: only where the limit sets
-    in between samples is it late.  With `periodic` history 8 cycles are run before: each half cycle
-    multiplies what is left of the start by (s - R)/(s + R), s the command's rate where v meets it.
+    in between samples is it late.  With `periodic` history it has settled: each half cycle
+    multiplies what is left of another start by (s - R)/(s + R), s the command's rate where v meets
+    it.
     Ranges: R below the recording's top rate, for above it nothing happens; how far, the amplifier
     alone says (I_max/C is 1 V/ms for 10 mA on 10 µF).  In a staircase, whose top rate is a jump
     within one step, a far lower R has still little effect.
@@ -46,7 +45,7 @@ class SlewRateLimit(AbstractBlock):
     def __call__(self, drive: Array, grid: Grid) -> Array:
         start, reach = grid.before(drive), self.rate.value * grid.step
         if grid.history == "periodic":
-            start = run_in(_follow, reach, start, drive, _RUN_IN)
+            start = settled(_follow, reach, start, drive)
         return recursion(_follow, reach, start, drive)
 
 

@@ -247,7 +247,7 @@ def test_options_reach_the_fit(loop, quick):
     call = ["fit", loop, loop, "--model", "foh", "--out", "results", "--history", "rest"]
     assert run([*call, "--settle", "250ms", "--seed", "3", "--input-unit", "mV"]) == 0
     (told,) = quick
-    assert (told["history"], told["settling"], told["seed"]) == ("rest", 25, 3)
+    assert (told["history"], told["settling"], told["seed"]) == ("rest", "250ms", 3)
     assert [recording.drive_unit for recording in told["recordings"]] == ["mV", "mV"]
 
 
@@ -381,9 +381,10 @@ def test_diagnose(loop, quick, capsys):
     (told,) = quick
     assert told["mask"] == ((0.01, 0.02), (1.0, 2.0))
     assert told["noise"] == "70 nm"
-    assert told["settling"] == 0
+    assert told["settling"] == "0"
     assert told["history"] is None
-    assert told["holdout"].source == told["repeat"].source == loop
+    assert told["holdout"].source == loop
+    assert [each.source for each in told["repeat"]] == [loop]
     out, err = capsys.readouterr()
     assert out.startswith("Model and recording agree.\n")
     assert "RMSE, held-out data" in out

@@ -376,7 +376,7 @@ def test_the_command_prints_one_table(loop, checked, monkeypatch, capsys):
         assert f"\n{label} " in out
     assert "Written" not in out
     assert calls[0] | {"recordings": None} == {
-        "model": "foh", "recordings": None, "history": None, "settling": 50, "seed": 7,
+        "model": "foh", "recordings": None, "history": None, "settling": "0.1 s", "seed": 7,
         "fixed": {"beta": -0.1}, "bounds": {"alpha": (0.0, 0.5)}, "mask": ((1.0, 1.1),),
     }  # fmt: skip
     assert [path.name for path in Path.cwd().iterdir()] == ["loop.csv"]

@@ -157,7 +157,7 @@ def test_a_line_that_the_noise_was_read_with_shows_where_the_noise_is_taken_with
         for phase in (0.0, 2.0)
     )
     with jax.enable_x64(True):
-        preparation = prepare([once], history="constant", repeat=again)
+        preparation = prepare([once], history="constant", repeats=[again])
         solved = solve_from([fj.parse_model("creep").block], preparation)
         residual, problems = residual_of(solved, preparation), preparation.problems()
         hidden = frequency(preparation, problems, residual, 1e6)

@@ -1,5 +1,6 @@
 """The noise floor: where it varies, where a drive comes twice, and what the codes tell of it."""
 
+from dataclasses import replace
 from itertools import pairwise
 
 import numpy as np
@@ -9,7 +10,7 @@ from scipy.signal import lfilter
 import fracjax as fj
 from fracjax._fit import measured_noise, residual_noise
 from fracjax._fit._autoregression import autoregression, taken_power
-from fracjax._fit._noise import _noise, _Stretch, read_from_residual
+from fracjax._fit._noise import _noise, _Stretch, measured_noises, read_from_residual
 from fracjax._fit._problem import setting_of
 from fracjax._recording import Recording
 
@@ -244,6 +245,57 @@ def test_a_repeat_is_one_only_where_its_drive_is_that_of_the_recording():
             found = measured_noise(first, other)
             assert found is not None
             assert found.sigma == pytest.approx(SIGMA, rel=0.05)
+
+
+def moving(seed: int, sigma: float = SIGMA, step: float = STEP, source: str = "moving"):
+    """A recording that shows no noise: its drive neither rests nor comes again."""
+    times = STEP * np.arange(800)
+    drive = 50 + (20 + seed) * np.sin(2 * np.pi * (0.5 + times) * times)
+    noise = sigma * np.random.default_rng(seed).standard_normal(800)
+    return Recording(drive, 0.1 * drive + noise, step, "V", "um", source=source)
+
+
+def test_each_repeat_is_that_of_the_recording_whose_drive_it_has():
+    recordings = [moving(1, 0.01), moving(2, 0.03), moving(3)]
+    repeats = [moving(2, 0.03), moving(1, 0.01)]
+    repeats = [
+        replace(r, response=r.response + s * np.random.default_rng(9).standard_normal(800))
+        for r, s in zip(repeats, (0.03, 0.01), strict=True)
+    ]
+    found = measured_noises(recordings, repeats, 0.5, [None] * 3)
+    sigmas = [noise and noise.sigma * np.sqrt(2) for noise in found]
+    # The third has none, and what is longest of the others; all are as long.
+    assert sigmas[:2] == pytest.approx([0.01, 0.03], rel=0.1)
+    assert found[2] is not None
+    assert (found[2].method, found[2].sigma) == ("repeats", found[0].sigma)
+
+
+def test_a_repeat_of_none_of_the_recordings_is_refused():
+    recordings = [moving(1, source="one"), moving(2, source="two")]
+    with pytest.raises(fj.InputError, match=r"with the drive of one \(800.*or two.*another drive"):
+        measured_noises(recordings, [moving(3)], None, [None] * 2)
+
+
+def test_a_rest_recorded_apart_tells_the_noise_of_what_is_recorded_at_its_rate():
+    drive = staircase()
+    size = 1 + 0.6 * np.sin(4 * np.pi * np.arange(drive.size) / drive.size)
+    rest = recorded(drive, SIGMA * size * np.random.default_rng(2).standard_normal(drive.size))
+    same, other = moving(1), moving(2, step=2 * STEP)
+    of_rest, of_same, of_other = measured_noises([rest, same, other], [], None, [None] * 3)
+    assert of_rest is not None
+    assert of_same is not None
+    assert of_other is not None
+    assert (of_same.method, of_same.sigma) == ("static", of_rest.sigma)
+    # How its size changes is the rest's own affair.
+    assert of_rest.size_at(800) is not None
+    assert of_same.size_at(800) is None
+    # At another rate its size is told, as by a specification, and its colour is not.
+    assert (of_other.method, of_other.sigma) == ("specification", of_rest.sigma)
+    assert of_other.is_leftover
+    told = measured_noises([rest, other], [], 0.5, [None] * 2)[1]
+    assert told is not None
+    assert told.sigma == 0.5
+    assert measured_noises([same, other], [], None, [None] * 2) == [None, None]
 
 
 def test_the_noise_is_read_from_the_slowest_line_that_nothing_was_taken_from():

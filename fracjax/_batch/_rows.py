@@ -14,7 +14,7 @@ import equinox as eqx
 import numpy as np
 import pyarrow as pa
 
-from .._fit import Fit, Past, fit, settling_samples
+from .._fit import Fit, Past, fit
 from .._fit._asked import OfModel, conditioned
 from .._fit._border import model_of
 from .._fit._conditions import numbers_of
@@ -137,12 +137,11 @@ def row_of(job: Job, work: Work) -> Row:
         "response_unit": recording.response_unit,
     }
     try:
-        settling = work.settling
         found = fit(
             work.model_for(recording),
             recording,
             history=work.history,
-            settling=None if settling is None else settling_samples(settling, recording),
+            settling=work.settling,
             starts=work.starts,
             seed=work.seed,
             **work.asked,

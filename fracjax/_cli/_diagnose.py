@@ -27,7 +27,9 @@ from ._results import Results
 @click.option("--model", "name", required=True, help="The model to be questioned; see `models`.")
 @folder_option
 @click.option("--holdout", metavar="FILE", help="A recording that no fit sees.")
-@click.option("--repeat", metavar="FILE", help="The same drive again, for the noise floor.")
+@click.option(
+    "--repeat", multiple=True, metavar="FILE", help="The same drive again, for the noise floor."
+)
 @click.option("--noise", metavar='"0.07 um"', help="The sensor's noise, rms, as specified.")
 @click.option(
     "--limits",
@@ -42,7 +44,7 @@ def diagnose_command(
     name: str,
     out: Path,
     holdout: str | None,
-    repeat: str | None,
+    repeat: tuple[str, ...],
     noise: str | None,
     limits: str | None,
     asked: dict[str, Any],
@@ -53,12 +55,12 @@ def diagnose_command(
 
     Writes diagnosis.json, report.html and fit.json, the model with what was found; and
     next_experiment.csv, the drive that would tell look-alikes apart, where there are any.
-    --mask may be given more than once.
+    --repeat, for several recordings, and --mask may be given more than once.
     """
     taken, (model,) = given.understood(recordings, [name])
     wishes: dict[str, Any] = {
         "holdout": holdout and given.read(holdout),
-        "repeat": repeat and given.read(repeat),
+        "repeat": [given.read(each) for each in repeat] or None,
         "noise": noise,
         "limits": limits,
     }

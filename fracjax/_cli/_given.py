@@ -39,18 +39,15 @@ class Given(NamedTuple):
         """The history that the call states, None where the data shall decide."""
         return None if self.history == "auto" else self.history  # type: ignore[return-value]
 
-    def settling(self, recordings: list[Recording]) -> int | None:
-        """The settling time in samples."""
+    def how(self, recordings: list[Recording]) -> dict[str, Any]:
+        """The keywords of a fit that say the same.  Raises InputError where the settling time is
+        none, or too long for one of the recordings."""
         from .._fit import settling_samples
 
-        if self.settle is None:
-            return None
-        samples = [settling_samples(self.settle, recording) for recording in recordings]
-        return samples[0]
-
-    def how(self, recordings: list[Recording]) -> dict[str, Any]:
-        """The keywords of a fit that say the same."""
-        return {"history": self.past, "settling": self.settling(recordings), "seed": self.seed}
+        if self.settle is not None:
+            for recording in recordings:
+                settling_samples(self.settle, recording)
+        return {"history": self.past, "settling": self.settle, "seed": self.seed}
 
 
 def models_for(names: Sequence[str], recordings: list[Recording]) -> list[Model]:

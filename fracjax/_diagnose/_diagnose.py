@@ -90,10 +90,10 @@ def diagnose(
     recordings: Recording | Sequence[Recording],
     *,
     holdout: Recording | None = None,
-    repeat: Recording | None = None,
+    repeat: Recording | Sequence[Recording] | None = None,
     noise: float | str | None = None,
     history: Past | None = None,
-    settling: int | None = None,
+    settling: int | str | None = None,
     limits: Limits | str | None = None,
     mask: Mask = (),
     seed: int = 0,
@@ -103,9 +103,10 @@ def diagnose(
 
     `holdout` is a recording that no fit sees; without one, and for effects that it does not show,
     stretches are set aside in turn.
-    `repeat` holds the drive a second time, for the noise floor; `noise` is the sensor's
-    specification, rms, a number in the response's unit or a text such as "0.07 um", used where
-    neither repeats nor rests show the noise.
+    `repeat` holds the drive of a recording a second time, for the noise floor, or several do those
+    of several; what shows no noise of its own, in periods or rests, has that of another with the
+    same rate.  `noise` is the sensor's specification, rms, a number in the response's unit or a
+    text such as "0.07 um", used where nothing of this shows the noise.
     `limits` of the drive, "0..100 V, 50 V/ms", bound the next experiment; without them the range
     that was recorded and ten times its fastest change do.  `mask` leaves out times [s] from the
     first sample, ends included, of every recording but those two.
@@ -113,9 +114,11 @@ def diagnose(
     """
     listed = recordings_of(recordings)
     model = model_of(model, listed)
-    for other, where in ((holdout, "holdout"), (repeat, "repeat")):
-        if other is not None:
-            require_recording(other, where)
+    if holdout is not None:
+        require_recording(holdout, "holdout")
+    repeats = [] if repeat is None else recordings_of(repeat, "repeat")
+    for again in repeats:
+        require_units_of(listed[0], again)
     if isinstance(limits, str):
         limits = parse_limits(limits, listed)
     seed = whole(seed, "seed", 0)
@@ -123,7 +126,7 @@ def diagnose(
         progress("reading the noise floor")
         preparation = prepare(
             listed,
-            repeat=repeat,
+            repeats=repeats,
             specification=noise,
             history=history,
             settling=settling,

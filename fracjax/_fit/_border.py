@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 import numbers
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from typing import Any
 
 from .._models import Model, understood
@@ -17,16 +17,19 @@ from .._recording import (
     parse_quantity,
     require_kind,
 )
+from ._preparation import settling_samples
 from ._problem import setting_of
 
 PASTS = (*HISTORIES, "estimated")
 
 
-def recordings_of(given: Recording | Iterable[Recording]) -> list[Recording]:
+def recordings_of(
+    given: Recording | Iterable[Recording], where: str = "recording"
+) -> list[Recording]:
     """One recording or several, as a list.  Raises InputError."""
     listed = [given] if isinstance(given, Recording | str) else _listed(given)
     for k, recording in enumerate(listed):
-        require_recording(recording, f"recording {k + 1}" if len(listed) > 1 else "recording")
+        require_recording(recording, f"{where} {k + 1}" if len(listed) > 1 else where)
     if not listed:
         raise InputError("expected at least one recording, found none; give one")
     return listed
@@ -66,11 +69,14 @@ def past_of(given: str | None) -> Any:
     return given
 
 
-def settling_of(given: int | None, recordings: Sequence[Recording]) -> int | None:
-    """Samples to leave out.  Raises InputError where too few, or none, would be left."""
+def settling_of(given: int | str | None, recording: Recording) -> int | None:
+    """Samples of a recording to leave out, from their number or a time such as "1 s".  Raises
+    InputError where too few, or none, would be left."""
     if given is None:
         return None
-    most = min(len(recording) for recording in recordings) - MINIMUM_SAMPLES
+    if isinstance(given, str):
+        return settling_samples(given, recording)
+    most = len(recording) - MINIMUM_SAMPLES
     if whole(given, "settling", 0) > most:
         raise InputError.at("settling", f"at most {most} samples", f"{given}", "shorten it")
     return int(given)

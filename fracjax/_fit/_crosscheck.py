@@ -111,7 +111,7 @@ def crosscheck(
     *,
     noise: Noise | float | str | None = None,
     history: Past | None = None,
-    settling: int | None = None,
+    settling: int | str | None = None,
     starts: int = 8,
     population: int = 40,
     iterations: int = 200,

@@ -19,7 +19,7 @@ from ._border import model_of, past_of, recordings_of, settling_of, sigma_of, wh
 from ._combinations import Combination
 from ._conditions import PLAIN, Conditions
 from ._history import is_likelier
-from ._noise import Noise, cleared, measured_noise, read_from_residual
+from ._noise import Noise, cleared, measured_noises, read_from_residual
 from ._numerics import fine_enough, too_coarse
 from ._preparation import Past, Preparation, coarse_oversampling, other_histories, take_of
 from ._robust import ROUNDS, SETTLED, Loss, Robust, shape_of, weigh
@@ -173,10 +173,10 @@ def prepare(
     recordings: Sequence[Recording],
     *,
     noise: Noise | None = None,
-    repeat: Recording | None = None,
+    repeats: Sequence[Recording] = (),
     specification: float | str | None = None,
     history: Past | None = None,
-    settling: int | None = None,
+    settling: int | str | None = None,
     weights: Weights = None,
     mask: Mask = (),
     conditions: Conditions = PLAIN,
@@ -187,17 +187,14 @@ def prepare(
     for other in recordings[1:]:
         require_units_of(recordings[0], other)
     past_of(history)
-    settling = settling_of(settling, recordings)
     sigma = sigma_of(specification, recordings[0].response_unit)
+    counts = weights_of(recordings, weights, mask)
+    noises = [noise] * len(recordings)
+    if noise is None:
+        noises = measured_noises(recordings, repeats, sigma, counts)
     takes = tuple(
-        take_of(
-            recording,
-            noise or measured_noise(recording, repeat, sigma, counts),
-            history,
-            settling,
-            counts,
-        )
-        for recording, counts in zip(recordings, weights_of(recordings, weights, mask), strict=True)
+        take_of(recording, its_noise, history, settling_of(settling, recording), its_counts)
+        for recording, its_noise, its_counts in zip(recordings, noises, counts, strict=True)
     )
     return Preparation(takes, coarse_oversampling(list(recordings)), conditions)
 
@@ -379,7 +376,7 @@ def ready(
     *,
     noise: Noise | float | str | None = None,
     history: Past | None = None,
-    settling: int | None = None,
+    settling: int | str | None = None,
     weights: Weights = None,
     mask: Mask = (),
     **asked: Unpack[OfParameters],
@@ -403,7 +400,7 @@ def fit(
     recordings: Recording | Sequence[Recording],
     *,
     noise: Noise | float | str | None = None,
-    settling: int | None = None,
+    settling: int | str | None = None,
     history: Past | None = None,
     loss: Loss = "least_squares",
     starts: int = 8,
@@ -416,9 +413,9 @@ def fit(
     Least squares, whitened by the noise's own colour, gains eliminated, from `starts` points.  A
     model is also given by its name, "foh >> creep".  `noise`: the sensor's, as specified, such as
     "0.07 um", used where neither repeats nor rests show it; or a Noise, used as it is.
-    `history` and `settling` [samples] are decided from the data where not given; the history
-    "estimated" fits what the drive before the first sample still adds.  `loss`: "huber", "soft_l1"
-    or "student_t" let outliers weigh less.
+    `history` and `settling`, samples or a time such as "1 s", are decided from the data where not
+    given; the history "estimated" fits what the drive before the first sample still adds.  `loss`:
+    "huber", "soft_l1" or "student_t" let outliers weigh less.
 
     By name, `fixed` holds parameters at values, `bounds` narrows their range, `priors` says what
     was known of them before, `tied` lets one equal another, `{"second.mu": "first.alpha"}`, or a

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field, replace
 from typing import Literal
 
@@ -26,7 +27,7 @@ _MEDIAN_NORMAL = 0.6745
 # Of n normal values the square of the median size has the relative variance 5.44/n, and of their
 # differences, which share values, a third more.
 _MEDIAN_SQUARED = 7.3
-_SAME = 2e-3
+_SAME, _SAME_RATE = 2e-3, 1e-6
 _CLEARER = 0.97
 _MUCH_MORE = 2.0
 _BARELY_MORE = 1.25
@@ -348,14 +349,8 @@ def measured_noise(
     """
     unit = recording.response_unit
     if repeat is not None:
-        if len(repeat) != len(recording) or not np.allclose(
-            repeat.drive, recording.drive, atol=1e-2 * np.ptp(recording.drive)
-        ):
-            raise InputError(
-                f"{repeat.source}: expected a repeat with the drive of {recording.source} "
-                f"({len(recording)} samples), found another drive ({len(repeat)} samples); "
-                "record the same drive twice"
-            )
+        if not _repeats(repeat, recording):
+            raise _no_repeat(repeat, [recording])
         difference = (repeat.response - recording.response) / np.sqrt(2)
         return _noise([_Stretch.untouched(difference - difference.mean(), 0)], unit, "repeats")
     step = resolution(recording.response)
@@ -364,9 +359,67 @@ def measured_noise(
     if series := _from_static(recording, counts, step):
         return _noise(series, unit, "static", resolution=step)
     if specification is not None:
-        white = Noise(specification, unit, "specification", np.ones(1), specification)
-        return replace(white, is_leftover=True)
+        return _specified(specification, unit)
     return None
+
+
+def measured_noises(
+    recordings: Sequence[Recording],
+    repeats: Sequence[Recording],
+    specification: float | None,
+    counts: Sequence[np.ndarray | None],
+) -> list[Noise | None]:
+    """Each recording's noise: its own, as `measured_noise` has it, a repeat being that of the
+    recording whose drive it has; where it shows none, what another of the same rate has shown of
+    the sensor, the longest; else the specification, or what another showed in its stead.
+
+    Raises InputError for a repeat of none of them.
+    """
+    strangers = (r for r in repeats if not any(_repeats(r, each) for each in recordings))
+    if stranger := next(strangers, None):
+        raise _no_repeat(stranger, recordings)
+    own = [
+        measured_noise(each, next((r for r in repeats if _repeats(r, each)), None), None, some)
+        for each, some in zip(recordings, counts, strict=True)
+    ]
+    pairs = zip(own, recordings, strict=True)
+    shown = sorted(((n, r.rate) for n, r in pairs if n), key=lambda pair: -pair[0].effective)
+    return [
+        noise or _shown_elsewhere(recording, shown, specification)
+        for noise, recording in zip(own, recordings, strict=True)
+    ]
+
+
+def _shown_elsewhere(
+    recording: Recording, shown: Sequence[tuple[Noise, float]], specification: float | None
+) -> Noise | None:
+    """The noise of a recording that shows none, by what others have shown, each with its rate."""
+    for noise, rate in shown:
+        if np.isclose(rate, recording.rate, rtol=_SAME_RATE):
+            # Its course is that of the recording which it was read from.
+            return replace(noise, course=_NONE)
+    # At another rate it has another colour.
+    sigma = specification or next((noise.sigma for noise, _ in shown), None)
+    return None if sigma is None else _specified(sigma, recording.response_unit)
+
+
+def _specified(sigma: float, unit: str) -> Noise:
+    white = Noise(sigma, unit, "specification", np.ones(1), sigma)
+    return replace(white, is_leftover=True)
+
+
+def _repeats(again: Recording, recording: Recording) -> bool:
+    """Whether one recording has the drive of another."""
+    near = 1e-2 * np.ptp(recording.drive)
+    return len(again) == len(recording) and np.allclose(again.drive, recording.drive, atol=near)
+
+
+def _no_repeat(repeat: Recording, recordings: Sequence[Recording]) -> InputError:
+    named = " or ".join(f"{each.source} ({len(each)} samples)" for each in recordings)
+    return InputError(
+        f"{repeat.source}: expected a repeat with the drive of {named}, found another drive "
+        f"({len(repeat)} samples); record the same drive twice"
+    )
 
 
 def read_from_residual(

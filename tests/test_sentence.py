@@ -28,7 +28,7 @@ AXES = [
 SETTING = SimpleNamespace(response_span=8.0)
 BASE: Any = SimpleNamespace(
     model=SimpleNamespace(name="foh"),
-    preparation=SimpleNamespace(setting=SETTING),
+    preparation=SimpleNamespace(setting=SETTING, takes=[None]),
     scores=SimpleNamespace(rmse=2.5),
 )
 HELD_OUT = HeldOut("stretches", 0.3, 0.1, (0.3,), (0.1,), "a.csv")
@@ -55,6 +55,20 @@ def test_the_first_place_that_stands_out_is_told():
         "The mismatch stands out along harmonics, at 1.5 to 2.5; what creep and delay changes lies "
         "along time, at 0 to 1 s."
     )
+
+
+def test_of_several_recordings_each_is_told_first_where_most_is_left():
+    left = [("a.csv", 1.02), ("b.csv", 4.16), ("c.csv", 2.5)]
+    assert where_of(AXES[2:], "missing", left=left) == (
+        "The mismatch stands out along harmonics, at 1.5 to 2.5. "
+        "What is left is 4.2 times the noise in b.csv, 2.5 in c.csv, 1 in a.csv."
+    )
+    many = [*left, ("d.csv", 1.1), ("e.csv", 1.0), ("f.csv", 0.9)]
+    assert where_of(AXES[2:], "missing", left=many).endswith(
+        "in b.csv, 2.5 in c.csv, 1.1 in d.csv, 1 in a.csv, at most 1 elsewhere."
+    )
+    assert "times" not in where_of(AXES[2:], "missing", left=left[:1])
+    assert "times" not in where_of(AXES, "none", left=left)
 
 
 def said(

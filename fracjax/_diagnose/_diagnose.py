@@ -227,7 +227,7 @@ class _Conclusion:
             effects=effects,
             candidates=candidates,
             axes=axes,
-            where=where_of(axes, verdict, stage.adopted if effects else ()),
+            where=where_of(axes, verdict, stage.adopted if effects else (), self._left),
             noise=self.noise,
             numerics=self.numerics,
             p_value=self._p_value(effects),
@@ -256,6 +256,17 @@ class _Conclusion:
         solved = self.base.solved
         doubt = excess_doubt(self.base.preparation, solved, _NORMAL)
         return self.base.excess > solved.samples * max(doubt, _CLEARLY)
+
+    @property
+    def _left(self) -> list[tuple[str, float]]:
+        """What the base leaves in each recording, by its name, in its noise floors, rms."""
+        left = []
+        takes, simulations = self.base.preparation.takes, self.base.solved.simulations
+        for take, simulation in zip(takes, simulations, strict=True):
+            assert take.noise is not None  # a diagnosis has one
+            error = (take.recording.response - simulation)[take.used]
+            left.append((take.recording.source, float(error.std()) / take.noise.sigma))
+        return left
 
     def _p_value(self, effects: tuple[NamedEffect, ...]) -> float:
         """The first test's, or that of jumps which it took for the noise's tails."""

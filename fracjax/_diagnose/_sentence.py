@@ -12,22 +12,40 @@ from ._result import Axis, Candidate, HeldOut, NamedEffect, NextExperiment, Verd
 _SIGNIFICANCE = 0.01
 _FAR = 2.0
 """Noise floors from which on an error on data held out is remarked on."""
+_MOST_TOLD = 4
 
 
-def where_of(axes: Sequence[Axis], verdict: Verdict, named: Sequence[str] = ()) -> str:
+def where_of(
+    axes: Sequence[Axis],
+    verdict: Verdict,
+    named: Sequence[str] = (),
+    left: Sequence[tuple[str, float]] = (),
+) -> str:
     """One sentence on the place: the first axis that stands out, and its strongest stretch; and,
-    where it is another, where the effects that are `named` act."""
+    where it is another, where the effects that are `named` act.  Of several recordings another
+    sentence: what is `left` in each, by its name, in noise floors."""
     standing_out = [axis for axis in axes if axis.p_value < _SIGNIFICANCE]
     if verdict == "none":
         return "Nowhere does the residual stand out from the noise."
+    among = _among(left) if len(left) > 1 else ""
     acting = ""
     if named and axes[0].p_value >= _SIGNIFICANCE and axes[0].intervals:
         acting = f"; what {' and '.join(named)} changes lies along {_place(axes[0])}"
     if not standing_out:
-        return f"The mismatch stands out along no axis{acting}."
+        return f"The mismatch stands out along no axis{acting}.{among}"
     others = ", ".join(other.axis for other in standing_out[1:4])
     also = f"; it also shows along {others}" if others else ""
-    return f"The mismatch stands out along {_place(standing_out[0])}{also}{acting}."
+    return f"The mismatch stands out along {_place(standing_out[0])}{also}{acting}.{among}"
+
+
+def _among(left: Sequence[tuple[str, float]]) -> str:
+    """How much is left in each of several recordings, first where it is most."""
+    ranked = sorted(left, key=lambda pair: -pair[1])
+    (first, most), *others = ranked[:_MOST_TOLD]
+    told = [f"{times:.2g} in {name}" for name, times in others]
+    if len(ranked) > _MOST_TOLD:
+        told.append(f"at most {ranked[_MOST_TOLD][1]:.2g} elsewhere")
+    return f" What is left is {most:.2g} times the noise in {first}, {', '.join(told)}."
 
 
 def _place(axis: Axis) -> str:
@@ -53,6 +71,8 @@ def sentence_of(
     """The plain sentence that everything else supports."""
     unit = noise.unit
     name = base.model.name
+    several = len(base.preparation.takes) > 1
+    recorded = "the recordings" if several else "the recording"
     if verdict == "none":
         hidden = max(candidates, key=lambda c: c.concealment)
         floor = f"the noise floor of {noise.sigma:.3g} {unit} ({noise.method})"
@@ -74,7 +94,7 @@ def sentence_of(
             least = f"{hidden.detectable_amplitude:.3g} {unit} rms"
             seen = f"seen only if it changes the response by more than {least}"
         return (
-            f"{name} and the recording agree within {floor}; best hidden would be "
+            f"{name} and {recorded} agree within {floor}; best hidden would be "
             f"{hidden.name}, {seen}.{_shown_elsewhere(held_out, noise)}"
         )
     improvement = ""
@@ -97,8 +117,8 @@ def sentence_of(
         partly = f" It is partly {' and '.join(adopted)}-like.{improvement}" if adopted else ""
         unknown = "and no effect of the catalogue explains it."
         if free_form is not None:
-            return f"{name} and the recording differ beyond noise, {unknown} {free_form}"
-        return f"{name} and the recording differ beyond noise {place}, {unknown}{partly}"
+            return f"{name} and {recorded} differ beyond noise, {unknown} {free_form}"
+        return f"{name} and {recorded} differ beyond noise {place}, {unknown}{partly}"
     if too_small:
         differ = "laws differ" if len(effects) > 1 else "law differs"
         improvement += (

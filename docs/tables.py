@@ -107,17 +107,18 @@ def compensation() -> str:
 
 def exam() -> str:
     """Marks of the diagnosis on cases from a simulator that it shares nothing with: the largest of
-    the last runs, the concealed ones among its cases, the cases after them, and all with the two
-    runs before; and of a run of nulls alone."""
+    the last runs, the concealed ones among its cases, the cases after them, short and long ones
+    asked apart, and all with the two runs before; and of a run of nulls alone."""
     own = "target", "value", "95 % interval", "cases"
-    heads = "measure", *own, "concealed", "after", "in four runs"
+    heads = "measure", *own, "concealed", "after", "in five runs"
     lines = [_line(*heads), "|---" * len(heads) + "|"]
-    last, hidden, after, *before = (
+    last, hidden, short, long, *before = (
         {row["measure"]: row for row in rows_of(f"{MARKS}/{table}") if row["n"] != "0"}
         for table in (
             "from_971/grade.csv",
             "from_971/concealed.csv",
             "from_1121/grade.csv",
+            "from_1121_long/grade.csv",
             "from_881/grade.csv",
             "from_791/grade.csv",
         )
@@ -130,17 +131,17 @@ def exam() -> str:
         if row["n"] != "0":
             found = row["value"], f"{row['low']} to {row['high']}"
         beside = [
-            f"{table[name]['value']} of {table[name]['n']}" if name in table else ""
-            for table in (hidden, after)
+            _together([run[name] for run in runs if name in run])
+            for runs in ((hidden,), (short, long), (last, short, long, *before))
         ]
-        runs = [run[name] for run in (last, after, *before) if name in run]
-        lines.append(_line(name, row["target"], *found, row["n"], *beside, _together(runs)))
+        lines.append(_line(name, row["target"], *found, row["n"], *beside))
     return "\n".join(lines)
 
 
 def _together(runs: list[dict[str, str]]) -> str:
-    """A share or a mean over several runs; of a median or a calibration error there is none."""
-    if not runs or any(word in runs[0]["measure"] for word in ("median", "calibration")):
+    """A share or a mean over runs; of several medians or calibration errors there is none."""
+    summary = any(word in run["measure"] for run in runs for word in ("median", "calibration"))
+    if not runs or (len(runs) > 1 and summary):
         return ""
     counts = [int(run["n"]) for run in runs]
     values = [float(run["value"]) for run in runs]

@@ -216,7 +216,11 @@ def measure_all(pairs: Sequence[Pair]) -> list[Measure]:
     def apart(p: Pair) -> bool:
         return truth_of(p[0])["separable"]
 
+    def both(x: dict, a: Answer) -> bool:
+        return _names(x) <= set(a.names)
+
     seen, every = single(pairs, SEEN), single(pairs, FAINT)
+    two = [p for p in pairs if len(p[0]["effects"]) == 2]
     after = followed(pairs)
     places = [p for p in pairs if len(p[0]["effects"]) == 1]
     places = [p for p in places if truth_of(p[0])["level"] >= SEEN]
@@ -245,6 +249,7 @@ def measure_all(pairs: Sequence[Pair]) -> list[Measure]:
         *heldout(pairs),
         intervals(pairs),
         *calibration(pairs),
-        share("two effects, both named", ">= .80", [p for p in pairs if len(p[0]["effects"]) == 2],
-              lambda x, a: _names(x) <= set(a.names)),
+        share("two effects, both named", ">= .80", two, both),
+        share("two effects, each detectable, both named", "",
+              [p for p in two if all(e["power"] >= DETECTABLE for e in p[0]["effects"])], both),
     ]  # fmt: skip

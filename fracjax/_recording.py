@@ -44,8 +44,10 @@ class Recording:
     **Arguments:** `drive` and `response`, shape (N,), in `drive_unit` and `response_unit`;
     `dt`, the step [s]; `source`, named in messages; `warnings`, what the reader had to assume.
 
+    A constant drive is a rest: it tells the noise and what drifts, beside recordings that move.
+
     **Raises:** `InputError` unless both are finite, one-dimensional, of equal length, at least
-    32 samples long and not constant, `dt` is positive and the units are known.
+    32 samples long and the response not constant, `dt` is positive and the units are known.
     """
 
     drive: np.ndarray
@@ -65,7 +67,7 @@ class Recording:
                 f"{self.source}, dt", "a positive step in seconds", f"{step:g}", "correct it"
             )
         drive = _signal(self.drive, f"{self.source}, drive")
-        response = _signal(self.response, f"{self.source}, response")
+        response = varying(self.response, f"{self.source}, response")
         if len(drive) != len(response):
             raise InputError.at(
                 self.source,
@@ -246,11 +248,17 @@ def _signal(samples, where: str) -> np.ndarray:
         raise InputError.at(
             f"{where}, sample {at}", "a finite number", f"{signal[at]}", "correct or cut it"
         )
+    signal.setflags(write=False)
+    return signal
+
+
+def varying(samples, where: str) -> np.ndarray:
+    """A usable signal, shape (N,), that is not constant.  Raises InputError."""
+    signal = _signal(samples, where)
     if signal.min() == signal.max():
         raise InputError.at(
             where, "a signal that varies", f"the constant {signal[0]:g}", "choose the right column"
         )
-    signal.setflags(write=False)
     return signal
 
 
@@ -266,7 +274,7 @@ _CANDIDATES = 32
 def _unit_range(signal: np.ndarray) -> np.ndarray:
     """The signal, shape (N,), shifted and scaled to 0..1."""
     shifted = signal - signal.min()
-    return shifted / shifted.max()
+    return shifted / (shifted.max() or 1.0)
 
 
 def _runs(mask: np.ndarray) -> np.ndarray:

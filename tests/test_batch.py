@@ -281,10 +281,6 @@ BAD = {
     "columns.csv": (GOOD.replace(",", ",7,").replace(",7,", ",", 1), "column"),
     "unit.csv": (HEAD.replace("_um", " [wibble]") + GOOD, "wibble"),
     "binary.csv": ("\x00\x01\x02", "expected text, found binary data"),
-    "constant.csv": (
-        HEAD + "\n".join(f"{STEP * n:.2f},5,{np.cos(n)}" for n in range(60)),
-        "expected a signal that varies",
-    ),
 }
 
 
@@ -301,6 +297,14 @@ def test_every_bad_recording_is_a_row_with_its_reason(quick):
         assert row["samples"] == 0
         assert np.isnan(row["mu.value"])
     assert (rows["good.csv"]["status"], rows["good.csv"]["reason"]) == ("fitted", "")
+
+
+def test_a_rest_can_be_read_and_holds_nothing_to_fit():
+    rest = "\n".join(f"{STEP * n:.2f},5,{np.cos(n)}" for n in range(60))
+    Path("rest.csv").write_text(HEAD + rest)
+    (row,) = told(["rest.csv"])
+    assert (row["status"], row["samples"]) == ("failed", 60)
+    assert "rest.csv, drive: expected a signal that varies, found the constant 5" in row["reason"]
 
 
 def test_a_fit_that_fails_is_a_row_with_its_reason(quick, fitted, monkeypatch):

@@ -25,6 +25,23 @@ def found() -> fj.Fit:
     return fj.fit("foh", RECORDING, noise="1 nm", starts=2)
 
 
+def test_a_rest_is_fitted_beside_what_moves_and_alone_refused(tmp_path):
+    """It tells the noise of a drive that neither rests nor comes again."""
+    drive = 50 + 40 * np.sin(2 * np.pi * (1 + TIMES) * TIMES)
+    noise = 2e-3 * np.random.default_rng(1).standard_normal((2, TIMES.size))
+    moving = fj.Recording(drive, 0.1 * drive + noise[0], STEP, "V", "um", "moving")
+    rest = fj.Recording(np.full(TIMES.size, 5.0), 0.5 + noise[1], STEP, "V", "um", "rest")
+    with pytest.raises(fj.InputError, match="rest, drive: expected a signal that varies, found"):
+        fj.fit("foh", [rest])
+    found = fj.fit("foh", [moving, rest], starts=2)
+    for take in found.preparation.takes:
+        assert take.noise is not None
+        assert take.noise.method == "static"
+        assert take.noise.sigma == pytest.approx(2e-3, rel=0.1)
+    assert found.scores.rmse == pytest.approx(2e-3, rel=0.1)
+    fj.write_report(found, tmp_path / "report.html")
+
+
 def test_a_model_may_be_given_by_its_name_and_the_noise_as_text(found):
     same = fj.fit(FOH, [RECORDING], noise=1e-3, starts=2)
     assert same.to_dict() == found.to_dict()

@@ -599,7 +599,7 @@ UNUSABLE = {
         "sample 21: expected a step of 0.005 s, found 0.405 after 0.1; give --resample 200Hz",
     ),
     "time all the same": ({**LOOP, "time_s": 0 * TIME}, "time to increase, found 0 after 0;"),
-    "constant": ({**LOOP, "voltage_V": 0 * DRIVE}, "drive: expected a signal that varies"),
+    "constant": ({**LOOP, "displacement_um": 0 * DRIVE}, "response: expected a signal that varies"),
     "too short": ({n: v[:20] for n, v in LOOP.items()}, "at least 32 samples, found 20;"),
     "no time": (SIGNALS, "a time column or a rate"),
     "one signal": ({"time_s": TIME, "voltage_V": DRIVE}, 'for output, found 2 .*"g?/?time_s"'),

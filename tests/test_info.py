@@ -89,6 +89,16 @@ def test_the_kind_knows_neither_unit_nor_offset_nor_rate(name, gain, offset, ste
     assert kind_of_drive(recording_of(moved, step)) == kind
 
 
+def test_a_drive_that_never_moves_is_a_rest_and_what_it_is_good_for_is_said():
+    rest = Recording(np.full(500, 3.0), np.random.default_rng(5).normal(size=500), STEP)
+    told = describe(rest)
+    assert (told["drive"]["kind"], told["drive"]["top_frequency_Hz"]) == ("rest", None)
+    assert told["noise"]["sigma"] == pytest.approx(1, rel=0.1)
+    (warning,) = told["warnings"]
+    assert "constant at 3 V: a rest" in warning
+    assert "--input" in warning
+
+
 @given(st.lists(st.floats(-1, 1), min_size=32, max_size=200))
 def test_any_drive_is_of_some_kind(values):
     drive = np.asarray(values)

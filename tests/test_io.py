@@ -214,10 +214,10 @@ REFUSED = {
     "index too large": (lines_of(), {"output": 3}, 'a column "3".* index from 0 to 2'),
     "index negative": (lines_of(), {"output": -1}, 'a column "-1"'),
     "name twice": (lines_of(names=("t", "u", "u")), {"output": "u"}, 'one column "u", found'),
-    "constant drive": (
-        lines_of(TIME, 0 * TIME, RESPONSE),
+    "constant response": (
+        lines_of(TIME, RESPONSE, 0 * TIME),
         {},
-        "drive: expected a signal that varies, found the constant 0",
+        "response: expected a signal that varies, found the constant 0",
     ),
     "unknown unit": (
         lines_of(names=("t", "u (V)", "y (wumpus)")),

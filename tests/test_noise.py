@@ -266,6 +266,7 @@ def test_each_repeat_is_that_of_the_recording_whose_drive_it_has():
     sigmas = [noise and noise.sigma * np.sqrt(2) for noise in found]
     # The third has none, and what is longest of the others; all are as long.
     assert sigmas[:2] == pytest.approx([0.01, 0.03], rel=0.1)
+    assert found[0] is not None
     assert found[2] is not None
     assert (found[2].method, found[2].sigma) == ("repeats", found[0].sigma)
 

@@ -54,7 +54,6 @@ def test_arrays_are_copies_that_cannot_be_written():
         ({"drive": [[1.0], [1.0, 2.0]]}, "rows of unequal length"),
         ({"drive": ["a"] * 50}, "drive: expected real numbers"),
         ({"response": SINE[:50] * 1j}, "response: expected real numbers, found complex128"),
-        ({"drive": np.ones(50)}, "drive: expected a signal that varies, found the constant 1"),
         ({"response": np.zeros(50)}, "response: expected a signal that varies"),
         ({"response": np.r_[SINE[:49], np.nan]}, "response, sample 49: .* found nan"),
         ({"response": np.r_[np.inf, SINE[:49]]}, "response, sample 0: .* found inf"),

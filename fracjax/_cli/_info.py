@@ -39,14 +39,13 @@ def _rows(told: dict[str, Any]) -> list[list[str]]:
         return f"{figure(signal['low'], 4)} to {quantity(signal['high'], signal['unit'])}"
 
     drive, response, noise = told["drive"], told["response"], told["noise"]
+    fastest = drive["top_frequency_Hz"]
+    top = "" if fastest is None else f", up to {figure(fastest)} Hz"
     rows = [
         ["source", told["source"]],
         ["columns", _columns(told)],
         ["samples", f"{told['samples']} at {told['rate_Hz']:.6g} Hz, {told['duration_s']:.6g} s"],
-        [
-            "drive",
-            f"{drive['kind']}, {extent(drive)}, up to {figure(drive['top_frequency_Hz'])} Hz",
-        ],
+        ["drive", f"{drive['kind']}, {extent(drive)}{top}"],
         ["response", extent(response)],
         ["period", _period(told["period"])],
     ]

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .._recording import LARGEST, InputError, _signal, parse_quantity, unit
+from .._recording import LARGEST, InputError, parse_quantity, unit, varying
 
 
 @dataclass(frozen=True, eq=False)
@@ -33,7 +33,7 @@ class Trajectory:
                 f"{self.source}, dt", "a positive step in seconds", f"{step:g}", "correct it"
             )
         object.__setattr__(self, "dt", step)
-        object.__setattr__(self, "response", _signal(self.response, f"{self.source}, response"))
+        object.__setattr__(self, "response", varying(self.response, f"{self.source}, response"))
 
     def __len__(self) -> int:
         return len(self.response)

@@ -9,7 +9,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 from scipy.signal.windows import blackmanharris
 
-from .._recording import InputError, Recording
+from .._recording import InputError, Recording, varying
 
 _LEAST_PERIODS = 3
 _HARMONICS = 5
@@ -76,6 +76,7 @@ def amplitude_ratios(recording: Recording, frequencies: ArrayLike | None = None)
     strongest at least).  `frequencies` [Hz] says which of them to take; the drive refines them.
     Raises InputError where the drive does not consist of such tones.
     """
+    varying(recording.drive, f"{recording.source}, drive")
     wanted = None if frequencies is None else np.atleast_1d(np.asarray(frequencies, dtype=float))
     if wanted is not None and not np.all((wanted > 0) & (wanted < 0.5 * recording.rate)):
         raise InputError.at(

@@ -14,7 +14,7 @@ from .._operators._grid import History
 from .._recording import MINIMUM_SAMPLES, InputError, Recording, parse_quantity
 from ._conditions import PLAIN, Conditions
 from ._noise import Noise, given_twice
-from ._problem import Problem, make_problem, setting_of
+from ._problem import Problem, make_problem, moving, setting_of, top_frequency
 
 Past = History | Literal["estimated"]
 _STEADY_FROM = 8
@@ -231,7 +231,7 @@ def steady_of(take: Take) -> Take | None:
 def begins_in_motion(recording: Recording) -> bool:
     """Whether the drive moves from the first samples on."""
     first = max(4, len(recording) // 200)
-    return bool(np.ptp(recording.drive[:first]) >= 5e-3 * np.ptp(recording.drive))
+    return bool(np.ptp(recording.drive[:first]) > 5e-3 * np.ptp(recording.drive))
 
 
 def _is_steady(recording: Recording, period: int) -> bool:
@@ -255,5 +255,5 @@ def _begins_like_the_rest(parts: np.ndarray, most: float) -> bool:
 
 def coarse_oversampling(recordings: list[Recording]) -> int:
     """A first grid: at least 16 samples per period of the fastest drive."""
-    samples = min(1 / (setting_of([r]).top_frequency * r.dt) for r in recordings)
+    samples = min(1 / (top_frequency(r) * r.dt) for r in moving(recordings))
     return int(np.clip(2 ** np.ceil(np.log2(max(16 / samples, 1))), 1, 8))

@@ -16,10 +16,11 @@ from .._blocks import AbstractBlock, Setting
 from .._operators import Grid, refine
 from .._operators._grid import History
 from .._operators._rate import ahead
-from .._recording import Recording
+from .._recording import Recording, varying
 
 _FILTER_TAPS = 13
 _DECAYS_PER_DECADE = 2
+_REST = 1e-2
 
 
 class AbstractProblem(eqx.Module):
@@ -171,18 +172,28 @@ def own_terms(length: int, remembered: int) -> np.ndarray:
 
 def setting_of(recordings: list[Recording]) -> Setting:
     """What the recordings say about the size of things."""
+    driven = moving(recordings)
     return Setting(
         drive_low=float(min(r.drive.min() for r in recordings)),
         drive_high=float(max(r.drive.max() for r in recordings)),
         response_span=float(max(np.ptp(r.response) for r in recordings)),
         step=float(min(r.dt for r in recordings)),
         duration=float(max(len(r) * r.dt for r in recordings)),
-        top_frequency=max(top_frequency(r) for r in recordings),
-        top_rate=float(max(np.abs(np.diff(r.drive)).max() / r.dt for r in recordings)),
-        rms_rate=float(max(np.sqrt(np.mean(np.diff(r.drive) ** 2)) / r.dt for r in recordings)),
+        top_frequency=max(top_frequency(r) for r in driven),
+        top_rate=float(max(np.abs(np.diff(r.drive)).max() / r.dt for r in driven)),
+        rms_rate=float(max(np.sqrt(np.mean(np.diff(r.drive) ** 2)) / r.dt for r in driven)),
         response_low=float(min(r.response.min() - r.response[0] for r in recordings)),
         resolution=min(resolution(r.response) for r in recordings),
     )
+
+
+def moving(recordings: Sequence[Recording]) -> list[Recording]:
+    """Those that are no rest beside the others, whose drive, if it is measured, is noise.  Raises
+    InputError where all are."""
+    spans = [np.ptp(recording.drive) for recording in recordings]
+    if not any(spans):
+        varying(recordings[0].drive, f"{recordings[0].source}, drive")
+    return [r for r, span in zip(recordings, spans, strict=True) if span > _REST * max(spans)]
 
 
 def resolution(response: np.ndarray) -> float:

@@ -23,7 +23,7 @@ def describe(
     `columns`: by "time", "input" and "output", where in its file it was found.
     """
     columns = columns or {}
-    repeats = recording.drive_period()
+    kind, repeats = kind_of_drive(recording), recording.drive_period()
     noise = measured_noise(recording)
     return {
         "schema": "fracjax.info/1",
@@ -37,8 +37,8 @@ def describe(
             "unit": recording.drive_unit,
             "low": float(recording.drive.min()),
             "high": float(recording.drive.max()),
-            "kind": kind_of_drive(recording),
-            "top_frequency_Hz": top_frequency(recording),
+            "kind": kind,
+            "top_frequency_Hz": None if kind == "rest" else top_frequency(recording),
         },
         "response": {
             "column": columns.get("output"),

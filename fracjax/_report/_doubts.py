@@ -13,8 +13,19 @@ _SIDE = 4
 
 def doubts_about(recording: Recording) -> tuple[str, ...]:
     """Warnings beside `Recording.checks`."""
-    found = (_beginning(recording), _lost_samples(recording))
+    found = (_rest(recording), _beginning(recording), _lost_samples(recording))
     return tuple(warning for warning in found if warning)
+
+
+def _rest(recording: Recording) -> str | None:
+    """A drive that never moves."""
+    if np.ptp(recording.drive) > 0:
+        return None
+    return (
+        f"The drive is constant at {recording.drive[0]:g} {recording.drive_unit}: a rest, which "
+        "tells the noise and what drifts. Diagnose it beside a recording that moves; if it should "
+        "have moved, choose the right column with --input."
+    )
 
 
 def _beginning(recording: Recording) -> str | None:

@@ -6,7 +6,7 @@ import numpy as np
 
 from .._recording import Recording
 
-KINDS = ("steps", "sine", "triangle", "chirp", "multisine", "other")
+KINDS = ("rest", "steps", "sine", "triangle", "chirp", "multisine", "other")
 
 # A Hann window spreads one line over its neighbours.
 _SPREAD = 2
@@ -22,6 +22,8 @@ _LINES = 0.998
 
 def kind_of_drive(recording: Recording) -> str:
     """One of `KINDS`; "other" where it is none of the rest."""
+    if np.ptp(recording.drive) == 0:
+        return "rest"
     drive = _moving(recording.drive)
     drive = drive - drive.mean()
     if _is_steps(drive):

@@ -17,6 +17,7 @@ from fracjax._operators import (
     interpolate,
     kernel,
     rate,
+    speed,
 )
 
 HISTORIES = ("rest", "constant", "periodic")
@@ -310,6 +311,27 @@ def test_time_in_another_unit(order, seed, unit, history):
 
 
 # Rate ---------------------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("history", ["rest", "constant", "periodic"])
+def test_at_the_corners_of_a_triangle_the_speed_is_that_of_both_sides(history):
+    """On the corner itself; beside it the difference across it errs, on a finer grid between
+    samples."""
+    triangle = jnp.asarray(np.tile(np.r_[np.arange(0.0, 20), np.arange(20.0, 0, -1)], 3))
+    found = np.asarray(speed(triangle, Grid(0.5, history)))
+    near = np.min(np.abs(np.arange(120)[:, None] - 20 * np.arange(7)), axis=1)
+    inner = slice(0 if history == "periodic" else 3, -3)
+    np.testing.assert_allclose(found[inner][near[inner] != 1], 2.0, rtol=1e-12)
+    assert np.all(np.abs(found[inner][near[inner] == 1] - 2) < 0.4)
+
+
+def test_the_speed_of_a_smooth_signal_is_the_size_of_its_rate():
+    angles = jnp.asarray(2 * np.pi / 400 * np.arange(400))
+    grid = Grid(angles[1], "periodic")
+    found = np.asarray(speed(jnp.sin(angles), grid))
+    np.testing.assert_allclose(found, np.abs(np.cos(angles)), rtol=0, atol=1e-6)
+    slope = jax.jvp(lambda a: speed(a * jnp.sin(angles), grid), (1.0,), (1.0,))[1]
+    np.testing.assert_allclose(slope, found, rtol=0, atol=1e-12)
 
 
 @pytest.mark.parametrize("history", HISTORIES)

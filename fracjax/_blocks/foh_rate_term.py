@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import jax.numpy as jnp
 from jax import Array
 
-from .._operators import Grid, derivative, rate
+from .._operators import Grid, derivative, speed
 from .._parameters import Parameter
 from ._block import AbstractBlock
 from .foh_linear import LARGEST_ORDER
@@ -16,8 +15,8 @@ class FOHRateTerm(AbstractBlock):
 
         k_p |u̇| D^β u
 
-    k_p [response/drive² · s^(1+β)]; order -0.95 < β < 0.95.  |u̇| is differentiated as JAX does at
-    its kink (0 there).
+    k_p [response/drive² · s^(1+β)]; order -0.95 < β < 0.95.  At the corners of a
+    triangle |u̇| is what it is on both sides.
     Source: Xu, Luo, Luo, Chen, Liu, Fractal Fract. 8 (2024) 3, equation (9).
     """
 
@@ -35,5 +34,5 @@ class FOHRateTerm(AbstractBlock):
         return False
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
-        weighted = jnp.abs(rate(drive, grid)) * derivative(self.beta.value, drive, grid)
+        weighted = speed(drive, grid) * derivative(self.beta.value, drive, grid)
         return self.k_p.value * weighted

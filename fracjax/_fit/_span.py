@@ -11,7 +11,7 @@ import jax
 import numpy as np
 
 from .._blocks import AbstractBlock
-from .._operators import rate
+from .._operators import speed
 from ._chains import Chain, chains_of
 from ._interpolation import Chosen, choose, is_bounded
 from ._layout import layout_of, placed, with_gains
@@ -19,7 +19,7 @@ from ._problem import Problem
 
 FRESH = 4
 _MOST_SIGNALS = 400
-_rate = eqx.filter_jit(rate)
+_speed = eqx.filter_jit(speed)
 
 
 class Span(NamedTuple):
@@ -88,7 +88,7 @@ def _kept(asked: _Asked) -> Span | None:
             return None
         signals = first.responses(drive[:, None], grid)[:, 0]
         if chain.rated:
-            signals = signals * np.abs(np.asarray(_rate(drive, grid)))[:, None]
+            signals = signals * np.asarray(_speed(drive, grid))[:, None]
         second = None
         if chain.after is not None and first.size:
             second = choose(chain.after, signals, grid)

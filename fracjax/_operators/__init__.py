@@ -19,3 +19,4 @@ from ._oustaloup import StreamingFilter as StreamingFilter
 from ._oustaloup import oustaloup as oustaloup
 from ._oustaloup import streaming as streaming
 from ._rate import rate as rate
+from ._rate import speed as speed

@@ -33,7 +33,7 @@ def test_a_rest_is_fitted_beside_what_moves_and_alone_refused(tmp_path):
     rest = fj.Recording(np.full(TIMES.size, 5.0), 0.5 + noise[1], STEP, "V", "um", "rest")
     with pytest.raises(fj.InputError, match="rest, drive: expected a signal that varies, found"):
         fj.fit("foh", [rest])
-    found = fj.fit("foh", [moving, rest], starts=2)
+    found = fj.fit("foh", [moving, rest])
     for take in found.preparation.takes:
         assert take.noise is not None
         assert take.noise.method == "static"

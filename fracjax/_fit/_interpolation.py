@@ -280,7 +280,9 @@ def _points(signals: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
         at = _spread(power.shape[1])
         zeta = radius * np.exp(-1j * np.pi * at / samples)
     middles = (at[1:] + at[:-1] + 1) // 2
-    gathered = np.add.reduceat(power.sum(axis=0), np.concatenate([[0], middles]))
+    # At rest every point is as good as another.
+    spectrum = power.sum(axis=0) if power.any() else np.ones(power.shape[1])
+    gathered = np.add.reduceat(spectrum, np.concatenate([[0], middles]))
     # Filled up to one size, for which one program is compiled.
     left = _POINTS - at.size
     zeta, gathered = np.pad(zeta, (0, left), mode="edge"), np.pad(gathered, (0, left))

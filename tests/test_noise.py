@@ -312,7 +312,7 @@ def test_a_specification_is_believed_where_nothing_shows_the_noise():
     drive = 50 + 20 * np.sin(2 * np.pi * (0.5 + times) * times)
     moving = recorded(drive, np.zeros(800))
     assert measured_noise(moving) is None
-    told = measured_noise(moving, specification=0.07)
+    (told,) = measured_noises([moving], [], 0.07, [None])
     assert told is not None
     assert (told.sigma, told.method, told.unit) == (0.07, "specification", "um")
     assert told.whitening == pytest.approx([1 / 0.07])
@@ -327,7 +327,7 @@ def test_a_specification_is_believed_where_nothing_shows_the_noise():
     # In a residual clearly larger than the noise there is a mismatch, with a colour of its own.
     assert read_from_residual(told, 1.1 * residual, np.ones(800, bool), moving) is told
     rest = recorded(staircase(), SIGMA * np.random.default_rng(7).standard_normal(staircase().size))
-    shown = measured_noise(rest, specification=0.07)
+    (shown,) = measured_noises([rest], [], 0.07, [None])
     assert shown is not None
     assert (shown.method, shown.sigma) == ("static", pytest.approx(SIGMA, rel=0.08))
 

@@ -339,13 +339,12 @@ def _from_static(recording: Recording, counts: np.ndarray | None, step: float) -
 def measured_noise(
     recording: Recording,
     repeat: Recording | None = None,
-    specification: float | None = None,
     counts: np.ndarray | None = None,
 ) -> Noise | None:
-    """Noise from repeated periods, a repeat recording, a rest, or the sensor's specification.
+    """Noise from repeated periods, a repeat recording, or a rest.
 
     Periods and rests where the weights `counts` (N,) are 0 are not looked at.  None where the
-    recording offers no source; then only the residual of a fit is left.
+    recording offers no source.
     """
     unit = recording.response_unit
     if repeat is not None:
@@ -358,8 +357,6 @@ def measured_noise(
         return _noise(series, unit, "repeats", _SHARED, resolution=step)
     if series := _from_static(recording, counts, step):
         return _noise(series, unit, "static", resolution=step)
-    if specification is not None:
-        return _specified(specification, unit)
     return None
 
 
@@ -371,7 +368,8 @@ def measured_noises(
 ) -> list[Noise | None]:
     """Each recording's noise: its own, as `measured_noise` has it, a repeat being that of the
     recording whose drive it has; where it shows none, what another of the same rate has shown of
-    the sensor, the longest; else the specification, or what another showed in its stead.
+    the sensor, the longest; else the sensor's specification, or what another showed in its stead.
+    None where there is nothing of this; then only the residual of a fit is left.
 
     Raises InputError for a repeat of none of them.
     """
@@ -379,7 +377,7 @@ def measured_noises(
     if stranger := next(strangers, None):
         raise _no_repeat(stranger, recordings)
     own = [
-        measured_noise(each, next((r for r in repeats if _repeats(r, each)), None), None, some)
+        measured_noise(each, next((r for r in repeats if _repeats(r, each)), None), some)
         for each, some in zip(recordings, counts, strict=True)
     ]
     pairs = zip(own, recordings, strict=True)

@@ -126,14 +126,13 @@ class Preparation:
         return replace(self, oversampling=oversampling)
 
 
-def settling_samples(settling: int | str, recording: Recording) -> int:
-    """A settling time such as "1 s", or a number of samples, in samples of the recording.
+def settling_samples(settling: str, recording: Recording) -> int:
+    """A settling time such as "1 s" in samples of the recording.
 
     Raises InputError where too few samples, or none, would be left.
     """
     where = f"{recording.source}, --settle"
-    told = isinstance(settling, str)
-    samples = round(parse_quantity(settling, "s", where) / recording.dt) if told else settling
+    samples = round(parse_quantity(settling, "s", where) / recording.dt)
     most = len(recording) - MINIMUM_SAMPLES
     if not 0 <= samples <= most:
         raise InputError.at(

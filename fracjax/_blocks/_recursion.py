@@ -39,9 +39,8 @@ def _changed(step: Step, at: tuple, along: tuple) -> tuple[Array, Array]:
     before, b of a change of what it was given."""
     shared, start, inputs = at
     states = recursion(step, shared, start, inputs)
-    before = jnp.append(start, states[:-1])
-    steps = jax.vmap(step, (None, 0, 0))
-    _, slopes = jax.jvp(lambda x: steps(shared, x, inputs), (before,), (jnp.ones_like(before),))
+    before = _before(start, states)
+    steps, slopes = jax.vmap(step, (None, 0, 0)), _slopes(step, shared, before, inputs)
     _, moved = jax.jvp(lambda s, i: steps(s, before, i), (shared, inputs), (along[0], along[2]))
     return states, _carried(slopes, moved.at[0].add(slopes[0] * along[1]))
 
@@ -85,12 +84,21 @@ def _settled_elsewhere(step: Step, at: tuple, along: tuple) -> tuple[Array, Arra
 
 def _cycle(step: Step, shared: Any, state: Array, inputs: Any) -> tuple[Array, Array]:
     """The state after a cycle, and which share of a change of the one before that has forgotten."""
+    states = recursion(step, shared, state, inputs)
+    return states[-1], 1 - jnp.prod(_slopes(step, shared, _before(state, states), inputs))
 
-    def once(state: Array) -> Array:
-        return recursion(step, shared, state, inputs)[-1]
 
-    after, slope = jax.jvp(once, (state,), (jnp.ones_like(state),))
-    return after, 1 - slope
+def _before(start: Array, states: Array) -> Array:
+    return jnp.append(start, states[:-1])
+
+
+def _slopes(step: Step, shared: Any, before: Array, inputs: Any) -> Array:
+    """What each step (N,) makes of a small change of the state before."""
+
+    def steps(states: Array) -> Array:
+        return jax.vmap(step, (None, 0, 0))(shared, states, inputs)
+
+    return jax.jvp(steps, (before,), (jnp.ones_like(before),))[1]
 
 
 def _carried(slopes: Array, moved: Array) -> Array:

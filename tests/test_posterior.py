@@ -73,6 +73,30 @@ class Cubic(fj.AbstractBlock):
         return self.a.value * drive + self.b.value * drive**3
 
 
+class Following(fj.AbstractBlock):
+    """Two gains beside a recursion, y = a u + b x, x a low-pass of u."""
+
+    a: fj.Parameter
+    b: fj.Parameter
+    share: fj.Parameter
+
+    def __init__(self):
+        self.a = fj.Parameter(0.1, "response/drive", gain=True)
+        self.b = fj.Parameter(0.1, "response/drive", gain=True)
+        self.share = fj.Parameter(0.1, lower=0.01, upper=0.99, plausible=(0.05, 0.5))
+
+    @property
+    def linear(self) -> bool:
+        return False
+
+    def __call__(self, drive, grid):
+        def one(state, u):
+            state = state + self.share.value * (u - state)
+            return state, state
+
+        return self.a.value * drive + self.b.value * jax.lax.scan(one, drive[0], drive)[1]
+
+
 class Exponential(fj.AbstractBlock):
     """One shape and no gain: y = (exp(-γ u/50) - 1)/γ."""
 
@@ -411,7 +435,7 @@ def test_the_marginal_density_times_the_gains_is_the_joint_one(cubic, noise, num
 
 def test_shapes_are_simulated_once_for_all_gains():
     """A recursion does not run once more for every gain beside it."""
-    block = fj.blocks.BoucWen(0.1, -0.1)
+    block = Following()
     fit = fit_of(block, recording_of(block, 0.02), 0.02)
     target, terms = target_of(fit, fj.WhiteNoise(), {})
     marginal, _ = marginal_of(target, _starts(terms))

@@ -92,14 +92,8 @@ def _changes(
 @eqx.filter_jit
 def _passed(block: AbstractBlock, drive: ArrayLike, along: np.ndarray, grid: Grid) -> Array:
     """Changes (K, N) of the response along changes (K, N) of the drive."""
-    if block.linear:
-        return jax.vmap(lambda change: block(change, grid))(along)
-
-    def change_along(change: Array) -> Array:
-        return jax.jvp(lambda d: block(d, grid), (jnp.asarray(drive),), (change,))[1]
-
-    # One after the other: a recursion over samples is fastest in plain numbers.
-    return jax.lax.map(change_along, along)
+    change = jax.linearize(lambda d: block(d, grid), jnp.asarray(drive))[1]
+    return jax.vmap(change)(along)
 
 
 @eqx.filter_jit
@@ -108,28 +102,13 @@ def _columns(
 ) -> tuple[Array, Array]:
     """Derivatives (N, Σ size) with respect to the named parameters, in order, and the response."""
     u, parameters = jnp.asarray(drive), named_parameters(block)
-    values = {name: jnp.asarray(parameters[name].value) for name in names}
-    if block.linear:
-        flat, unravel = ravel_pytree(list(values.values()))
+    flat, unravel = ravel_pytree([jnp.asarray(parameters[name].value) for name in names])
 
-        def response(vector: Array) -> tuple[Array, Array]:
-            moved = set_values(block, dict(zip(names, unravel(vector), strict=True)))
-            found = moved(u, grid)
-            return found, found
+    def respond(vector: Array) -> Array:
+        return set_values(block, dict(zip(names, unravel(vector), strict=True)))(u, grid)
 
-        return jax.jacfwd(response, has_aux=True)(flat)
-
-    def column(name: str) -> Array:
-        def respond(value: Array) -> Array:
-            return set_values(block, {name: value})(u, grid)
-
-        value = values[name]
-        # A recursion over samples is fastest in plain numbers, one derivative after the other.
-        if value.ndim == 0:
-            return jax.jvp(respond, (value,), (jnp.ones_like(value),))[1][:, None]
-        return jax.jacfwd(respond)(value).reshape(u.size, -1)
-
-    return jnp.concatenate([column(name) for name in names], axis=1), block(u, grid)
+    response, change = jax.linearize(respond, flat)
+    return jax.vmap(change)(jnp.eye(flat.size)).T, response
 
 
 def _within(names: Sequence[str], part: str) -> list[str]:

@@ -39,57 +39,59 @@ def _changed(step: Step, at: tuple, along: tuple) -> tuple[Array, Array]:
     before, b of a change of what it was given."""
     shared, start, inputs = at
     states = recursion(step, shared, start, inputs)
-    before = _before(start, states)
-    steps, slopes = jax.vmap(step, (None, 0, 0)), _slopes(step, shared, before, inputs)
-    _, moved = jax.jvp(lambda s, i: steps(s, before, i), (shared, inputs), (along[0], along[2]))
+    slopes, moved = _changes(step, shared, _before(start, states), inputs, along)
     return states, _carried(slopes, moved.at[0].add(slopes[0] * along[1]))
 
 
 @partial(jax.custom_jvp, nondiff_argnums=(0,))
 def settled(step: Step, shared: Any, start: Array, inputs: Any) -> Array:
-    """The state that one more cycle of the same inputs does not change, sought from a start.
+    """States (N,) of the cycle that ends where it begins, sought from a start.
 
     By Newton's steps: a cycle F forgets a share of what it starts from, and x + (F - x) / (1 - F')
     is what would be left after infinitely many.  Its derivative is that of the condition x = F(x).
-    Where a cycle forgets nothing it is the state after some.
+    Where a cycle forgets nothing it is that which follows the start, or some cycles later.
     """
 
-    def improved(found: tuple[Array, Array, Array]) -> tuple[Array, Array, Array]:
-        state, _, cycles = found
-        after, forgotten = _cycle(step, shared, state, inputs)
-        change = (after - state) / jnp.where(forgotten > _LEAST_FORGOTTEN, forgotten, 1.0)
-        return state + change, change, cycles + 1
+    def improved(found: tuple[Array, Array, Array, Array]) -> tuple[Array, Array, Array, Array]:
+        begun, cycles = found[0], found[3]
+        states = recursion(step, shared, begun, inputs)
+        forgotten = 1 - jnp.prod(_slopes(step, shared, _before(begun, states), inputs))
+        change = (states[-1] - begun) / jnp.where(forgotten > _LEAST_FORGOTTEN, forgotten, 1.0)
+        return begun + change, states, change, cycles + 1
 
-    def moves(found: tuple[Array, Array, Array]) -> Array:
-        state, change, cycles = found
-        return (jnp.abs(change) > _SETTLED * (1 + jnp.abs(state))) & (cycles < _MOST_CYCLES)
+    def moves(found: tuple[Array, Array, Array, Array]) -> Array:
+        begun, _, change, cycles = found
+        return (jnp.abs(change) > _SETTLED * (1 + jnp.abs(begun))) & (cycles < _MOST_CYCLES)
 
-    begun = start, jnp.full_like(start, jnp.inf), jnp.zeros((), int)
-    return jax.lax.while_loop(moves, improved, begun)[0]
+    (count,) = {len(each) for each in jax.tree.leaves(inputs)}
+    unknown = jnp.full((count,), jnp.inf, start.dtype)
+    begun = start, unknown, unknown[0], jnp.zeros((), int)
+    return jax.lax.while_loop(moves, improved, begun)[1]
 
 
 @settled.defjvp
 def _settled_elsewhere(step: Step, at: tuple, along: tuple) -> tuple[Array, Array]:
+    """As a recursion's, from the change of the start with which the cycle ends too."""
     shared, start, inputs = at
-    state = settled(step, shared, start, inputs)
-
-    def once(shared: Any, inputs: Any) -> Array:
-        return recursion(step, shared, state, inputs)[-1]
-
-    _, change = jax.jvp(once, (shared, inputs), (along[0], along[2]))
-    _, forgotten = _cycle(step, shared, state, inputs)
+    states = settled(step, shared, start, inputs)
+    slopes, moved = _changes(step, shared, _before(states[-1], states), inputs, along)
+    once, kept = _carried(slopes, moved), jnp.cumprod(slopes)
+    forgotten = 1 - kept[-1]
     forgets = forgotten > _LEAST_FORGOTTEN
-    return state, forgets * change / jnp.where(forgets, forgotten, 1.0)
-
-
-def _cycle(step: Step, shared: Any, state: Array, inputs: Any) -> tuple[Array, Array]:
-    """The state after a cycle, and which share of a change of the one before that has forgotten."""
-    states = recursion(step, shared, state, inputs)
-    return states[-1], 1 - jnp.prod(_slopes(step, shared, _before(state, states), inputs))
+    return states, once + kept * forgets * once[-1] / jnp.where(forgets, forgotten, 1.0)
 
 
 def _before(start: Array, states: Array) -> Array:
     return jnp.append(start, states[:-1])
+
+
+def _changes(
+    step: Step, shared: Any, before: Array, inputs: Any, along: tuple
+) -> tuple[Array, Array]:
+    """What each step (N,) makes of a small change of the state before, and of what it is given."""
+    steps = jax.vmap(step, (None, 0, 0))
+    _, moved = jax.jvp(lambda s, i: steps(s, before, i), (shared, inputs), (along[0], along[2]))
+    return _slopes(step, shared, before, inputs), moved
 
 
 def _slopes(step: Step, shared: Any, before: Array, inputs: Any) -> Array:

@@ -139,8 +139,7 @@ class BoucWen(AbstractBlock):
         directions, turns = _directions(increments, grid)
         steps = (self.rho.value * jnp.abs(increments), turns)
         start = jnp.zeros_like(branch.travels[-1])
-        if grid.history == "periodic":
-            start = settled(_Branch.go_on, branch, start, steps)
-        travels = recursion(_Branch.go_on, branch, start, steps)
+        follow = settled if grid.history == "periodic" else recursion
+        travels = follow(_Branch.go_on, branch, start, steps)
         levels = jax.vmap(branch.at)(travels)[0]
         return self.k_u.value * drive + self.k_h.value * directions * levels

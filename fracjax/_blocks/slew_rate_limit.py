@@ -44,9 +44,8 @@ class SlewRateLimit(AbstractBlock):
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
         start, reach = grid.before(drive), self.rate.value * grid.step
-        if grid.history == "periodic":
-            start = settled(_follow, reach, start, drive)
-        return recursion(_follow, reach, start, drive)
+        follow = settled if grid.history == "periodic" else recursion
+        return follow(_follow, reach, start, drive)
 
 
 def _follow(reach: Array, voltage: Array, command: Array) -> Array:

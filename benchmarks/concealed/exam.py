@@ -1,6 +1,6 @@
 """The exam: cases with neutral names, their labels, and the hash that seals the labels.
 
-Run: python -m benchmarks.concealed.exam --out DIR [--cases 0:100 | --subset ci] [--jobs 2]
+Run: python -m benchmarks.concealed.exam --out DIR [--cases 0:100 … | --subset ci] [--jobs 2]
 
 Writes case_0001.csv (and .holdout.csv for some), labels.json and labels.sha256: SHA-256 of the
 labels as canonical JSON (keys sorted, no spaces), which `grade.py` checks.
@@ -97,7 +97,8 @@ def main() -> None:
     p = argparse.ArgumentParser(description=main.__doc__)
     p.add_argument("--out", type=File, required=True)
     p.add_argument("--seed", type=int, default=SEED)
-    p.add_argument("--cases", type=part_of, default=":", help="part of the list, such as 0:100")
+    p.add_argument("--cases", type=part_of, nargs="+", default=[slice(None)],
+                   help="parts of the list, such as 0:100")  # fmt: skip
     p.add_argument("--subset", choices=["ci"])
     p.add_argument("--kind", choices=list(CI), help="only cases of this kind")
     p.add_argument("--jobs", type=int, default=1)
@@ -106,7 +107,7 @@ def main() -> None:
     specs = design(a.seed)
     which = subset(specs) if a.subset else range(len(specs))
     which = [k for k in which if a.kind in (None, specs[k].kind)]
-    which = which[a.cases]
+    which = [k for part in a.cases for k in which[part]]
     start = time.perf_counter()
     labels = write_exam(a.out, [(k, specs[k]) for k in which], a.jobs)
     seconds = time.perf_counter() - start

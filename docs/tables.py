@@ -9,11 +9,13 @@ from __future__ import annotations
 
 import csv
 import re
+from collections.abc import Iterable
 from pathlib import Path
 
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
 MARKS = "concealed/marks"
+NONE = {"n": "0"}
 
 _LENGTHS = ("1000", "10000", "100000", "1000000")
 _OPERATORS = {
@@ -107,40 +109,41 @@ def compensation() -> str:
 
 def exam() -> str:
     """Marks of the diagnosis on cases from a simulator that it shares nothing with: the largest of
-    the last runs, the concealed ones among its cases, the cases after them, short and long ones
-    asked apart, and all with the two runs before; and of a run of nulls alone."""
+    the last runs, those that came after it, and all with the two before; the concealed ones among
+    these; and a run of nulls alone."""
     own = "target", "value", "95 % interval", "cases"
-    heads = "measure", *own, "concealed", "after", "in five runs"
+    heads = "measure", *own, "after", "in six runs", "concealed ones in six"
     lines = [_line(*heads), "|---" * len(heads) + "|"]
-    last, hidden, short, long, *before = (
-        {row["measure"]: row for row in rows_of(f"{MARKS}/{table}") if row["n"] != "0"}
-        for table in (
-            "from_971/grade.csv",
-            "from_971/concealed.csv",
-            "from_1121/grade.csv",
-            "from_1121_long/grade.csv",
-            "from_881/grade.csv",
-            "from_791/grade.csv",
+    largest, newest = "from_971", "from_521"
+    after = ("from_1121", "from_1121_long", newest)
+    runs = (largest, *after, "from_881", "from_791")
+    seen = {row["measure"]: row for row in _marks([largest], "grade")}
+    (alone, *_) = _marks(["nulls"], "grade")
+    lines.append(_line(f"{alone['measure']}, a run of these alone", *_told(alone), "", "", ""))
+    for row in _marks([newest], "grade"):
+        beside = (
+            _together(row["measure"], _marks(some, table))
+            for some, table in ((after, "grade"), (runs, "grade"), (runs, "concealed"))
         )
-    )
-    nulls = rows_of(f"{MARKS}/nulls/grade.csv")[0]
-    alone = nulls | {"measure": f"{nulls['measure']}, a run of these alone"}
-    for row in (alone, *rows_of(f"{MARKS}/from_971/grade.csv")):
-        name = row["measure"]
-        found = ("not measured", "")
-        if row["n"] != "0":
-            found = row["value"], f"{row['low']} to {row['high']}"
-        beside = [
-            _together([run[name] for run in runs if name in run])
-            for runs in ((hidden,), (short, long), (last, short, long, *before))
-        ]
-        lines.append(_line(name, row["target"], *found, row["n"], *beside))
+        lines.append(_line(row["measure"], *_told(seen.get(row["measure"], row | NONE)), *beside))
     return "\n".join(lines)
 
 
-def _together(runs: list[dict[str, str]]) -> str:
+def _marks(runs: Iterable[str], table: str) -> list[dict[str, str]]:
+    return [row for run in runs for row in rows_of(f"{MARKS}/{run}/{table}.csv")]
+
+
+def _told(row: dict[str, str]) -> tuple[str, ...]:
+    """Target, value, interval and number of cases."""
+    value, interval = row["value"], f"{row['low']} to {row['high']}"
+    measured = (value, interval) if row["n"] != "0" else ("not measured", "")
+    return row["target"], *measured, row["n"]
+
+
+def _together(name: str, rows: list[dict[str, str]]) -> str:
     """A share or a mean over runs; of several medians or calibration errors there is none."""
-    summary = any(word in run["measure"] for run in runs for word in ("median", "calibration"))
+    runs = [row for row in rows if row["measure"] == name and row["n"] != "0"]
+    summary = "median" in name or "calibration" in name
     if not runs or (len(runs) > 1 and summary):
         return ""
     counts = [int(run["n"]) for run in runs]

@@ -15,7 +15,6 @@ from pathlib import Path
 ROOT = Path(__file__).resolve().parents[1]
 README = ROOT / "README.md"
 MARKS = "concealed/marks"
-NONE = {"n": "0"}
 
 _LENGTHS = ("1000", "10000", "100000", "1000000")
 _OPERATORS = {
@@ -120,12 +119,11 @@ def exam() -> str:
     seen = {row["measure"]: row for row in _marks([largest], "grade")}
     (alone, *_) = _marks(["nulls"], "grade")
     lines.append(_line(f"{alone['measure']}, a run of these alone", *_told(alone), "", "", ""))
+    sets = _marks(after, "grade"), _marks(runs, "grade"), _marks(runs, "concealed")
     for row in _marks([newest], "grade"):
-        beside = (
-            _together(row["measure"], _marks(some, table))
-            for some, table in ((after, "grade"), (runs, "grade"), (runs, "concealed"))
-        )
-        lines.append(_line(row["measure"], *_told(seen.get(row["measure"], row | NONE)), *beside))
+        name = row["measure"]
+        marks = _told(seen.get(name, row | {"n": "0"}))
+        lines.append(_line(name, *marks, *(_together(name, rows) for rows in sets)))
     return "\n".join(lines)
 
 

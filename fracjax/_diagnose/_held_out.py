@@ -13,7 +13,7 @@ from .._parameters import named_parameters
 from .._recording import Recording
 from ._residual import errors_of
 
-_FOLDS, _WILLING, _SURE, _CLEARLY_WORSE = 5, 0.8, 2.0, 1.2
+_FOLDS, _WILLING, _SURE, _CLEARLY_WORSE = 5, 0.8, 2.0, 2.0
 _FORETOLD = 2.0
 # Of a drive given twice no fold holds the same phase of both times.
 _BLOCKS = 22
@@ -46,7 +46,7 @@ Predict = Callable[[Solved, Preparation], Prediction]
 
 
 def foretells_worse(predict: Predict, base: Prediction, extended: Prediction) -> bool:
-    """Whether a recording that was held out is a fifth further from the extended model than from
+    """Whether a recording that was held out is clearly further from the extended model than from
     the base: what the training leaves open excuses no prediction that is worse than none.
 
     Stretches are no such recording: where their neighbours do not foretell them, nothing does.

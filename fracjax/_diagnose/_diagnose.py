@@ -35,6 +35,7 @@ from .._fit._border import model_of, recordings_of, require_recording, whole
 from .._models import Model
 from .._recording import Recording, require_units_of
 from ._codes import seen_in_codes
+from ._curve import Curve, find_curve
 from ._held_out import (
     Predict,
     Prediction,
@@ -189,12 +190,12 @@ class _Conclusion:
 
     @property
     def stage(self) -> Stage:
-        """What was adopted; the base alone, where effects have only followed jumps."""
-        return self.course.stage if self.jumps is None else self.base
+        """What was adopted; the base alone, where effects have only followed what is no law."""
+        return self.course.stage if self.lawless is None else self.base
 
     @property
     def rounds(self) -> list[Round]:
-        return self.course.rounds if self.jumps is None else []
+        return self.course.rounds if self.lawless is None else []
 
     def diagnosis(self, limits: Limits, progress: Progress) -> Diagnosis:
         """The verdict and everything that supports it."""
@@ -219,7 +220,7 @@ class _Conclusion:
                 self.noise,
                 held_out,
                 self.course.too_small,
-                self.jumps and self.jumps.sentence,
+                self.lawless and self.lawless.sentence,
                 self.exceeds_the_noise,
             ),
             base=base_fit,
@@ -239,7 +240,7 @@ class _Conclusion:
     def _verdict(self, effects: tuple[NamedEffect, ...]) -> Verdict:
         if effects:
             return "confusable" if any(e.confusable_with for e in effects) else "missing"
-        if self.jumps is not None:
+        if self.lawless is not None:
             return "unexplained"
         # Where no effect gains anything, places alone must be surer: a noise level that was read
         # from few samples with heavy tails is off by more than it says.
@@ -274,6 +275,11 @@ class _Conclusion:
         found = first.least if effects else first.p_value
         return found if self.jumps is None else min(found, self.jumps.p_value(self.base))
 
+    @property
+    def lawless(self) -> Jumps | Curve | None:
+        """What describes the mismatch without a law, and better than any law."""
+        return self.jumps or self.curve
+
     @cached_property
     def jumps(self) -> Jumps | None:
         """Jumps, if they tell enough, and more than the effects that were adopted or may have been.
@@ -291,6 +297,28 @@ class _Conclusion:
             return None
         others = [stage.solved, *(j.solved for j in self.course.opening if j.admissible)]
         return jumps if min(map(jumps.ahead_of, others)) >= DELTA_BIC else None
+
+    @cached_property
+    def curve(self) -> Curve | None:
+        """A static curve, if it tells enough, and clearly more than the effects that were adopted or
+        may have been."""
+        base, stage = self.base, self.course.stage
+        if self.course.first.least >= SIGNIFICANCE or not self.course.is_real:
+            return None
+        curve = find_curve(base)
+        if explained_fraction(base, curve.solved) < EXPLAINED:
+            return None
+        others = [
+            base.solved,
+            stage.solved,
+            *(j.solved for j in self.course.opening if j.admissible),
+        ]
+        gained = base.solved.bic - stage.solved.bic
+        if not all(curve.is_ahead_of(other, gained) for other in others):
+            return None
+        foretold = self.predict(stage.solved, stage.preparation)
+        by_curve = self.predict(curve.solved, base.preparation)
+        return None if foretells_worse(self.predict, foretold, by_curve) else curve
 
     def _extended(self, progress: Progress) -> Fit:
         """The fit with what was adopted, and the intervals of what is named."""
@@ -374,8 +402,9 @@ class _Conclusion:
         why = reason(score, judged, adopted, p_value, forbidding)
         if score.effect.name in named and score.effect.name not in adopted:
             why = "named: the response lies on a grid whose steps are as large as the noise"
-        if self.jumps is not None and judged is not None and judged.admissible:
-            why = "rejected: jumps of the response tell more"
+        if self.lawless is not None and judged is not None and judged.admissible:
+            told = "jumps of the response tell" if self.jumps else "a static curve tells"
+            why = f"rejected: {told} more"
         return Candidate(
             name=score.effect.name,
             site=score.effect.site,
@@ -468,7 +497,7 @@ class _Conclusion:
         if verdict == "confusable":
             sets = [[r.winner, *rivals_of(r.winner, r.found)] for r in self.rounds]
             rivals = max(sets, key=len)
-        elif verdict == "unexplained" and self.jumps is None:
+        elif verdict == "unexplained" and self.lawless is None:
             rivals = sorted(self.course.judged.values(), key=lambda j: -j.delta_bic)
         else:
             return None

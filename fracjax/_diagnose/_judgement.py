@@ -97,9 +97,15 @@ class Judged:
     @property
     def foretells_a_recording(self) -> bool:
         """Whether a recording that was held out is beyond doubt better foretold with it, and about
-        as well as the training is followed."""
-        is_recording = self.predict is not predict_stretches
-        return is_recording and self.gain.convincing and self.gain.foretells(self.solved.left)
+        as well as the training is followed.
+
+        Gains that begin anew have been read from that recording, and foretell nothing of it.
+        """
+        own, shapes = (of(self.solved.block) for of in (self.layer.own, self.layer.own_shapes))
+        gains = [parameter for name, parameter in own.items() if name not in shapes]
+        if self.predict is predict_stretches or (gains and all(p.per_recording for p in gains)):
+            return False
+        return self.gain.convincing and self.gain.foretells(self.solved.left)
 
     @property
     def is_exact(self) -> bool:

@@ -1,0 +1,106 @@
+r"""A static curve that no law of the catalogue has: a description without a law.
+
+An amplifier with kinks, a hinge that stiffens, a sensor with its own table:
+
+    v = u + Σ_i c_i |u - u_i|,    twelve u_i evenly over the range
+
+of the drive u ahead of the base, or of its response behind it, with the slopes as the data have
+them.  It is the same on the way up and down and at any rate; plays of either sign follow it on one
+loop, for there a branch up and one down are all that shows of them.  An effect's own law has a few
+numbers where the curve has twelve: it is ahead of any curve where it is right.
+Source: the piecewise linear static part of a Hammerstein or Wiener model, Giri & Bai, Block-oriented
+Nonlinear System Identification (2010), chapter 1.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+
+from .._blocks import AbstractBlock
+from .._fit import Solved, solve_from
+from .._operators import Grid
+from .._parameters import Parameter, named_parameters
+from ._evidence import delta_bic
+from ._judgement import margin_of
+from ._stage import Stage
+
+_KINKS = 12
+
+
+class Bent(AbstractBlock):
+    """The curve, with half of each change of slope for a number, dimensionless."""
+
+    turns: Parameter
+    kinks: Array | np.ndarray
+
+    def __init__(self, low: float, high: float):
+        self.turns = Parameter(np.zeros(_KINKS), gain=True)
+        self.kinks = low + (np.arange(_KINKS) + 0.5) / _KINKS * (high - low)
+
+    @property
+    def linear(self) -> bool:
+        return False
+
+    def __call__(self, drive: Array, grid: Grid) -> Array:
+        return drive + jnp.abs(drive[:, None] - jnp.asarray(self.kinks)) @ self.turns.value
+
+
+@dataclass(frozen=True)
+class Curve:
+    """The base fitted together with a curve of the `argument`, drive or response, in its `unit`."""
+
+    argument: str
+    unit: str
+    kinks: np.ndarray
+    turns: np.ndarray
+    solved: Solved
+
+    def is_ahead_of(self, other: Solved, gained: float) -> bool:
+        """Whether it excludes another fit, which has gained so much in BIC."""
+        return delta_bic(other, self.solved) >= margin_of(gained)
+
+    @property
+    def sentence(self) -> str:
+        """Where it is steepest and flattest, in words."""
+        inner = 1 + np.sign(self.kinks[:-1, None] + 1e-9 - self.kinks) @ self.turns
+        slopes = inner / inner.mean()
+        told = [
+            f"{word} ({slopes[k]:.3g} times its mean slope) from {self.kinks[k]:.4g} to "
+            f"{self.kinks[k + 1]:.4g} {self.unit}"
+            for word, k in (("steepest", np.argmax(slopes)), ("flattest", np.argmin(slopes)))
+        ]
+        remedy = {
+            "drive": "Record the voltage at the actuator itself: a curve of the amplifier's is "
+            "then in the drive.",
+            "response": "Record the same drive with the sensor's gap shifted, or beside another "
+            "sensor: a curve of the sensor's then moves along.",
+        }[self.argument]
+        return (
+            f"It looks like a static curve of the {self.argument}, the same up and down and at "
+            f"any rate, of no shape that the catalogue has: {' and '.join(told)}. {remedy}"
+        )
+
+
+def find_curve(base: Stage) -> Curve:
+    """The base fitted with a curve of the drive or of the response, whichever gains more."""
+    setting, recording = base.preparation.setting, base.preparation.takes[0].recording
+    ahead = Bent(setting.drive_low, setting.drive_high)
+    behind = Bent(setting.response_low, setting.response_low + setting.response_span)
+    bare = (base.solved.block, base.nominal)
+    found = [
+        _fitted("drive", recording.drive_unit, "first", [ahead >> block for block in bare], base),
+        _fitted("response", recording.response_unit, "second", [b >> behind for b in bare], base),
+    ]
+    return min(found, key=lambda curve: curve.solved.bic)
+
+
+def _fitted(
+    argument: str, unit: str, place: str, starts: list[AbstractBlock], base: Stage
+) -> Curve:
+    solved = solve_from(starts, base.preparation)
+    turns = named_parameters(solved.block)[f"{place}.turns"].value
+    return Curve(argument, unit, getattr(starts[0], place).kinks, np.asarray(turns), solved)

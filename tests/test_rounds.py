@@ -872,3 +872,13 @@ def test_what_a_coarse_grid_leaves_over_does_not_count_twice(left, asked, monkey
     """A mode gained less by it, and that again was divided by what it left: two modes won."""
     found = [fine_judged("a", 1000, plausible=True), fine_judged("b", 850, True, left)]
     assert refined_contenders(found, {"b": 1100}, monkeypatch)[0] == asked
+
+
+def test_what_is_read_from_a_recording_foretells_nothing_of_it():
+    """A drift begins anew with every recording, and follows whatever is slow in that."""
+    with jax.enable_x64(True):
+        stage = stage_of(())
+        told = [
+            judged(stage, n).foretells_a_recording for n in ("electrostriction", "thermal_drift")
+        ]
+    assert told == [True, False]

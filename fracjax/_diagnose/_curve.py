@@ -7,9 +7,9 @@ An amplifier with kinks, a hinge that stiffens, a sensor with its own table:
 of the drive u ahead of the base, or of its response behind it, with the slopes as the data have
 them.  It is the same on the way up and down and at any rate; plays of either sign follow it on one
 loop, for there a branch up and one down are all that shows of them.  An effect's own law has a few
-numbers where the curve has twelve: it is ahead of any curve where it is right.
-Source: the piecewise linear static part of a Hammerstein or Wiener model, Giri & Bai, Block-oriented
-Nonlinear System Identification (2010), chapter 1.
+numbers where the curve has twelve: where it is right no curve is ahead of it.
+Source: the piecewise linear static part of a Hammerstein or Wiener model, Giri & Bai,
+Block-oriented Nonlinear System Identification (2010), chapter 1.
 """
 
 from __future__ import annotations

@@ -300,7 +300,7 @@ class _Conclusion:
 
     @cached_property
     def curve(self) -> Curve | None:
-        """A static curve, if it tells enough, and clearly more than the effects that were adopted or
+        """A static curve, if it tells enough, and clearly more than any effect that was adopted or
         may have been."""
         base, stage = self.base, self.course.stage
         if self.course.first.least >= SIGNIFICANCE or not self.course.is_real:

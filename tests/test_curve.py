@@ -26,7 +26,7 @@ AT = np.array([22.0, 41.0, 60.0, 79.0])
 TOLD = fj.Noise(SIGMA, "um", "specification", np.ones(1), SIGMA)
 
 
-def bent(values: np.ndarray, turns: list[float], at: np.ndarray = AT) -> np.ndarray:
+def bent(values: np.ndarray, turns: list[float] | np.ndarray, at: np.ndarray = AT) -> np.ndarray:
     """Straight pieces that meet at four values."""
     return values + np.abs(values[:, None] - at) @ turns
 
@@ -78,7 +78,7 @@ def slopes_of(curve: Curve, low: float, high: float) -> np.ndarray:
     """The slope of each twelfth of a range, but for the first and last, over the mean."""
     edges = low + (np.arange(12) + 0.5) / 12 * (high - low)
     np.testing.assert_allclose(curve.kinks, edges)
-    slopes = np.diff(bent(edges, list(curve.turns), edges)) / np.diff(edges)
+    slopes = np.diff(bent(edges, curve.turns, edges)) / np.diff(edges)
     return slopes / slopes.mean()
 
 

@@ -43,7 +43,7 @@ from fracjax._posterior import (
 )
 from fracjax._posterior._discrepancy import discrepancy_of
 from fracjax._posterior._doubt import doubt_of
-from fracjax._posterior._marginal import _candidates, figures, marginal_of
+from fracjax._posterior._marginal import Marginal, _candidates, _linear, figures, marginal_of
 from fracjax._posterior._noise_models import autoregressive, partial_autocorrelations
 from fracjax._posterior._posterior import _starts
 from fracjax._posterior._prior import values_of
@@ -437,8 +437,9 @@ def test_shapes_are_simulated_once_for_all_gains():
     """A recursion does not run once more for every gain beside it."""
     block = Following()
     fit = fit_of(block, recording_of(block, 0.02), 0.02)
-    target, terms = target_of(fit, fj.WhiteNoise(), {})
-    marginal, _ = marginal_of(target, _starts(terms))
+    target, _ = target_of(fit, fj.WhiteNoise(), {})
+    gains = _candidates(target)
+    marginal = Marginal(target, _linear(target, gains), gains)
     assert len(marginal.integrated) == 2
 
     def recursions(jaxpr: Any) -> Iterator[Any]:

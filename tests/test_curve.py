@@ -85,7 +85,8 @@ def slopes_of(curve: Curve, low: float, high: float) -> np.ndarray:
 def test_a_kinked_drive_is_found_with_its_slopes():
     with jax.enable_x64(True):
         base = fitted(kinked_drive())
-        curve = find_curve(base)
+        curve = find_curve(base, 0.0)
+    assert curve is not None
     assert (curve.argument, curve.unit) == ("drive", "V")
     assert curve.solved.cost < 1.15 * curve.solved.samples < 0.5 * base.solved.cost
     slopes = slopes_of(curve, 10, 90)
@@ -96,13 +97,25 @@ def test_a_kinked_drive_is_found_with_its_slopes():
     assert f"its mean slope) from {low:.4g} to {high:.4g} V and flattest (" in curve.sentence
 
 
+def test_what_gains_too_little_is_not_fitted():
+    """The linear test foretells what a curve so slight gains, to a hundredth."""
+    with jax.enable_x64(True):
+        base = fitted(kinked_drive())
+        curve = find_curve(base, 0.0)
+        assert curve is not None
+        gained = base.solved.cost - curve.solved.cost
+        assert find_curve(base, 0.98 * gained) is not None
+        assert find_curve(base, 1.02 * gained) is None
+
+
 def test_a_sensor_with_a_table_of_its_own_is_a_curve_of_the_response():
     plain = lfdh(DRIVE)
     low, span = plain.min(), np.ptp(plain)
     turns = [0.02, -0.03, 0.01, 0.01]
     seen = recording(bent(plain, turns, low + span * np.array([0.15, 0.4, 0.6, 0.85])))
     with jax.enable_x64(True):
-        curve = find_curve(fitted(seen))
+        curve = find_curve(fitted(seen), 0.0)
+    assert curve is not None
     assert (curve.argument, curve.unit) == ("response", "um")
     assert curve.solved.cost < 1.2 * curve.solved.samples
     assert "gap shifted" in curve.sentence
@@ -146,7 +159,7 @@ def test_a_law_of_the_catalogue_keeps_its_name(name, response):
 
 
 def test_nothing_is_looked_for_where_nothing_is_missing(monkeypatch):
-    def forbidden(base: Stage) -> Curve:
+    def forbidden(base: Stage, least: float) -> Curve:
         raise AssertionError
 
     monkeypatch.setattr("fracjax._diagnose._diagnose.find_curve", forbidden)

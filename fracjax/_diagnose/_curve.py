@@ -21,11 +21,13 @@ import numpy as np
 from jax import Array
 
 from .._blocks import AbstractBlock
-from .._fit import Solved, solve_from
+from .._fit import Solved, orthonormal, solve_from
 from .._operators import Grid
 from .._parameters import Parameter, named_parameters
 from ._evidence import delta_bic
 from ._judgement import margin_of
+from ._residual import residual_of
+from ._score import Residual
 from ._stage import Stage
 
 _KINKS = 12
@@ -85,17 +87,34 @@ class Curve:
         )
 
 
-def find_curve(base: Stage) -> Curve:
-    """The base fitted with a curve of the drive or of the response, whichever gains more."""
+def find_curve(base: Stage, least: float) -> Curve | None:
+    """The base fitted with a curve of the drive or of the response, whichever gains more; None
+    where neither gains `least` in χ² in the linear test."""
     setting, recording = base.preparation.setting, base.preparation.takes[0].recording
     ahead = Bent(setting.drive_low, setting.drive_high)
     behind = Bent(setting.response_low, setting.response_low + setting.response_span)
     bare = (base.solved.block, base.nominal)
-    found = [
-        _fitted("drive", recording.drive_unit, "first", [ahead >> block for block in bare], base),
-        _fitted("response", recording.response_unit, "second", [b >> behind for b in bare], base),
+    sides = [
+        ("drive", recording.drive_unit, "first", [ahead >> block for block in bare]),
+        ("response", recording.response_unit, "second", [block >> behind for block in bare]),
     ]
-    return min(found, key=lambda curve: curve.solved.bic)
+    residual = residual_of(base.solved, base.preparation)
+    found = [
+        _fitted(argument, unit, place, starts, base)
+        for argument, unit, place, starts in sides
+        if _promised(starts[0], place, base, residual) >= least
+    ]
+    return min(found, key=lambda curve: curve.solved.bic, default=None)
+
+
+def _promised(block: AbstractBlock, place: str, base: Stage, residual: Residual) -> float:
+    """What all changes of slope together would take from χ², by the projected score test."""
+    pieces = [
+        problem.whiten(problem.linearised(block, [f"{place}.turns"])[1])
+        for problem in base.preparation.problems()
+    ]
+    directions = orthonormal(residual.project(np.concatenate(pieces).T).T)
+    return float(np.sum((directions.T @ residual.whitened) ** 2))
 
 
 def _fitted(

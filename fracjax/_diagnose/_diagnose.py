@@ -305,8 +305,9 @@ class _Conclusion:
         base, stage = self.base, self.course.stage
         if self.course.first.least >= SIGNIFICANCE or not self.course.is_real:
             return None
-        curve = find_curve(base)
-        if explained_fraction(base, curve.solved) < EXPLAINED:
+        fall = max(base.solved.cost - stage.solved.cost, base.excess)
+        curve = find_curve(base, _WORTH_FITTING * fall)
+        if curve is None or explained_fraction(base, curve.solved) < EXPLAINED:
             return None
         others = [
             base.solved,

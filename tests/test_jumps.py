@@ -11,7 +11,7 @@ import fracjax as fj
 from fracjax._blocks import EFFECTS
 from fracjax._diagnose._diagnose import _Conclusion
 from fracjax._diagnose._held_out import predict_stretches
-from fracjax._diagnose._jumps import Jumps, find_jumps
+from fracjax._diagnose._jumps import Jumps, find_jumps, hidden_in_noise
 from fracjax._diagnose._next_experiment import recorded_limits
 from fracjax._diagnose._procedure import Course
 from fracjax._diagnose._stage import Layer, Stage
@@ -140,3 +140,44 @@ def test_a_reading_held_for_a_moment_is_no_tail_of_the_noise_and_can_be_left_out
     assert " um at 2 s" in found.sentence
     assert " um at 2.03 s" in found.sentence
     assert fj.diagnose("lfdh", held, mask=[(1.99, 2.04)]).verdict == "none"
+
+
+def periods(*jumps: tuple[float, float], slow: float = 0.0) -> fj.Recording:
+    """Six settled cycles of LFDH, whose differences tell the noise; jumps, and a wandering sum."""
+    drive = 50 - 40 * np.cos(2 * np.pi * 2 * TIMES)
+    plain = fj.simulate(fj.parse_model("lfdh"), drive, STEP, "periodic").response
+    generator = np.random.default_rng(4)
+    noise = SIGMA * generator.standard_normal(TIMES.size)
+    noise += slow * np.cumsum(generator.standard_normal(TIMES.size))
+    response = plain + noise + sum(size * (at <= TIMES) for at, size in jumps)
+    return fj.Recording(drive, response, STEP, "V", "um", source="cycles.csv")
+
+
+def hidden(seen: fj.Recording) -> tuple[Jumps, fj.Noise] | None:
+    with jax.enable_x64(True):
+        preparation = prepare([seen], history="periodic")
+        block = fj.parse_model("lfdh", preparation.setting).block
+        return hidden_in_noise(
+            Stage("lfdh", block, (), solve_from([block], preparation), preparation)
+        )
+
+
+def test_jumps_that_the_floor_holds_are_told_with_the_noise_beside_them():
+    found = hidden(periods((1.13, 0.08), (2.06, -0.05)))
+    assert found is not None
+    jumps, beside = found
+    assert beside.sigma == pytest.approx(SIGMA, rel=0.1)
+    assert jumps.preparation.takes[0].jumps == pytest.approx([226, 412], abs=1)
+
+
+@pytest.mark.parametrize("slow", [0.0, 0.1 * SIGMA, SIGMA])
+def test_noise_of_one_colour_holds_no_jumps(slow):
+    assert hidden(periods(slow=slow)) is None
+
+
+def test_a_diagnosis_that_cannot_see_jumps_for_noise_says_so():
+    found = fj.diagnose("lfdh", periods((1.13, 0.3), (2.06, -0.2)))
+    assert found.verdict == "none"
+    (warning,) = (w for w in found.warnings if "the noise floor holds what looks like" in w)
+    for told in (warning, found.sentence):
+        assert "like jumps of the response: +0.3 um at 1.13 s, -0.2 um at 2.06 s; beside" in told

@@ -80,6 +80,7 @@ def said(
     held_out=HELD_OUT,
     too_small=None,
     free_form=None,
+    in_the_noise=None,
     exceeds=False,
 ) -> str:
     candidates = [
@@ -97,6 +98,7 @@ def said(
         held_out,
         too_small,
         free_form,
+        in_the_noise,
         exceeds,
     )
 
@@ -118,6 +120,7 @@ def test_a_verdict_of_none_names_what_could_be_hidden(monkeypatch):
     )
     assert said("none", held_out=replace(elsewhere, base_rmse=1.9)) == said("none")
     assert said("none", held_out=replace(elsewhere, method="stretches")) == said("none")
+    assert said("none", in_the_noise="it jumps.") == said("none") + " But it jumps."
     monkeypatch.setattr(SETTING, "response_span", 0.2)
     assert said("none").endswith("creep, which foh takes up whole on such a drive.")
     residual = fj.Noise(1.0, "um", "residual", np.ones(1), 1.0)

@@ -60,7 +60,7 @@ from ._judgement import (
     reason,
     rivals_of,
 )
-from ._jumps import Jumps, find_jumps
+from ._jumps import Jumps, find_jumps, hidden_in_noise
 from ._locate import acting_at, frequency, locate
 from ._next_experiment import Limits, parse_limits, propose, recorded_limits
 from ._procedure import Course, Round, explained_by_noise, run, with_noise_beyond_mismatch
@@ -221,6 +221,7 @@ class _Conclusion:
                 held_out,
                 self.course.too_small,
                 self.lawless and self.lawless.sentence,
+                self.hidden,
                 self.exceeds_the_noise,
             ),
             base=base_fit,
@@ -523,6 +524,8 @@ class _Conclusion:
         found += too_coarse(self.numerics)
         if not self.base.solved.converged:
             found.append("The base fit did not converge; its figures are those of its best point.")
+        if self.hidden:
+            found.append(f"{self.base.preparation.takes[0].recording.source}: {self.hidden}")
         return (*found, *self._tones(), *self._displaced())
 
     def _tones(self) -> list[str]:
@@ -540,6 +543,21 @@ class _Conclusion:
                     "counts as noise and hides what is smaller; keep it out of the recording."
                 )
         return said
+
+    @cached_property
+    def hidden(self) -> str | None:
+        """Jumps that count as noise, for what repeats does not have them, in words."""
+        if self.lawless is not None or self.course.rounds:
+            return None
+        hidden = hidden_in_noise(self.base)
+        if hidden is None:
+            return None
+        jumps, beside = hidden
+        return (
+            f"the noise floor holds what looks like {jumps.listed}; beside them the noise is "
+            f"{beside.sigma:.3g} {beside.unit}. They count as noise and hide what is smaller; "
+            "leave out the time that they spoil (--mask), or record the same drive again."
+        )
 
     def _displaced(self) -> list[str]:
         """Base parameters outside their usual range: what is missing may hide in them."""

@@ -13,12 +13,12 @@ Source: Basseville & Nikiforov, Detection of Abrupt Changes (1993), section 2.6.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.stats import chi2
 
-from .._fit import Preparation, Problem, Solved, solve_from
+from .._fit import Noise, Preparation, Problem, Solved, median_size, residual_noise, solve_from
 from ._residual import beside_fit, residual_of
 from ._score import Residual
 from ._stage import Stage
@@ -28,6 +28,7 @@ _PLACES = 400
 _AT_ONCE = 4_000_000
 _LEAST_SEEN = 1e-6
 _BRIEF, _BACK = 5, 0.5
+_LIKELIER, _CLEARLY_LESS = 10.0, 0.85
 
 
 @dataclass(frozen=True)
@@ -89,7 +90,7 @@ class Jumps:
         return float(np.exp(min(0.0, chi2.logsf(fall, 2 * self.count) + self.searched)))
 
     @property
-    def sentence(self) -> str:
+    def listed(self) -> str:
         """Sizes and times in words."""
         told, several = [], len(self.preparation.takes) > 1
         for take, sizes in zip(self.preparation.takes, self.sizes, strict=True):
@@ -99,9 +100,13 @@ class Jumps:
                 told.append(
                     f"{size:+.3g} {recording.response_unit} at {at * recording.dt:.4g} s{of}"
                 )
-        many = "jumps" if len(told) > 1 else "a jump"
+        return f"{'jumps' if len(told) > 1 else 'a jump'} of the response: {', '.join(told)}"
+
+    @property
+    def sentence(self) -> str:
+        """What they are, and what to do."""
         return (
-            f"It looks like {many} of the response: {', '.join(told)}. Record the same drive "
+            f"It looks like {self.listed}. Record the same drive "
             "again, for such jumps come at other times and what the drive causes at the same; or "
             "leave out the time that they spoil (--mask)."
         )
@@ -121,6 +126,37 @@ def find_jumps(base: Stage, least: float) -> Jumps | None:
     first = _fitted(places, base, base.solved)
     again, _ = _places(problems, _without_jumps(first, base.preparation))
     return _fitted(again, base, first.solved) if again and {*again} != {*places} else first
+
+
+def hidden_in_noise(base: Stage) -> tuple[Jumps, Noise] | None:
+    """Jumps that the first recording's noise floor holds, and the noise beside them: where two
+    periods differ by a jump, what does not repeat is as large as that.
+
+    They are sought beside white noise of the size by which neighbouring samples differ.  None where
+    they are not likelier than noise of one colour, or leave it nearly as large: steps here and
+    there follow a slow noise too, but take little from it.
+    """
+    take, before = base.preparation.takes[0], base.solved.simulations[0]
+    recording, floor = take.recording, take.noise
+    assert floor is not None  # a diagnosis has one
+    size = median_size(np.diff((recording.response - before)[take.used]))
+    if not 0 < size < _CLEARLY_LESS * floor.sigma:
+        return None
+    white = Noise(size, floor.unit, "specification", np.ones(1), size)
+    preparation = replace(base.preparation, takes=(replace(take, noise=white),))
+    solved = solve_from([base.solved.block], preparation)
+    jumps = find_jumps(replace(base, solved=solved, preparation=preparation), 0.0)
+    if jumps is None:
+        return None
+    whole, beside = (
+        residual_noise(recording.response - simulation, take.used, recording)
+        for simulation in (before, jumps.solved.simulations[0])
+    )
+    samples = np.count_nonzero(take.used)
+    fall = 2 * samples * np.log(whole.innovation / beside.innovation)
+    if fall < 2 * jumps.count * np.log(samples) + _LIKELIER:
+        return None
+    return (jumps, beside) if beside.sigma < _CLEARLY_LESS * floor.sigma else None
 
 
 def _fitted(places: list[tuple[int, int]], base: Stage, solved: Solved) -> Jumps:

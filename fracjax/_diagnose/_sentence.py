@@ -66,6 +66,7 @@ def sentence_of(
     held_out: HeldOut,
     too_small: str | None,
     free_form: str | None,
+    in_the_noise: str | None,
     exceeds_the_noise: bool,
 ) -> str:
     """The plain sentence that everything else supports."""
@@ -93,9 +94,10 @@ def sentence_of(
         if hidden.is_seen_within(base.preparation.setting.response_span):
             least = f"{hidden.detectable_amplitude:.3g} {unit} rms"
             seen = f"seen only if it changes the response by more than {least}"
+        but = f" But {in_the_noise}" if in_the_noise else ""
         return (
             f"{name} and {recorded} agree within {floor}; best hidden would be "
-            f"{hidden.name}, {seen}.{_shown_elsewhere(held_out, noise)}"
+            f"{hidden.name}, {seen}.{but}{_shown_elsewhere(held_out, noise)}"
         )
     improvement = ""
     if held_out.extended_rmse is not None:

@@ -41,6 +41,7 @@ from ._least_squares import simulate_all as simulate_all
 from ._noise import Noise as Noise
 from ._noise import followed as followed
 from ._noise import measured_noise as measured_noise
+from ._noise import median_size as median_size
 from ._noise import residual_noise as residual_noise
 from ._normal import AbstractPrior as AbstractPrior
 from ._normal import Normal as Normal

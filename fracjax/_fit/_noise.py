@@ -171,7 +171,7 @@ def _noise(
         ]
     white = np.concatenate(whitened)
     # Codes that stay the same for most samples have differences of no size.
-    typical = _median_size(np.diff(white))
+    typical = median_size(np.diff(white))
     tails = max(float(kurtosis(white, fisher=False)), 3.0)
     # The slowest lines are the ones that the fit took away.
     slow = [1 + (s.taken + 1) // 2 for s in stretches]
@@ -210,7 +210,7 @@ def _course(
     pieces = min(_PIECES, white.size // _SHORTEST_PIECE)
     if pieces < 2:
         return _NONE
-    sizes = np.array([_median_size(part) for part in np.array_split(white[order], pieces)])
+    sizes = np.array([median_size(part) for part in np.array_split(white[order], pieces)])
     centres = np.array([np.mean(part) for part in np.array_split(where[order], pieces)])
     relative = (sizes / np.sqrt(np.mean(sizes**2))) if sizes.all() else np.ones(pieces)
     variance = _MEDIAN_SQUARED * shared * pieces / white.size
@@ -219,7 +219,7 @@ def _course(
     return centres, relative
 
 
-def _median_size(differences: np.ndarray) -> float:
+def median_size(differences: np.ndarray) -> float:
     """The sd of normal noise with such differences, by their median: what rings at the beginning
     of a rest, and outliers, are passed over."""
     return float(np.median(np.abs(differences)) / (_MEDIAN_NORMAL * np.sqrt(2)))
@@ -263,7 +263,7 @@ def followed(noise: Noise, residual: np.ndarray, used: np.ndarray) -> Noise:
     where = lost + np.arange(differences.size)
     parts = np.array_split(np.flatnonzero(counted), _PIECES)
     centres = np.array([where[part].mean() for part in parts])
-    sizes = noise.crest * np.array([_median_size(differences[part]) for part in parts])
+    sizes = noise.crest * np.array([median_size(differences[part]) for part in parts])
     if not sizes.all():
         return noise
     typical = np.sqrt(np.mean(sizes**2))

@@ -90,18 +90,25 @@ class Curve:
 def find_curve(base: Stage, least: float) -> Curve | None:
     """The base fitted with a curve of the drive or of the response, whichever gains more; None
     where neither gains `least` in χ² in the linear test."""
-    setting, recording = base.preparation.setting, base.preparation.takes[0].recording
+    setting, bare = base.preparation.setting, (base.solved.block, base.nominal)
+    takes, problems = base.preparation.takes, base.preparation.problems()
+    responses = [
+        problem.linearised(base.solved.block, [])[0][: take.used.size][take.used]
+        for problem, take in zip(problems, takes, strict=True)
+    ]
     ahead = Bent(setting.drive_low, setting.drive_high)
-    behind = Bent(setting.response_low, setting.response_low + setting.response_span)
-    bare = (base.solved.block, base.nominal)
+    behind = Bent(min(r.min() for r in responses), max(r.max() for r in responses))
+    # A recording counts its displacement from a zero of its own.
+    recording = takes[0].recording
+    zero = float(np.mean(recording.response[takes[0].used] - responses[0]))
     sides = [
-        ("drive", recording.drive_unit, "first", [ahead >> block for block in bare]),
-        ("response", recording.response_unit, "second", [block >> behind for block in bare]),
+        ("drive", recording.drive_unit, 0.0, "first", [ahead >> block for block in bare]),
+        ("response", recording.response_unit, zero, "second", [block >> behind for block in bare]),
     ]
     residual = residual_of(base.solved, base.preparation)
     found = [
-        _fitted(argument, unit, place, starts, base)
-        for argument, unit, place, starts in sides
+        _fitted(argument, unit, zero, place, starts, base)
+        for argument, unit, zero, place, starts in sides
         if _promised(starts[0], place, base, residual) >= least
     ]
     return min(found, key=lambda curve: curve.solved.bic, default=None)
@@ -118,8 +125,14 @@ def _promised(block: AbstractBlock, place: str, base: Stage, residual: Residual)
 
 
 def _fitted(
-    argument: str, unit: str, place: str, starts: list[AbstractBlock], base: Stage
+    argument: str,
+    unit: str,
+    zero: float,
+    place: str,
+    starts: list[AbstractBlock],
+    base: Stage,
 ) -> Curve:
     solved = solve_from(starts, base.preparation)
     turns = named_parameters(solved.block)[f"{place}.turns"].value
-    return Curve(argument, unit, getattr(starts[0], place).kinks, np.asarray(turns), solved)
+    kinks = zero + getattr(starts[0], place).kinks
+    return Curve(argument, unit, kinks, np.asarray(turns), solved)

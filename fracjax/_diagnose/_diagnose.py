@@ -547,7 +547,8 @@ class _Conclusion:
     @cached_property
     def hidden(self) -> str | None:
         """Jumps that count as noise, for what repeats does not have them, in words."""
-        if self.lawless is not None or self.course.rounds:
+        # Beside a mismatch steps would follow that.
+        if self.lawless is not None or self.course.gains:
             return None
         hidden = hidden_in_noise(self.base)
         if hidden is None:

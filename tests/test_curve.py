@@ -4,6 +4,7 @@ from types import SimpleNamespace
 from typing import Any
 
 import jax
+import jax.numpy as jnp
 import numpy as np
 import pytest
 
@@ -106,6 +107,35 @@ def test_what_gains_too_little_is_not_fitted():
         gained = base.solved.cost - curve.solved.cost
         assert find_curve(base, 0.98 * gained) is not None
         assert find_curve(base, 1.02 * gained) is None
+
+
+class Table(fj.AbstractBlock):
+    """What was recorded before, whatever the drive: of no source, it is a test's."""
+
+    scale: fj.Parameter
+    values: np.ndarray
+
+    def __init__(self, values: np.ndarray):
+        self.scale, self.values = fj.Parameter(1.0, gain=True), values
+
+    @property
+    def linear(self) -> bool:
+        return False
+
+    def __call__(self, drive, grid):
+        return self.scale.value * jnp.interp(jnp.arange(drive.size) * grid.step, TIMES, self.values)
+
+
+def test_a_law_that_does_not_hear_the_drive_has_no_curve_of_it():
+    plain = lfdh(DRIVE)
+    seen = recording(bent(plain, [0.02, -0.03, 0.01, 0.01], np.array([3.0, 5.0, 6.0, 8.0])))
+    preparation = prepare([seen], history="constant", noise=TOLD)
+    with jax.enable_x64(True):
+        block = Table(plain)
+        base = Stage("table", block, (), solve_from([block], preparation), preparation)
+        curve = find_curve(base, 1.0)
+    assert curve is not None
+    assert curve.argument == "response"
 
 
 def test_a_sensor_with_a_table_of_its_own_is_a_curve_of_the_response():

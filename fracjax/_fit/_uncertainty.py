@@ -80,7 +80,7 @@ def orthonormal(jacobian: np.ndarray) -> np.ndarray:
     lengths = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian[:, lengths > 0] / lengths[lengths > 0]
     left, singular, _ = np.linalg.svd(scaled, full_matrices=False)
-    return left[:, singular > 1e-9 * singular[0]]
+    return left[:, singular > 1e-9 * singular.max(initial=0.0)]
 
 
 @dataclass(frozen=True)

@@ -126,6 +126,18 @@ def test_no_name_is_given_to_an_effect_that_follows_jumps(jumps):
         assert conclusion._next_experiment("unexplained", recorded_limits([seen]), silent) is None
 
 
+@pytest.mark.parametrize(("ahead", "told"), [(26.0, True), (24.0, False)])
+def test_jumps_exclude_an_effect_as_another_effect_does(ahead, told, monkeypatch):
+    """A single step had been told of weak drifts and creep, by 10 to 14 in BIC."""
+    monkeypatch.setattr(Jumps, "ahead_of", lambda self, other: ahead)
+    with jax.enable_x64(True):
+        base = fitted(recording((0.8, 0.06), (1.9, 0.05)))
+        first: Any = SimpleNamespace(least=1e-9)
+        course = Course(first, True, [], first, [], {}, base, None)
+        conclusion = _Conclusion(fj.parse_model("lfdh"), base, 0.0, None, predict_stretches, course)
+        assert (conclusion.jumps is not None) is told
+
+
 def test_a_reading_held_for_a_moment_is_no_tail_of_the_noise_and_can_be_left_out():
     """It makes the tails of the residual that it is judged among, and the floor from a short rest
     seem so doubtful that no place stands out."""

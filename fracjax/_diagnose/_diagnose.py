@@ -45,7 +45,7 @@ from ._held_out import (
     predict_stretches,
 )
 from ._judgement import (
-    DELTA_BIC,
+    APART,
     EXPLAINED,
     PLACES_ALONE,
     SIGNIFICANCE,
@@ -285,7 +285,8 @@ class _Conclusion:
     def jumps(self) -> Jumps | None:
         """Jumps, if they tell enough, and more than the effects that were adopted or may have been.
 
-        Jumps foretell no other recording: what the effects have foretold is none.
+        Jumps foretell no other recording: what the effects have foretold is none.  They exclude an
+        effect as another effect would: one step comes near a slow law that is hardly seen.
         """
         base, stage = self.base, self.course.stage
         if self.course.first.least >= SIGNIFICANCE and not self.exceeds_the_noise:
@@ -297,7 +298,7 @@ class _Conclusion:
         if jumps is None or explained_fraction(base, jumps.solved) < EXPLAINED:
             return None
         others = [stage.solved, *(j.solved for j in self.course.opening if j.admissible)]
-        return jumps if min(map(jumps.ahead_of, others)) >= DELTA_BIC else None
+        return jumps if min(map(jumps.ahead_of, others)) >= APART else None
 
     @cached_property
     def curve(self) -> Curve | None:

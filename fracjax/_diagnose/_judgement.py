@@ -24,7 +24,7 @@ WORTH_NAMING = 0.02
 """Beside single effects of a development exam nothing took more than .009 of the excess; of true
 second ones the smallest that completed a fit took .034."""
 _INEXACT = 0.05
-_APART, _ALIKE = 25.0, 0.01
+APART, _ALIKE = 25.0, 0.01
 _UNUSUAL = 0.01
 _REMAINDER = 0.5
 _PATTERN = 0.15
@@ -143,7 +143,7 @@ def margin_of(gain: float) -> float:
     of a large gain a hundredth, within which the difference may be that of the effect's own law
     from ours, or of one that was adopted before it.
     """
-    return max(_APART, _ALIKE * gain)
+    return max(APART, _ALIKE * gain)
 
 
 def unusual_loss(gain: float) -> float:

@@ -125,6 +125,7 @@ def test_a_verdict_of_none_names_what_could_be_hidden(monkeypatch):
     assert said("none").endswith("creep, which foh takes up whole on such a drive.")
     residual = fj.Noise(1.0, "um", "residual", np.ones(1), 1.0)
     assert "a mismatch cannot be excluded" in said("none", noise=residual)
+    assert said("none", noise=residual, in_the_noise="it jumps.").endswith(" But it jumps.")
 
 
 def test_an_error_above_the_noise_is_not_called_agreement():

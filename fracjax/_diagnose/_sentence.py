@@ -76,11 +76,13 @@ def sentence_of(
     recorded = "the recordings" if several else "the recording"
     if verdict == "none":
         hidden = max(candidates, key=lambda c: c.concealment)
+        but = f" But {in_the_noise}" if in_the_noise else ""
         floor = f"the noise floor of {noise.sigma:.3g} {unit} ({noise.method})"
         if noise.method == "residual":
             return (
                 f"No effect stands out from what {name} leaves, but that residual is all there is "
                 "to judge the noise by, so a mismatch cannot be excluded; record repeats or a rest."
+                + but
             )
         if exceeds_the_noise:
             return (
@@ -94,7 +96,6 @@ def sentence_of(
         if hidden.is_seen_within(base.preparation.setting.response_span):
             least = f"{hidden.detectable_amplitude:.3g} {unit} rms"
             seen = f"seen only if it changes the response by more than {least}"
-        but = f" But {in_the_noise}" if in_the_noise else ""
         return (
             f"{name} and {recorded} agree within {floor}; best hidden would be "
             f"{hidden.name}, {seen}.{but}{_shown_elsewhere(held_out, noise)}"

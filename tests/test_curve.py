@@ -88,7 +88,7 @@ def test_a_kinked_drive_is_found_with_its_slopes():
         base = fitted(kinked_drive())
         curve = find_curve(base, 0.0)
     assert curve is not None
-    assert (curve.argument, curve.unit) == ("drive", "V")
+    assert (curve.argument, curve.unit, curve.or_else) == ("drive", "V", "")
     assert curve.solved.cost < 1.15 * curve.solved.samples < 0.5 * base.solved.cost
     slopes = slopes_of(curve, 10, 90)
     edges = curve.kinks
@@ -124,6 +124,16 @@ class Table(fj.AbstractBlock):
 
     def __call__(self, drive, grid):
         return self.scale.value * jnp.interp(jnp.arange(drive.size) * grid.step, TIMES, self.values)
+
+
+def test_where_drive_and_response_are_nearly_one_it_may_be_a_curve_of_either():
+    """Of a gain alone they are."""
+    seen = recording(0.1 * bent(DRIVE, [0.01, -0.015, 0.015, -0.01]))
+    with jax.enable_x64(True):
+        curve = find_curve(fitted(seen), 0.0)
+    assert curve is not None
+    assert {curve.argument, curve.or_else} == {"drive", "response"}
+    assert f"(or of the {curve.or_else}, which does nearly as well)" in curve.sentence
 
 
 def test_a_law_that_does_not_hear_the_drive_has_no_curve_of_it():

@@ -14,7 +14,7 @@ Block-oriented Nonlinear System Identification (2010), chapter 1.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import jax.numpy as jnp
 import numpy as np
@@ -53,13 +53,15 @@ class Bent(AbstractBlock):
 
 @dataclass(frozen=True)
 class Curve:
-    """The base fitted together with a curve of the `argument`, drive or response, in its `unit`."""
+    """The base fitted together with a curve of the `argument`, drive or response, in its `unit`;
+    `or_else` the other, where a curve of that is not excluded."""
 
     argument: str
     unit: str
     kinks: np.ndarray
     turns: np.ndarray
     solved: Solved
+    or_else: str = ""
 
     def is_ahead_of(self, other: Solved, gained: float) -> bool:
         """Whether it excludes another fit, which has gained so much in BIC."""
@@ -81,9 +83,10 @@ class Curve:
             "response": "Record the same drive with the sensor's gap shifted, or beside another "
             "sensor: a curve of the sensor's then moves along.",
         }[self.argument]
+        other = f" (or of the {self.or_else}, which does nearly as well)" if self.or_else else ""
         return (
-            f"It looks like a static curve of the {self.argument}, the same up and down and at "
-            f"any rate, of no shape that the catalogue has: {' and '.join(told)}. {remedy}"
+            f"It looks like a static curve of the {self.argument}{other}, the same up and down and "
+            f"at any rate, of no shape that the catalogue has: {' and '.join(told)}. {remedy}"
         )
 
 
@@ -111,7 +114,12 @@ def find_curve(base: Stage, least: float) -> Curve | None:
         for argument, unit, zero, place, starts in sides
         if _promised(starts[0], place, base, residual) >= least
     ]
-    return min(found, key=lambda curve: curve.solved.bic, default=None)
+    if not found:
+        return None
+    best, *others = sorted(found, key=lambda curve: curve.solved.bic)
+    gained = base.solved.bic - best.solved.bic
+    near = [other.argument for other in others if not best.is_ahead_of(other.solved, gained)]
+    return replace(best, or_else="".join(near))
 
 
 def _promised(block: AbstractBlock, place: str, base: Stage, residual: Residual) -> float:

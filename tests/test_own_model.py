@@ -24,6 +24,20 @@ class Solid(fj.AbstractLinearBlock):
         return self.k.value * (1 + self.c.value)
 
 
+class Plate(fj.AbstractBlock):
+    """A stiffening plate without memory: y = k u (1 + c u).  Source: none, it is a test's."""
+
+    k: fj.Parameter = fj.Parameter(0.1, "response/drive", gain=True)
+    c: fj.Parameter = fj.Parameter(1e-3, "1/drive", lower=-0.1, upper=0.1)
+
+    @property
+    def linear(self) -> bool:
+        return False
+
+    def __call__(self, drive: Array, grid: fj.Grid) -> Array:
+        return self.k.value * drive * (1 + self.c.value * drive)
+
+
 def drive_at(times: np.ndarray) -> np.ndarray:
     """Rest at 50 V, sines of four frequencies and amplitudes with soft ends, rest again."""
     drive = np.full(times.shape, 50.0)
@@ -83,6 +97,17 @@ def test_electrostriction_is_found_on_an_own_law(fine):
     assert diagnosis.verdict == "missing"
     q = next(p for p in diagnosis.effects[0].parameters if p.name == "q")
     assert abs(q.value - 0.02) < 4 * q.standard_error + 4e-4
+
+
+def test_a_drive_lag_is_found_on_an_own_law_without_memory(fine):
+    times, drive = fine
+    lagged = np.asarray(lsim(([1.0], [4e-3, 1]), drive - 50, times)[1]) + 50
+    diagnosis = fj.diagnose(
+        fj.Model(Plate(), "plate"), recorded(0.1 * lagged * (1 + 2e-3 * lagged), drive)
+    )
+    assert "drive_lag" in {diagnosis.effects[0].name, *diagnosis.effects[0].confusable_with}
+    assert diagnosis.held_out.extended_rmse is not None
+    assert diagnosis.held_out.extended_rmse < 0.5 * diagnosis.held_out.base_rmse
 
 
 class Loose(fj.AbstractBlock):

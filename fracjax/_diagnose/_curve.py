@@ -70,7 +70,8 @@ class Curve:
     @property
     def sentence(self) -> str:
         """Where it is steepest and flattest, in words."""
-        inner = 1 + np.sign(self.kinks[:-1, None] + 1e-9 - self.kinks) @ self.turns
+        passed = np.tri(self.kinks.size - 1, self.kinks.size)
+        inner = 1 + (2 * passed - 1) @ self.turns
         slopes = inner / inner.mean()
         told = [
             f"{word} ({slopes[k]:.3g} times its mean slope) from {self.kinks[k]:.4g} to "

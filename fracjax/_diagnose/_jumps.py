@@ -152,9 +152,8 @@ def hidden_in_noise(base: Stage) -> tuple[Jumps, Noise] | None:
         residual_noise(recording.response - simulation, take.used, recording)
         for simulation in (before, jumps.solved.simulations[0])
     )
-    samples = np.count_nonzero(take.used)
-    fall = 2 * samples * np.log(whole.innovation / beside.innovation)
-    if fall < 2 * jumps.count * np.log(samples) + _LIKELIER:
+    fall = 2 * jumps.solved.samples * np.log(whole.innovation / beside.innovation)
+    if fall < 2 * jumps.searched + _LIKELIER:
         return None
     return (jumps, beside) if beside.sigma < _CLEARLY_LESS * floor.sigma else None
 

@@ -6,15 +6,18 @@ import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
-from functools import cache
-from typing import TypeVar
+from functools import cache, partial
+from typing import Any, TypeVar
 
 import jax
+import numpy as np
 import scipy.linalg  # noqa: F401  its linear algebra is a library of its own, to be found below
 from threadpoolctl import ThreadpoolController
 
 _Item = TypeVar("_Item")
 _Found = TypeVar("_Found")
+
+_TRACED = object()
 
 
 @contextmanager
@@ -45,6 +48,29 @@ def side_by_side(work: Callable[[_Item], _Found], items: Sequence[_Item]) -> lis
 
     with ThreadPoolExecutor(threads) as pool:
         return list(pool.map(precisely, items))
+
+
+def compiled(work: Callable[..., _Found]) -> Callable[..., _Found]:
+    """The work on trees, compiled once per structure: arrays are traced, all else is static.
+
+    As `equinox.filter_jit`, without what that does beside every call: a signature bound, a filter
+    on a logger, which is behind a lock that threads wait for.
+    """
+
+    @partial(jax.jit, static_argnums=(1, 2))
+    def run(arrays: list[Any], others: tuple[Any, ...], structure: Any) -> _Found:
+        traced = iter(arrays)
+        leaves = [next(traced) if other is _TRACED else other for other in others]
+        return work(*structure.unflatten(leaves))
+
+    def call(*arguments: Any) -> _Found:
+        leaves, structure = jax.tree_util.tree_flatten(arguments)
+        are = [isinstance(leaf, np.ndarray | np.generic | jax.Array) for leaf in leaves]
+        pairs = list(zip(leaves, are, strict=True))
+        arrays = [leaf for leaf, is_array in pairs if is_array]
+        return run(arrays, tuple(_TRACED if a else leaf for leaf, a in pairs), structure)
+
+    return call
 
 
 @cache

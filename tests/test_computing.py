@@ -10,7 +10,7 @@ import pytest
 import scipy.linalg
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from fracjax._computing import computing, side_by_side
+from fracjax._computing import compiled, computing, side_by_side
 
 
 def threads() -> set[int]:
@@ -53,3 +53,20 @@ def test_a_fault_of_any_item_reaches_the_caller():
 
 def test_nothing_is_found_for_no_items():
     assert side_by_side(lambda k: k, []) == []
+
+
+def test_arrays_are_traced_and_all_else_compiled_for():
+    traces = []
+
+    def work(signals: dict, how: str, factor: float) -> jax.Array:
+        traces.append((how, factor))
+        return signals["one"] * factor + (signals["two"] if how == "with" else 0.0)
+
+    fast = compiled(work)
+    one, two = np.arange(3.0), np.float64(2.0)
+    for k in range(3):  # other numbers, the same program
+        np.testing.assert_array_equal(
+            fast({"one": one + k, "two": two}, "with", 2.0), 2 * one + 2 * k + 2
+        )
+    np.testing.assert_array_equal(fast({"one": one, "two": two}, "without", 3.0), 3 * one)
+    assert traces == [("with", 2.0), ("without", 3.0)]

@@ -1,5 +1,6 @@
 """Jumps: a mismatch that no effect of the catalogue makes, described by its times and sizes."""
 
+from dataclasses import replace
 from types import SimpleNamespace
 from typing import Any
 
@@ -11,7 +12,7 @@ import fracjax as fj
 from fracjax._blocks import EFFECTS
 from fracjax._diagnose._diagnose import _Conclusion
 from fracjax._diagnose._held_out import predict_stretches
-from fracjax._diagnose._jumps import Jumps, find_jumps, hidden_in_noise
+from fracjax._diagnose._jumps import Jumps, _of_steps, _steps, find_jumps, hidden_in_noise
 from fracjax._diagnose._next_experiment import recorded_limits
 from fracjax._diagnose._procedure import Course
 from fracjax._diagnose._stage import Layer, Stage
@@ -193,3 +194,20 @@ def test_a_diagnosis_that_cannot_see_jumps_for_noise_says_so():
     (warning,) = (w for w in found.warnings if "the noise floor holds what looks like" in w)
     for told in (warning, found.sentence):
         assert "like jumps of the response: +0.3 um at 1.13 s, -0.2 um at 2.06 s; beside" in told
+
+
+@pytest.mark.parametrize("taps", [(2.0,), (1.5, -0.6, 0.2)])
+def test_what_every_step_takes_is_that_of_the_step_itself(taps):
+    """Inner products and squares of all steps by one cumulative sum, beside each step whitened."""
+    preparation = prepare([recording()], history="constant", noise=TOLD)
+    (problem,) = preparation.problems()
+    generator = np.random.default_rng(8)
+    weights = problem.weights * generator.uniform(0, 2, problem.weights.size)
+    whitening = np.pad(taps, (0, problem.whitening.size - len(taps)))
+    problem = replace(problem, weights=weights, whitening=whitening)
+    signals = generator.standard_normal((weights.size, 4))
+    products, squares = _of_steps(problem, signals)
+    for at in (0, 1, 7, 300, 595, 599):
+        (step,) = _steps((problem,), [(0, at)])
+        np.testing.assert_allclose(products[at], step @ signals, atol=1e-10)
+        assert squares[at] == pytest.approx(step @ step, abs=1e-10)

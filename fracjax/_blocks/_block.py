@@ -13,6 +13,7 @@ from jax import Array
 from jax.flatten_util import ravel_pytree
 from jax.typing import ArrayLike
 
+from .._computing import compiled
 from .._operators import Grid, convolve
 from .._parameters import named_parameters, set_values
 
@@ -27,6 +28,9 @@ class AbstractBlock(eqx.Module):
 
     Drive and response are in the units of the recording; each parameter says its own unit.
     """
+
+    # A Module makes every method it is asked for a new Module, which takes longer than the method.
+    __getattribute__ = object.__getattribute__
 
     @property
     @abc.abstractmethod
@@ -72,7 +76,7 @@ class AbstractBlock(eqx.Module):
         return Parallel(self, other)
 
 
-@eqx.filter_jit
+@compiled
 def _respond(block: AbstractBlock, drive: ArrayLike, grid: Grid) -> Array:
     return block(jnp.asarray(drive), grid)
 
@@ -89,14 +93,14 @@ def _changes(
     return list(np.asarray(passed)[: len(along)])
 
 
-@eqx.filter_jit
+@compiled
 def _passed(block: AbstractBlock, drive: ArrayLike, along: np.ndarray, grid: Grid) -> Array:
     """Changes (K, N) of the response along changes (K, N) of the drive."""
     change = jax.linearize(lambda d: block(d, grid), jnp.asarray(drive))[1]
     return jax.vmap(change)(along)
 
 
-@eqx.filter_jit
+@compiled
 def _columns(
     block: AbstractBlock, names: tuple[str, ...], drive: ArrayLike, grid: Grid
 ) -> tuple[Array, Array]:

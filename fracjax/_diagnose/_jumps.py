@@ -16,6 +16,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from .._fit import Noise, Preparation, Problem, Solved, median_size, residual_noise, solve_from
@@ -24,8 +25,6 @@ from ._score import Residual
 from ._stage import Stage
 
 _MOST = 6
-_PLACES = 400
-_AT_ONCE = 4_000_000
 _LEAST_SEEN = 1e-6
 _BRIEF, _BACK = 5, 0.5
 _LIKELIER, _CLEARLY_LESS = 10.0, 0.85
@@ -196,26 +195,35 @@ def _strongest(
     problems: tuple[Problem, ...], residual: Residual
 ) -> tuple[tuple[int, int], np.ndarray]:
     """Where a step would take the most, and its column (ΣL,) of unit length beside the fit."""
-    left = residual.whitened
+    starts = np.cumsum([0] + [problem.response.shape[0] for problem in problems])
+    signals = np.column_stack([residual.whitened, residual.basis])
+    pieces = zip(problems, np.split(signals, starts[1:-1]), strict=True)
+    of_steps = [_of_steps(problem, piece) for problem, piece in pieces]
+    products, squares = (np.concatenate(each) for each in zip(*of_steps, strict=True))
+    beside = squares - np.sum(products[:, 1:] ** 2, axis=1)
+    seen = beside > _LEAST_SEEN**2 * residual.whitened.size
+    seen[starts[:-1]] = False  # a step there is a constant
+    strength = np.where(seen, products[:, 0] ** 2 / np.where(seen, beside, 1.0), 0.0)
+    found = int(np.argmax(strength))
+    k = int(np.searchsorted(starts, found, "right")) - 1
+    place = (k, found - int(starts[k]))
+    column = residual.project(_steps(problems, [place]))[0]
+    return place, column / max(float(np.linalg.norm(column)), 1e-300)
 
-    def strength(places: list[tuple[int, int]]) -> np.ndarray:
-        pieces = range(0, len(places), at_once)
-        return np.concatenate([np.abs(units(places[k : k + at_once]) @ left) for k in pieces])
 
-    def units(places: list[tuple[int, int]]) -> np.ndarray:
-        steps = residual.project(_steps(problems, places))
-        norms = np.linalg.norm(steps, axis=1)
-        seen = norms > _LEAST_SEEN * np.sqrt(left.size)
-        return np.where(seen[:, None], steps / np.maximum(norms, 1e-300)[:, None], 0.0)
+def _of_steps(problem: Problem, signals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Of the whitened steps from each sample on: inner products (L, K) with whitened signals
+    (L, K), and squares (L,).
 
-    lengths = [problem.response.shape[0] for problem in problems]
-    at_once, stride = max(1, _AT_ONCE // left.size), max(1, left.size // _PLACES)
-    coarse = [(k, at) for k, n in enumerate(lengths) for at in range(1, n, stride)]
-    k, middle = coarse[int(np.argmax(strength(coarse)))]
-    near = range(max(1, middle - stride), min(lengths[k], middle + stride + 1))
-    fine = [(k, at) for at in near]
-    place = fine[int(np.argmax(strength(fine)))]
-    return place, units([place])[0]
+    A step from a on, whitened with weights w and the filter's step response c, is w_t c_{t-a}:
+    both are sums over what follows a, and all of them one cumulative sum.
+    """
+    weights, taps = np.asarray(problem.weights), np.asarray(problem.whitening)
+    back = lfilter(taps, 1.0, (signals.T * weights)[:, ::-1])
+    response = np.cumsum(taps)
+    settled, rising = response[-1] ** 2, response**2 - response[-1] ** 2
+    squares = lfilter(rising, 1.0, weights[::-1] ** 2) + settled * np.cumsum(weights[::-1] ** 2)
+    return np.cumsum(back, axis=1)[:, ::-1].T, squares[::-1]
 
 
 def _steps(problems: tuple[Problem, ...], places: list[tuple[int, int]]) -> np.ndarray:

@@ -202,12 +202,12 @@ def _allowed(
     """
     led = np.concatenate([np.full(rest, start), values])
     most = limits.slew * step
-    followed = np.empty_like(led)
-    wanted = np.clip(led, limits.low, limits.high)
-    level = wanted[0]
-    for k, one in enumerate(wanted):
-        level += min(max(one - level, -most), most)
-        followed[k] = level
+    wanted = followed = np.clip(led, limits.low, limits.high)
+    if np.abs(np.diff(wanted)).max() > most:
+        followed, level = np.empty_like(wanted), wanted[0]
+        for k, one in enumerate(wanted):
+            level += min(max(one - level, -most), most)
+            followed[k] = level
     beyond = _ROUNDING.size // 2
     return np.convolve(np.pad(followed, beyond, mode="edge"), _ROUNDING, "valid")
 

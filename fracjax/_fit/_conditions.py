@@ -71,13 +71,25 @@ class PriorRows(NamedTuple):
     sds: np.ndarray
 
 
+class Scale(NamedTuple):
+    """Where shapes (S,) may lie: which are bounded, which of them by their logarithms, and the
+    bounds `low` and `high` on that scale."""
+
+    bounded: np.ndarray
+    logarithmic: np.ndarray
+    low: np.ndarray
+    high: np.ndarray
+
+
 @dataclass(frozen=True)
 class Numbers:
-    """The numbers a fit moves, shapes iterated and gains eliminated, and per recording the maps
-    (parameters' components, numbers) to the block's shapes and gains, in the layout's order."""
+    """The numbers a fit moves, shapes iterated and gains eliminated, the shapes' scale, and per
+    recording the maps (parameters' components, numbers) to the block's shapes and gains, in the
+    layout's order."""
 
     shapes: tuple[Number, ...]
     gains: tuple[Number, ...]
+    scale: Scale
     shape_maps: tuple[np.ndarray, ...]
     gain_maps: tuple[np.ndarray, ...]
     shared: bool
@@ -117,23 +129,33 @@ class Numbers:
         members = _members(block, self.shapes)
         return np.array([_component(p.to_share(p.value), p, k) for p, k in members])
 
-    def values_at(self, block: AbstractBlock, position: np.ndarray) -> np.ndarray:
-        """The shapes' values (S,) at a position."""
-        members = zip(_members(block, self.shapes), position, strict=True)
-        return np.array([_component(p.from_share(share), p, k) for (p, k), share in members])
+    def values_at(self, position: np.ndarray) -> np.ndarray:
+        """The shapes' values (S,) at a position, as `Parameter.from_share` has them."""
+        bounded, logarithmic, low, high = self.scale
+        values = np.where(bounded, low + (high - low) * position, position)
+        return np.where(logarithmic, np.exp(np.where(logarithmic, values, 0.0)), values)
 
-    def slopes(self, block: AbstractBlock, values: np.ndarray) -> np.ndarray:
+    def slopes(self, values: np.ndarray) -> np.ndarray:
         """How fast each shape's value (S,) changes with its position."""
-        members = zip(_members(block, self.shapes), values, strict=True)
-        return np.array(
-            [_component(p.with_value(np.full(p.value.shape, v)).slope(), p, k)
-             for (p, k), v in members]
-        )  # fmt: skip
+        bounded, logarithmic, low, high = self.scale
+        return np.where(bounded, (high - low) * np.where(logarithmic, values, 1.0), 1.0)
 
-    def bounds(self, block: AbstractBlock) -> tuple[np.ndarray, np.ndarray]:
+    def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """The positions' bounds (S,)."""
-        bounded = np.array([p.bounded for p, _ in _members(block, self.shapes)], dtype=bool)
+        bounded = self.scale.bounded
         return np.where(bounded, 0.0, -np.inf), np.where(bounded, 1.0, np.inf)
+
+
+def _scale_of(block: AbstractBlock, shapes: Sequence[Number]) -> Scale:
+    members = list(_members(block, shapes))
+    bounded = np.array([p.bounded for p, _ in members], dtype=bool)
+    logarithmic = np.array([p.logarithmic for p, _ in members], dtype=bool)
+    low, high = (
+        np.array([_component(end(p), p, k) if p.bounded else 0.0 for p, k in members])
+        for end in (lambda p: p.lower, lambda p: p.upper)
+    )
+    low[logarithmic], high[logarithmic] = np.log(low[logarithmic]), np.log(high[logarithmic])
+    return Scale(bounded, logarithmic, low, high)
 
 
 def _members(block: AbstractBlock, numbers: Sequence[Number]) -> Iterator[tuple[Parameter, int]]:
@@ -157,7 +179,8 @@ def numbers_of(block: AbstractBlock, recordings: int, conditions: Conditions) ->
         own |= {name for name, p in parameters if p.per_recording and not p.fixed}
     shapes, shape_maps = _mapped(layout.shapes, recordings, conditions.ties, own)
     gains, gain_maps = _mapped(layout.gains, recordings, conditions.ties, own)
-    return Numbers(shapes, gains, shape_maps, gain_maps, not own)
+    scale = _scale_of(block, shapes)
+    return Numbers(shapes, gains, scale, shape_maps, gain_maps, not own)
 
 
 def _mapped(

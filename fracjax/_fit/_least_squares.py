@@ -126,7 +126,7 @@ class Objective:
 
     def _solve(self, position: np.ndarray) -> Point:
         self.evaluations += 1
-        shapes = self.numbers.values_at(self.block, position)
+        shapes = self.numbers.values_at(position)
         blocks = self.numbers.blocks(self.block, shapes, self.gains)
         names = [name for name, _ in self.layout.gains]
         columns, targets = [], []
@@ -165,15 +165,15 @@ class Objective:
             )
         ]
         rows = (self.priors.shapes.T / self.priors.sds).T
-        shapes = self.numbers.values_at(self.block, position)
-        moved = np.concatenate([*columns, rows]) * self.numbers.slopes(self.block, shapes)
+        shapes = self.numbers.values_at(position)
+        moved = np.concatenate([*columns, rows]) * self.numbers.slopes(shapes)
         # A derivative near overflow, far outside a law's range, tells the search nothing.
         moved = np.where(np.abs(moved) < _OVERFLOWING, moved, 0.0)
         return point.basis @ (point.basis.T @ moved) - moved
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """The positions' bounds (n,)."""
-        return self.numbers.bounds(self.block)
+        return self.numbers.bounds()
 
 
 def least(columns: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:

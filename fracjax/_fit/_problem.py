@@ -27,6 +27,8 @@ class AbstractProblem(eqx.Module):
     """What a recording asks of a block, in samples or in other rows whose inner products tell as
     much: response (L,), own terms (L, q), and the noise's whitening filter (taps,)."""
 
+    __getattribute__ = object.__getattribute__  # as in a block
+
     response: eqx.AbstractVar[np.ndarray | Array]
     own: eqx.AbstractVar[np.ndarray | Array]
     whitening: eqx.AbstractVar[np.ndarray | Array]
@@ -88,7 +90,8 @@ class Problem(AbstractProblem):
     def whiten(self, signals: Any) -> Any:
         """Signals (L, …) through the whitening filter, unit variance where the weight is 1."""
         if isinstance(signals, np.ndarray) and isinstance(self.weights, np.ndarray):
-            taps = np.trim_zeros(np.asarray(self.whitening), "b")
+            taps = np.asarray(self.whitening)
+            taps = taps[: 1 + np.flatnonzero(taps)[-1]]
             coloured = taps.size > 1 and signals.size > 0
             filtered = lfilter(taps, 1.0, signals, axis=0) if coloured else taps[0] * signals
             return (np.transpose(np.asarray(filtered)) * self.weights).T

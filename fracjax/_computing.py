@@ -17,7 +17,7 @@ from threadpoolctl import ThreadpoolController
 _Item = TypeVar("_Item")
 _Found = TypeVar("_Found")
 
-_TRACED = object()
+_TRACED, _ARRAYS = object(), (np.ndarray, np.generic, jax.Array)
 
 
 @contextmanager
@@ -65,10 +65,9 @@ def compiled(work: Callable[..., _Found]) -> Callable[..., _Found]:
 
     def call(*arguments: Any) -> _Found:
         leaves, structure = jax.tree_util.tree_flatten(arguments)
-        are = [isinstance(leaf, np.ndarray | np.generic | jax.Array) for leaf in leaves]
-        pairs = list(zip(leaves, are, strict=True))
-        arrays = [leaf for leaf, is_array in pairs if is_array]
-        return run(arrays, tuple(_TRACED if a else leaf for leaf, a in pairs), structure)
+        others = tuple(_TRACED if isinstance(leaf, _ARRAYS) else leaf for leaf in leaves)
+        pairs = zip(leaves, others, strict=True)
+        return run([leaf for leaf, other in pairs if other is _TRACED], others, structure)
 
     return call
 

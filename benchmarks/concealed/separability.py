@@ -10,7 +10,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar
+from scipy.optimize import minimize_scalar, nnls
 
 from .drives import Array, Signal
 from .refit import Absorber, Chord
@@ -32,6 +32,11 @@ DRAWS = {
     "viscoelastic_layer": 2,
 }
 SEPARABLE = 25.0
+ONE_SIGNED = (
+    "creep", "drive_lag", "delay", "sensor_lag", "resonance", "second_mode", "amplitude_dependence",
+    "backlash", "coulomb_friction", "lost_contact", "saturation", "slew_rate_limit",
+)  # fmt: skip
+"""Physics knows these with one sign only: nothing creeps back, nor comes before its cause."""
 
 
 class Bank:
@@ -119,14 +124,20 @@ class Off:
         return r - self.q @ (self.q.T @ r)
 
 
-def unexplained(truth: Array, columns: Array) -> float:
+def unexplained(truth: Array, columns: Array, name: str = "") -> float:
     """|truth|^2 less what the columns' span explains; directions under 5 % of the first are none.
 
-    The span stands for a free nuisance shape: a family of laws bends between its draws.
+    The span stands for a free nuisance shape: a family of laws bends between its draws.  What an
+    effect of one sign would explain with the other, it does not: where its amplitudes sum up to
+    less than nothing, none of them may be negative.
     """
-    u, size, _ = np.linalg.svd(columns / np.linalg.norm(columns, axis=0), full_matrices=False)
-    u = u[:, size > 0.05 * size[0]]
-    return float(truth @ truth - np.sum((u.T @ truth) ** 2))
+    lengths = np.linalg.norm(columns, axis=0)
+    u, size, v = np.linalg.svd(columns / lengths, full_matrices=False)
+    kept = size > 0.05 * size[0]
+    amplitudes = v[kept].T @ (u[:, kept].T @ truth / size[kept]) / lengths
+    if name in ONE_SIGNED and amplitudes.sum() < 0:
+        return float(nnls(columns / lengths, truth)[1] ** 2)
+    return float(truth @ truth - np.sum((u[:, kept].T @ truth) ** 2))
 
 
 def separation(truth: Array, clean: Array, bank: Bank, chord: Chord, noise: str, sd: float,
@@ -144,12 +155,13 @@ def separation(truth: Array, clean: Array, bank: Bank, chord: Chord, noise: str,
     law = Off.law(bank, chord.absorber, noise, sd)
     rivals = others(seed)
     columns = {o.name: off(whiten(noise, o.left(bank, chord), sd)) for o in rivals}
-    out = {name: unexplained(truth, column) for name, column in columns.items()}
+    out = {name: unexplained(truth, column, name) for name, column in columns.items()}
     tells = out.pop(own, 0.0) < 0.5 * power
     for other in rivals:
         if other.name in out and (out[other.name] < 0.5 * power or not tells):
             times = float(np.sqrt(power / np.mean(np.sum(columns[other.name] ** 2, axis=0))))
             matched = off(whiten(noise, other.left(bank, chord, times), sd))
             nearest = other.nearest(clean, bank, law, noise, sd, times)
-            out[other.name] = min(out[other.name], unexplained(truth, matched), nearest)
+            left = unexplained(truth, matched, other.name)
+            out[other.name] = min(out[other.name], left, nearest)
     return out

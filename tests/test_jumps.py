@@ -170,9 +170,8 @@ def hidden(seen: fj.Recording) -> tuple[Jumps, fj.Noise] | None:
     with jax.enable_x64(True):
         preparation = prepare([seen], history="periodic")
         block = fj.parse_model("lfdh", preparation.setting).block
-        return hidden_in_noise(
-            Stage("lfdh", block, (), solve_from([block], preparation), preparation)
-        )
+        base = Stage("lfdh", block, (), solve_from([block], preparation), preparation)
+        return hidden_in_noise(base, 0)
 
 
 def test_jumps_that_the_floor_holds_are_told_with_the_noise_beside_them():
@@ -194,6 +193,16 @@ def test_a_diagnosis_that_cannot_see_jumps_for_noise_says_so():
     (warning,) = (w for w in found.warnings if "the noise floor holds what looks like" in w)
     for told in (warning, found.sentence):
         assert "like jumps of the response: +0.3 um at 1.13 s, -0.2 um at 2.06 s; beside" in told
+
+
+def test_of_several_recordings_the_one_whose_noise_hides_jumps_is_told():
+    one, other = periods(), periods((1.13, 0.3), (2.06, -0.2))
+    found = fj.diagnose("lfdh", [one, replace(other, source="jumps.csv")])
+    assert found.verdict == "none"
+    (warning,) = (w for w in found.warnings if "the noise floor holds what looks like" in w)
+    assert warning.startswith("jumps.csv: the noise floor holds")
+    assert "But in jumps.csv the noise floor holds" in found.sentence
+    assert "+0.3 um at 1.13 s" in warning
 
 
 @pytest.mark.parametrize("taps", [(2.0,), (1.5, -0.6, 0.2)])

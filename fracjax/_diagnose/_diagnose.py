@@ -221,7 +221,7 @@ class _Conclusion:
                 held_out,
                 self.course.too_small,
                 self.lawless and self.lawless.sentence,
-                self.hidden,
+                self._in_the_noise,
                 self.exceeds_the_noise,
             ),
             base=base_fit,
@@ -525,8 +525,7 @@ class _Conclusion:
         found += too_coarse(self.numerics)
         if not self.base.solved.converged:
             found.append("The base fit did not converge; its figures are those of its best point.")
-        if self.hidden:
-            found.append(f"{self.base.preparation.takes[0].recording.source}: {self.hidden}")
+        found += [f"{self._sources[k]}: {told}" for k, told in self.hidden.items()]
         return (*found, *self._tones(), *self._displaced())
 
     def _tones(self) -> list[str]:
@@ -546,20 +545,31 @@ class _Conclusion:
         return said
 
     @cached_property
-    def hidden(self) -> str | None:
-        """Jumps that count as noise, for what repeats does not have them, in words."""
+    def hidden(self) -> dict[int, str]:
+        """By recording the jumps that count as noise, for what repeats does not have them, in
+        words."""
         # Beside a mismatch steps would follow that.
         if self.lawless is not None or self.course.gains:
-            return None
-        hidden = hidden_in_noise(self.base)
-        if hidden is None:
-            return None
-        jumps, beside = hidden
-        return (
-            f"the noise floor holds what looks like {jumps.listed}; beside them the noise is "
-            f"{beside.sigma:.3g} {beside.unit}. They count as noise and hide what is smaller; "
-            "leave out the time that they spoil (--mask), or record the same drive again."
-        )
+            return {}
+        found = {k: hidden_in_noise(self.base, k) for k in range(len(self.base.preparation.takes))}
+        return {
+            k: f"the noise floor holds what looks like {hidden[0].listed}; beside them the noise "
+            f"is {hidden[1].sigma:.3g} {hidden[1].unit}. They count as noise and hide what is "
+            "smaller; leave out the time that they spoil (--mask), or record the same drive again."
+            for k, hidden in found.items()
+            if hidden is not None
+        }
+
+    @property
+    def _in_the_noise(self) -> str | None:
+        """What the sentence says of them: of the first recording that has any."""
+        for k, told in self.hidden.items():
+            return f"in {self._sources[k]} {told}" if len(self._sources) > 1 else told
+        return None
+
+    @property
+    def _sources(self) -> list[str]:
+        return [take.recording.source for take in self.base.preparation.takes]
 
     def _displaced(self) -> list[str]:
         """Base parameters outside their usual range: what is missing may hide in them."""

@@ -127,15 +127,15 @@ def find_jumps(base: Stage, least: float) -> Jumps | None:
     return _fitted(again, base, first.solved) if again and {*again} != {*places} else first
 
 
-def hidden_in_noise(base: Stage) -> tuple[Jumps, Noise] | None:
-    """Jumps that the first recording's noise floor holds, and the noise beside them: where two
+def hidden_in_noise(base: Stage, k: int) -> tuple[Jumps, Noise] | None:
+    """Jumps that the k-th recording's noise floor holds, and the noise beside them: where two
     periods differ by a jump, what does not repeat is as large as that.
 
     They are sought beside white noise of the size by which neighbouring samples differ.  None where
     they are not likelier than noise of one colour, or leave it nearly as large: steps here and
     there follow a slow noise too, but take little from it.
     """
-    take, before = base.preparation.takes[0], base.solved.simulations[0]
+    take, before = base.preparation.takes[k], base.solved.simulations[k]
     recording, floor = take.recording, take.noise
     assert floor is not None  # a diagnosis has one
     size = median_size(np.diff((recording.response - before)[take.used]))

@@ -394,7 +394,7 @@ def test_a_refit_also_starts_from_what_was_found_before_and_a_law_of_fewer_numbe
         )  # fmt: skip
         inside = set_values(stage.solved.block, {"delta": 0.4})
         earlier = effect.insert(inside, trials[0])
-        _refit.refit(score, stage, [stage.solved.block], 0, np.inf, earlier)
+        _refit.refit(score, stage, [stage.solved.block], 0, np.inf, [earlier])
     kinds = [{kind_of(start) for start in starts} for starts in begun]
     assert all(len(kind) == 1 for kind in kinds)
     assert len(set.union(*kinds)) == 4  # two sites, twelve thresholds or six
@@ -775,12 +775,21 @@ def test_a_look_alike_begins_with_the_numbers_that_the_two_laws_share():
             for e in (two, one)
         ]
         other = Refit(scores[0], replace(stage.solved, block=block))
-        begun = named_parameters(begun_from(other, scores[1]))
+        (start,) = begun_from(other, scores[1])
+        begun = named_parameters(start)
+        around = begun_from(Refit(scores[1], replace(stage.solved, block=start)), scores[0])
     assert float(begun["second.frequency"].value) == 77.0
     assert float(begun["first.mu"].value) == 0.123
     # Within its own bounds.
     assert float(begun["second.damping"].value) == 1.0
     assert not any("ratio" in name for name in begun)
+    # And where one was found, it is the lower of two or the upper.
+    for block in around:
+        two_modes = {name: float(p.value) for name, p in named_parameters(block.second).items()}
+        modes = two_modes["frequency"] * np.array([1.0, two_modes["ratio"]])
+        assert np.isclose(modes, 77.0).any()
+        assert two_modes["damping"] == 1.0
+    assert len(around) > 1
 
 
 @pytest.mark.parametrize(("guessed", "asked"), [(True, [0.0]), (False, [])])

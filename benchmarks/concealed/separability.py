@@ -2,7 +2,8 @@
 
 d_k is what the truth changed, d_l what another effect of the simulator changes, P takes out what a
 refit of the base absorbs, all in units of the noise. λ is the gain in log-likelihood (times two)
-of the truth over effect l at its best amplitude. A nuisance shape is taken at several draws.
+of the truth over effect l at its best amplitude. A nuisance shape is taken at several draws, and
+at more where one of them comes near.
 """
 
 from __future__ import annotations
@@ -10,7 +11,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 import numpy as np
-from scipy.optimize import minimize_scalar, nnls
+from scipy.optimize import nnls
 
 from .drives import Array, Signal
 from .refit import Absorber, Chord
@@ -31,7 +32,9 @@ DRAWS = {
     "sensor_nonlinearity": 2,
     "viscoelastic_layer": 2,
 }
+FURTHER, STEPS = 10, 4
 SEPARABLE = 25.0
+CANCELS = 0.5
 ONE_SIGNED = (
     "creep", "drive_lag", "delay", "sensor_lag", "resonance", "second_mode", "amplitude_dependence",
     "backlash", "coulomb_friction", "lost_contact", "saturation", "slew_rate_limit",
@@ -64,10 +67,12 @@ class Bank:
 
 @dataclass(frozen=True)
 class Other:
-    """An effect that the truth is compared with: its entries, with draws of their shapes."""
+    """An effect that the truth is compared with: its entries, with draws of their shapes, and
+    `further` draws for what comes near."""
 
     name: str
     draws: tuple[tuple[str, dict], ...]
+    further: tuple[tuple[str, dict], ...]
 
     def left(self, bank: Bank, chord: Chord, times: float = 1.0) -> Array:
         """What the refit leaves, in um: a column per draw, at `times` the typical amplitude."""
@@ -81,30 +86,30 @@ class Other:
                 ) -> float:  # fmt: skip
         """|clean less a recording with this effect|^2 at its best amplitude, within a factor of
         four of `times` the typical one, less what a change of the law takes up."""
-
-        def left(log_amplitude: float, key: str, shape: dict) -> float:
-            changed = bank.recorded + bank.change(key, float(np.exp(log_amplitude)), shape)
-            remainder = law(whiten(noise, clean - changed, sd))
-            return float(remainder @ remainder)
-
-        found = []
-        for key, shape in self.draws:
-            middle = times * EFFECTS[key].typical
-            ends = np.log([min(k * middle, EFFECTS[key].cap) for k in (0.25, 4.0)])
-            best = minimize_scalar(left, bounds=ends, args=(key, shape), method="bounded")
-            found.append(float(best.fun))
+        wanted, found = law(whiten(noise, clean - bank.recorded, sd)), []
+        for key, shape in (*self.draws, *self.further):
+            a = times * EFFECTS[key].typical
+            low, high = (min(k * a, EFFECTS[key].cap) for k in (0.25, 4.0))
+            for _ in range(STEPS):
+                a = float(np.clip(a, low, high))
+                made = law(whiten(noise, bank.change(key, a, shape), sd))
+                found.append(float(np.sum((wanted - made) ** 2)))
+                a *= (made @ wanted) / (made @ made)
         return min(found)
 
 
 def others(seed: int) -> list[Other]:
     """Every catalogued effect that displaces (quantisation only makes noise)."""
-    rng = np.random.default_rng([seed, 17])
+    rng, more = np.random.default_rng([seed, 17]), np.random.default_rng([seed, 18])
     draws: dict[str, list[tuple[str, dict]]] = {}
+    further: dict[str, list[tuple[str, dict]]] = {}
     for key, e in EFFECTS.items():
         if e.side != "Q":
             mine = [(key, e.shape(rng)) for _ in range(DRAWS.get(key, 1))]
             draws.setdefault(name_of(key), []).extend(mine)
-    return [Other(k, tuple(v)) for k, v in draws.items()]
+            beside = [(key, e.shape(more)) for _ in range(FURTHER * (key in DRAWS))]
+            further.setdefault(name_of(key), []).extend(beside)
+    return [Other(k, tuple(v), tuple(further[k])) for k, v in draws.items()]
 
 
 class Off:
@@ -124,20 +129,40 @@ class Off:
         return r - self.q @ (self.q.T @ r)
 
 
-def unexplained(truth: Array, columns: Array, name: str = "") -> float:
+def unexplained(truth: Array, columns: Array) -> float:
     """|truth|^2 less what the columns' span explains; directions under 5 % of the first are none.
 
-    The span stands for a free nuisance shape: a family of laws bends between its draws.  What an
-    effect of one sign would explain with the other, it does not: where its amplitudes sum up to
-    less than nothing, none of them may be negative.
+    The span stands for a free nuisance shape: a family of laws bends between its draws.
     """
-    lengths = np.linalg.norm(columns, axis=0)
-    u, size, v = np.linalg.svd(columns / lengths, full_matrices=False)
+    u = _span(columns / np.linalg.norm(columns, axis=0))[0]
+    return float(truth @ truth - np.sum((u.T @ truth) ** 2))
+
+
+def unexplained_by(name: str, truth: Array, columns: Array) -> float:
+    """What an effect's draws leave of the truth, as one law of its family could.
+
+    Amplitudes that nearly cancel are no shape between the draws, nor near them: of two cubes they
+    make a square.  Nor does an effect of one sign explain what it would with the other.  Where the
+    span asks for either, no two amplitudes may differ in sign.
+    """
+    unit = columns / np.linalg.norm(columns, axis=0)
+    signs = (1.0,) if name in ONE_SIGNED else (1.0, -1.0)
+    if len(signs) > 1:  # draws of either sign, made those of one
+        columns, unit = (x * np.where(unit.T @ unit[:, 0] < 0, -1.0, 1.0) for x in (columns, unit))
+    u, size, v = _span(unit)
+    amplitudes = v.T @ (u.T @ truth / size) / np.linalg.norm(columns, axis=0)
+    together = float(amplitudes.sum())
+    cancels = abs(together) < CANCELS * np.abs(amplitudes).sum()
+    if cancels or (together < 0 and len(signs) == 1):
+        return min(float(nnls(unit, sign * truth)[1] ** 2) for sign in signs)
+    return float(truth @ truth - np.sum((u.T @ truth) ** 2))
+
+
+def _span(unit: Array) -> tuple[Array, Array, Array]:
+    """The singular directions of columns of unit length, but for those under 5 % of the first."""
+    u, size, v = np.linalg.svd(unit, full_matrices=False)
     kept = size > 0.05 * size[0]
-    amplitudes = v[kept].T @ (u[:, kept].T @ truth / size[kept]) / lengths
-    if name in ONE_SIGNED and amplitudes.sum() < 0:
-        return float(nnls(columns / lengths, truth)[1] ** 2)
-    return float(truth @ truth - np.sum((u[:, kept].T @ truth) ** 2))
+    return u[:, kept], size[kept], v[kept]
 
 
 def separation(truth: Array, clean: Array, bank: Bank, chord: Chord, noise: str, sd: float,
@@ -155,13 +180,13 @@ def separation(truth: Array, clean: Array, bank: Bank, chord: Chord, noise: str,
     law = Off.law(bank, chord.absorber, noise, sd)
     rivals = others(seed)
     columns = {o.name: off(whiten(noise, o.left(bank, chord), sd)) for o in rivals}
-    out = {name: unexplained(truth, column, name) for name, column in columns.items()}
+    out = {name: unexplained_by(name, truth, column) for name, column in columns.items()}
     tells = out.pop(own, 0.0) < 0.5 * power
     for other in rivals:
         if other.name in out and (out[other.name] < 0.5 * power or not tells):
             times = float(np.sqrt(power / np.mean(np.sum(columns[other.name] ** 2, axis=0))))
             matched = off(whiten(noise, other.left(bank, chord, times), sd))
             nearest = other.nearest(clean, bank, law, noise, sd, times)
-            left = unexplained(truth, matched, other.name)
+            left = unexplained_by(other.name, truth, matched)
             out[other.name] = min(out[other.name], left, nearest)
     return out

@@ -15,7 +15,7 @@ from .design import LEVELS, design, subset
 from .exam import canonical, describe, is_concealed, part_of, plain, seal, write_exam
 from .grade import by_effect, concealed, failures, load, main, table
 from .measures import calibration, confidently_wrong, heldout, measure_all, wilson
-from .separability import unexplained
+from .separability import unexplained, unexplained_by
 from .survey import look
 from .truth import BASES, NAMES, NOISES, name_of
 
@@ -100,7 +100,7 @@ def test_look_alikes_of_a_law_that_the_refit_has_left_far_behind(
 ) -> None:
     """Where about the refit nothing comes near the truth, not its own law, all are compared about
     the actuator's own."""
-    monkeypatch.setattr(separability, "unexplained", lambda truth, *_: float(truth @ truth))
+    monkeypatch.setattr(separability, "unexplained_by", lambda _, truth, __: float(truth @ truth))
     lag = replace(EASY, effects=("drive_lag",), base="foh", drive="wander", holdout=None)
     truth = build(replace(lag, samples=1000)).label["effects"][0]
     assert "delay" in truth["look_alikes"]
@@ -113,9 +113,18 @@ def test_what_creeps_back_is_no_creep() -> None:
     one, two, other = np.linalg.qr(rng.standard_normal((200, 3)))[0].T
     draws = np.column_stack([2 * one + 0.5 * two, one - 0.4 * two])
     for sign, left, name in ((1, 1, "creep"), (-1, 10, "creep"), (-1, 1, "viscoelastic_layer")):
-        assert unexplained(sign * 3 * one + other, draws, name) == pytest.approx(left)
-    bent = draws @ [1.5, -0.5]  # between the draws, and more than nothing of it
-    assert unexplained(bent, draws, "creep") == pytest.approx(0, abs=1e-12)
+        assert unexplained_by(name, sign * 3 * one + other, draws) == pytest.approx(left)
+    bent = draws @ [1.2, -0.2]  # beyond a draw, by less than half of their distance
+    assert unexplained_by("creep", bent, draws) == pytest.approx(0, abs=1e-12)
+
+
+def test_a_difference_of_two_cubes_is_no_cube() -> None:
+    x = np.linspace(-1, 1, 201)
+    cubes = np.column_stack([(x - 0.05) ** 3, -((x + 0.05) ** 3)])
+    square = x**2 - np.mean(x**2)
+    assert unexplained(square, cubes) < 0.9 * (square @ square)
+    assert unexplained_by("cubic_nonlinearity", square, cubes) > 0.99 * (square @ square)
+    assert unexplained_by("cubic_nonlinearity", -(x**3), cubes) < 0.01 * np.sum(x**6)
 
 
 def test_quantised_and_double_cases() -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 from jax.typing import ArrayLike
@@ -59,7 +59,8 @@ class Effect:
     `one_sided`: its trials show the only sign that physics allows, as a delay is never an advance.
     `foreign`: it follows neither the drive nor a slow course, so that what another effect's law
     leaves over does not look like it, nor what it leaves over like another effect.
-    `special_case`: the effect whose law this one's is where some of its numbers vanish.
+    `special_case`: the effect whose law this one's is where some of its numbers vanish; `beyond`
+    gives, of a block that has the numbers that were found of that, others to begin a refit from.
     Each block's parameters say their unit and the range that is plausible in it.
     """
 
@@ -76,6 +77,7 @@ class Effect:
     one_sided: bool = False
     foreign: bool = False
     special_case: str = ""
+    beyond: Callable[[Any], Sequence[AbstractBlock]] = lambda block: ()
 
     def site_of(self, block: AbstractBlock) -> Site:
         """Where one of its blocks is inserted."""

@@ -87,6 +87,18 @@ def _trials(setting: Setting) -> list:
     )
 
 
+def _as_the_upper(block: SecondMode) -> list:
+    """A mode that was found alone may be the upper of two: it moves more, and hides the lower."""
+    frequency = block.frequency.value
+    return at_values(
+        block,
+        [
+            {"frequency": frequency / ratio, "ratio": ratio, "participation": 0.7}
+            for ratio in (1.4, 2.0, 4.0)
+        ],
+    )
+
+
 EFFECT = Effect(
     name="second_mode",
     site="response",
@@ -102,4 +114,5 @@ EFFECT = Effect(
     concealed_by="one equivalent mode, while the drive stays below both",
     axes=("frequency", "reversal", "rate"),
     special_case="resonance",
+    beyond=_as_the_upper,
 )

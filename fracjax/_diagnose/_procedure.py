@@ -98,7 +98,7 @@ def run(
         opening = judge(base, base, first.scores, predict, seed, progress, {}, least=0.0)
         judged = {j.name: j for j in opening}
     while is_real and detection.least < SIGNIFICANCE:
-        started = {} if opening else {j.name: j.solved.block for j in earlier}
+        started = {} if opening else {j.name: [j.solved.block] for j in earlier}
         found = judge(base, stage, detection.scores, predict, seed, progress, started)
         opening = opening or found
         judged = {**{j.name: j for j in found}, **judged}

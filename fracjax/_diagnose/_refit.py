@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Hashable
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
@@ -47,7 +47,7 @@ def refit(
     fits: list[AbstractBlock],
     seed: int,
     hopeless: float,
-    found: AbstractBlock | None = None,
+    found: Sequence[AbstractBlock] = (),
 ) -> Refit:
     """Fit base and effect together from the fitted bases, the nominal point and prior draws; and
     from what was `found` before.
@@ -77,10 +77,10 @@ def _reduced(larger: Refit, score: EffectScore, preparation: Preparation) -> Ref
     return Refit(score, solve_from([start], preparation))
 
 
-def begun_from(other: Refit, score: EffectScore) -> AbstractBlock:
+def begun_from(other: Refit, score: EffectScore) -> list[AbstractBlock]:
     """The trial that the residual resembles most, round the base of another refit and with the
-    numbers that the two laws share: what one has found of a mode, one that it contains need not
-    look for."""
+    numbers that the two laws share, and what lies beyond where the other is its special case: what
+    one has found of a mode, one that it contains, or that contains it, need not look for."""
     layer, trial = other.layer, score.trials[score.best]
     found = named_parameters(getattr(other.solved.block, layer.place))
     shared = {
@@ -88,8 +88,9 @@ def begun_from(other: Refit, score: EffectScore) -> AbstractBlock:
         for name, parameter in named_parameters(trial).items()
         if name in found and np.shape(found[name].value) == np.shape(parameter.value)
     }
-    inside = getattr(other.solved.block, layer.inside)
-    return score.effect.insert(inside, set_values(trial, shared))
+    inside, begun = getattr(other.solved.block, layer.inside), set_values(trial, shared)
+    beyond = score.effect.beyond(begun) if other.name == score.effect.special_case else ()
+    return [score.effect.insert(inside, block) for block in (begun, *beyond)]
 
 
 def _of_one_kind(
@@ -98,7 +99,7 @@ def _of_one_kind(
     fits: list[AbstractBlock],
     seed: int,
     hopeless: float,
-    found: AbstractBlock | None,
+    found: Sequence[AbstractBlock],
 ) -> Refit:
     """The refit with trials of one structure."""
     effect, nominal = score.effect, stage.start()
@@ -114,8 +115,7 @@ def _of_one_kind(
         *(effect.insert(nominal, trial) for trial in promising),
         *(_drawn(effect.insert(nominal, best), generator) for _ in range(_DRAWS)),
     ]
-    if found is not None and kind_of(found) == kind_of(starts[0]):
-        starts.insert(0, found)
+    starts = [*(block for block in found if kind_of(block) == kind_of(starts[0])), *starts]
     return Refit(score, _searched(starts, stage.preparation, hopeless))
 
 

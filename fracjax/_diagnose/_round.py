@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Mapping, Sequence
 from dataclasses import dataclass, replace
 from functools import cache
 
@@ -43,7 +43,7 @@ def judge(
     predict: Predict,
     seed: int,
     progress: Progress,
-    started: Mapping[str, AbstractBlock],
+    started: Mapping[str, Sequence[AbstractBlock]],
     hopeless: float = np.inf,
     least: float | None = None,
 ) -> list[Judged]:
@@ -71,7 +71,7 @@ def judge(
         # its score promises as much: some valleys are long.
         promised = stage.solved.cost - score.promised
         enough = np.inf if promised <= hopeless else hopeless
-        attempt = refit(score, stage, blocks, seed, enough, started.get(score.effect.name))
+        attempt = refit(score, stage, blocks, seed, enough, started.get(score.effect.name, ()))
         if stage.solved.cost - attempt.solved.cost >= least and attempt.solved.cost <= hopeless:
             attempt = _kept_usual(attempt, stage)
         hopeless = min(hopeless, 0.5 * (stage.solved.cost + attempt.solved.cost))
@@ -306,11 +306,11 @@ def _sought_beside(
     none where that finds nothing better."""
     stage = replace(question.stage, preparation=other.preparation)
     score = question.attempt.score
-    start = begun_from(other.refit, score)
+    starts = begun_from(other.refit, score)
     if anew:
-        attempt = refit(score, stage, [stage.solved.block], seed, np.inf, start)
+        attempt = refit(score, stage, [stage.solved.block], seed, np.inf, starts)
     else:
-        attempt = Refit(score, solve_from([start], stage.preparation, answer.solved.cost))
+        attempt = Refit(score, solve_from(starts, stage.preparation, answer.solved.cost))
     if answer.solved.cost - attempt.solved.cost < DELTA_BIC:
         return None
     question = replace(question, attempt=_kept_usual(attempt, stage))

@@ -790,6 +790,9 @@ def test_a_look_alike_begins_with_the_numbers_that_the_two_laws_share():
         assert np.isclose(modes, 77.0).any()
         assert two_modes["damping"] == 1.0
     assert len(around) > 1
+    # A mode at its lower bound is found on records that are too slow for any.
+    slowest = set_values(trial, {"frequency": 0.1})
+    assert all(block.frequency.value == 0.1 for block in two.beyond(slowest))
 
 
 @pytest.mark.parametrize(("guessed", "asked"), [(True, [0.0]), (False, [])])

@@ -60,7 +60,7 @@ class Effect:
     `foreign`: it follows neither the drive nor a slow course, so that what another effect's law
     leaves over does not look like it, nor what it leaves over like another effect.
     `special_case`: the effect whose law this one's is where some of its numbers vanish; `beyond`
-    gives, of a block that has the numbers that were found of that, others to begin a refit from.
+    makes of a block with the numbers that were found of that further ones to begin a refit from.
     Each block's parameters say their unit and the range that is plausible in it.
     """
 

@@ -89,12 +89,12 @@ def _trials(setting: Setting) -> list:
 
 def _as_the_upper(block: SecondMode) -> list:
     """A mode that was found alone may be the upper of two: it moves more, and hides the lower."""
-    frequency = block.frequency.value
+    upper, lowest = block.frequency.value, block.frequency.lower
     return at_values(
         block,
         [
-            {"frequency": frequency / ratio, "ratio": ratio, "participation": 0.7}
-            for ratio in (1.4, 2.0, 4.0)
+            {"frequency": np.maximum(upper / k, lowest), "ratio": k, "participation": 0.7}
+            for k in (1.4, 2.0, 4.0)
         ],
     )
 

@@ -94,6 +94,8 @@ class Other:
                 a = float(np.clip(a, low, high))
                 made = law(whiten(noise, bank.change(key, a, shape), sd))
                 found.append(float(np.sum((wanted - made) ** 2)))
+                if not made.any():
+                    break
                 a *= (made @ wanted) / (made @ made)
         return min(found)
 

@@ -47,6 +47,11 @@ class Setting:
         return 0.5 * (self.drive_low + self.drive_high)
 
 
+def _nothing_beyond(block: Any) -> Sequence[AbstractBlock]:
+    """Further blocks to begin a refit from, where the numbers of the special case are known."""
+    return ()
+
+
 @dataclass(frozen=True)
 class Effect:
     """One row of the catalogue.
@@ -77,7 +82,7 @@ class Effect:
     one_sided: bool = False
     foreign: bool = False
     special_case: str = ""
-    beyond: Callable[[Any], Sequence[AbstractBlock]] = lambda block: ()
+    beyond: Callable[[Any], Sequence[AbstractBlock]] = _nothing_beyond
 
     def site_of(self, block: AbstractBlock) -> Site:
         """Where one of its blocks is inserted."""

@@ -157,7 +157,7 @@ def unexplained_by(name: str, truth: Array, columns: Array) -> float:
     cancels = abs(together) < CANCELS * np.abs(amplitudes).sum()
     if cancels or (together < 0 and len(signs) == 1):
         return min(float(nnls(unit, sign * truth)[1] ** 2) for sign in signs)
-    return float(truth @ truth - np.sum((u.T @ truth) ** 2))
+    return unexplained(truth, columns)
 
 
 def _span(unit: Array) -> tuple[Array, Array, Array]:

@@ -525,7 +525,7 @@ class _Conclusion:
         found += too_coarse(self.numerics)
         if not self.base.solved.converged:
             found.append("The base fit did not converge; its figures are those of its best point.")
-        found += [f"{self._sources[k]}: {told}" for k, told in self.hidden.items()]
+        found += [f"{source}: {words}" for source, words in self.hidden]
         return (*found, *self._tones(), *self._displaced())
 
     def _tones(self) -> list[str]:
@@ -545,31 +545,33 @@ class _Conclusion:
         return said
 
     @cached_property
-    def hidden(self) -> dict[int, str]:
-        """By recording the jumps that count as noise, for what repeats does not have them, in
+    def hidden(self) -> list[tuple[str, str]]:
+        """Jumps that count as noise, for what repeats does not have them: whose they are, and in
         words."""
         # Beside a mismatch steps would follow that.
         if self.lawless is not None or self.course.gains:
-            return {}
-        found = {k: hidden_in_noise(self.base, k) for k in range(len(self.base.preparation.takes))}
-        return {
-            k: f"the noise floor holds what looks like {hidden[0].listed}; beside them the noise "
-            f"is {hidden[1].sigma:.3g} {hidden[1].unit}. They count as noise and hide what is "
-            "smaller; leave out the time that they spoil (--mask), or record the same drive again."
-            for k, hidden in found.items()
-            if hidden is not None
-        }
+            return []
+        told = []
+        for k, take in enumerate(self.base.preparation.takes):
+            hidden = hidden_in_noise(self.base, k)
+            if hidden is not None:
+                jumps, beside = hidden
+                words = (
+                    f"the noise floor holds what looks like {jumps.listed}; beside them the noise "
+                    f"is {beside.sigma:.3g} {beside.unit}. They count as noise and hide what is "
+                    "smaller; leave out the time that they spoil (--mask), or record the same "
+                    "drive again."
+                )
+                told.append((take.recording.source, words))
+        return told
 
     @property
     def _in_the_noise(self) -> str | None:
         """What the sentence says of them: of the first recording that has any."""
-        for k, told in self.hidden.items():
-            return f"in {self._sources[k]} {told}" if len(self._sources) > 1 else told
-        return None
-
-    @property
-    def _sources(self) -> list[str]:
-        return [take.recording.source for take in self.base.preparation.takes]
+        if not self.hidden:
+            return None
+        source, words = self.hidden[0]
+        return f"in {source} {words}" if len(self.base.preparation.takes) > 1 else words
 
     def _displaced(self) -> list[str]:
         """Base parameters outside their usual range: what is missing may hide in them."""

@@ -446,6 +446,22 @@ def test_play_is_the_plain_recursion():
     np.testing.assert_array_equal(found, wanted)
 
 
+@pytest.mark.parametrize("along", ["drive", "radii", "start"])
+def test_plays_move_as_their_differences(along):
+    generator = np.random.default_rng(3)
+    drive = jnp.asarray(np.cumsum(generator.standard_normal(700)))
+    # One is never pushed, and keeps its start; a rest pushes none, whatever it is held at.
+    at = {"drive": drive.at[300:400].set(drive[300]), "radii": jnp.array([0.3, 2.0, 9.0, 500.0])}
+    at["start"] = at["drive"][0] + 0.4 * at["radii"]
+    ways = {name: jnp.asarray(generator.standard_normal(each.shape)) for name, each in at.items()}
+    ways = {name: way * (name == along) for name, way in ways.items()}
+    ways["drive"] = ways["drive"].at[300:400].set(ways["drive"][300])
+    _, found = jax.jit(lambda a, w: jax.jvp(play, a, w))((*at.values(),), (*ways.values(),))
+    there, back = (play(*(at[n] + h * ways[n] for n in at)) for h in (1e-7, -1e-7))
+    np.testing.assert_allclose(found, (there - back) / 2e-7, atol=1e-6)
+    assert np.abs(found).max() > 0.1
+
+
 def test_memory_is_wiped_out_by_a_larger_excursion():
     outer = np.array([0.0, 45.0])
     inner = np.array([0.0, 20.0, 10.0, 17.0, 12.0, 45.0])

@@ -11,6 +11,7 @@ from .._operators import Grid
 from .._parameters import Parameter
 from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
+from ._recursion import recursion, settled
 from ._relaxation import relax
 
 _LEAST, _FAR, _ITERATIONS = 1e-12, 600.0, 4
@@ -109,25 +110,26 @@ class LuGreFriction(AbstractBlock):
         stiffness = self.amplitude.value / self.presliding.value
         ways = jnp.abs(moves) / self.presliding.value
 
-        def step(z: Array, at: tuple[Array, Array, Array]) -> tuple[Array, Array]:
-            direction, way, largest = at
-            left = 1 - z * direction / largest
-            pulled = stiffness * jnp.maximum(left, _LEAST)
-            after = _lambert(jnp.log(pulled) + pulled - way / largest) / stiffness
-            # Above a force that motion has made smaller it slips, at once where the guide sticks.
-            slipping = jnp.minimum(left, 0.0)
-            room = jnp.maximum(1 + stiffness * slipping, _LEAST)
-            after = jnp.where(left < 0, slipping * jnp.exp(-way / largest / room), after)
-            z = jnp.where(way > 0, direction * largest * (1 - after), z)
-            return z, z
-
         steps = (jnp.sign(moves), ways, 1 + self.excess.value * slow)
-        start = jnp.zeros(())
-        if grid.history == "periodic":
-            start, _ = jax.lax.scan(step, start, steps)
-        return drive - self.amplitude.value * jax.lax.scan(step, start, steps)[1]
+        follow = settled if grid.history == "periodic" else recursion
+        return drive - self.amplitude.value * follow(_pulled, stiffness, jnp.zeros(()), steps)
 
 
+def _pulled(stiffness: Array, z: Array, at: tuple[Array, Array, Array]) -> Array:
+    """The force after a step in a direction, by its way in presliding lengths and the largest force
+    at its speed."""
+    direction, way, largest = at
+    left = 1 - z * direction / largest
+    pulled = stiffness * jnp.maximum(left, _LEAST)
+    after = _lambert(jnp.log(pulled) + pulled - way / largest) / stiffness
+    # Above a force that motion has made smaller it slips, at once where the guide sticks.
+    slipping = jnp.minimum(left, 0.0)
+    room = jnp.maximum(1 + stiffness * slipping, _LEAST)
+    after = jnp.where(left < 0, slipping * jnp.exp(-way / largest / room), after)
+    return jnp.where(way > 0, direction * largest * (1 - after), z)
+
+
+@jax.custom_jvp
 def _lambert(logarithm: Array) -> Array:
     """w > 0 with w + ln w = logarithm."""
     most = jnp.maximum(logarithm, 1.0)
@@ -137,6 +139,13 @@ def _lambert(logarithm: Array) -> Array:
     for _ in range(_ITERATIONS):
         w = w * (1 + jnp.maximum(logarithm, -_FAR) - jnp.log(w)) / (1 + w)
     return w
+
+
+@_lambert.defjvp
+def _(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
+    """Of the equation, not of the steps that solve it: dw = w/(1 + w) d(logarithm)."""
+    w = _lambert(*primals)
+    return w, w / (1 + w) * tangents[0]
 
 
 def _trials(setting: Setting) -> list:

@@ -19,6 +19,7 @@ _COARSE = np.array([3, 7, 13, 21, 32, 46]) / 100
 _STRETCH = 128
 
 
+@jax.custom_jvp
 def play(drive: Array, radii: Array, before: ArrayLike) -> Array:
     """Play operators (N, R) with radii (R,): p_n = min(max(p_{n-1}, u_n - r), u_n + r).
 
@@ -42,6 +43,23 @@ def play(drive: Array, radii: Array, before: ArrayLike) -> Array:
     _, entered = jax.lax.scan(enter, jnp.full(radii.shape, before), ends)
     plays = jnp.clip(entered, *inside)
     return plays.swapaxes(0, 1).reshape(-1, radii.size)[:samples]
+
+
+@play.defjvp
+def _moved(at: tuple, along: tuple) -> tuple[Array, Array]:
+    """The plays, and what moves them: where the drive last pushed each, and from which side.
+
+    Through the intervals, direction by direction, it would take twenty times as long.
+    """
+    drive, _, before = at
+    of_drive, of_radii, of_before = along
+    plays = play(*at)
+    start = jnp.broadcast_to(before, plays.shape[1:])
+    pushed = jnp.sign(jnp.diff(plays, axis=0, prepend=start[None]))
+    samples = jnp.arange(drive.shape[0])[:, None]
+    last = jax.lax.cummax(jnp.where(pushed == 0, -1, samples), axis=0)
+    way = jnp.take_along_axis(pushed, last, axis=0)
+    return plays, jnp.where(last < 0, of_before, of_drive[last] - way * of_radii)
 
 
 def play_after_history(drive: Array, radii: Array, grid: Grid, exercised: ArrayLike = 0.0) -> Array:

@@ -60,6 +60,25 @@ def test_times_and_sizes_are_found_small_or_large(scale):
     assert told.searched == pytest.approx(2 * np.log(told.solved.samples))
 
 
+@pytest.mark.parametrize("size", [0.03, 0.06, 2.0])
+@pytest.mark.parametrize("seed", range(5))
+def test_jumps_are_not_gradual(size, seed):
+    told = found(recording((0.8, size), (1.9, -0.9 * size), seed=seed))
+    assert told is not None
+    assert not told.gradual
+    assert "Record the same drive again, for such jumps" in told.sentence
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_what_takes_a_while_is_gradual(seed):
+    plain = recording(seed=seed)
+    slow = 0.06 * np.tanh((TIMES - 0.9) / 0.15) - 0.05 * np.tanh((TIMES - 2.1) / 0.15)
+    told = found(fj.Recording(DRIVE, plain.response + slow, STEP, "V", "um"))
+    assert told is not None
+    assert told.gradual
+    assert "yet these come gradually" in told.sentence
+
+
 def test_what_is_back_at_once_is_a_tail_of_the_noise_and_tells_nothing():
     """A reading that is off by thirty times the noise once, beside a jump that stays and alone."""
     off = [(0.8, 0.3), (0.8 + STEP, -0.3)]

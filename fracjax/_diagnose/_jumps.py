@@ -28,14 +28,17 @@ _MOST = 6
 _LEAST_SEEN = 1e-6
 _BRIEF, _BACK = 5, 0.5
 _LIKELIER, _CLEARLY_LESS = 10.0, 0.85
+_TOLD_APART = 25.0
 
 
 @dataclass(frozen=True)
 class Jumps:
-    """The base fitted together with jumps at the samples that `preparation` says."""
+    """The base fitted together with jumps at the samples that `preparation` says; `gradual` where
+    changes that take a while follow the mismatch better."""
 
     preparation: Preparation
     solved: Solved
+    gradual: bool = False
 
     @property
     def count(self) -> int:
@@ -104,6 +107,12 @@ class Jumps:
     @property
     def sentence(self) -> str:
         """What they are, and what to do."""
+        if self.gradual:
+            return (
+                f"It is followed best by {self.listed}; yet these come gradually, as what is slow or "
+                "a law of the drive would make them. Record the same drive again: what that causes "
+                "comes at the same times."
+            )
         return (
             f"It looks like {self.listed}. Record the same drive "
             "again, for such jumps come at other times and what the drive causes at the same; or "
@@ -122,9 +131,37 @@ def find_jumps(base: Stage, least: float) -> Jumps | None:
     places, gained = _places(problems, residual)
     if not places or gained < least:
         return None
-    first = _fitted(places, base, base.solved)
-    again, _ = _places(problems, _without_jumps(first, base.preparation))
-    return _fitted(again, base, first.solved) if again and {*again} != {*places} else first
+    found = _fitted(places, base, base.solved)
+    again, _ = _places(problems, _without_jumps(found, base.preparation))
+    if again and {*again} != {*places}:
+        found = _fitted(again, base, found.solved)
+    return replace(found, gradual=_are_gradual(found, base.preparation))
+
+
+def _are_gradual(found: Jumps, preparation: Preparation) -> bool:
+    """Whether ramps in their places take more than they do, each so long that a true jump would be
+    told from it, or as long as its neighbours leave room for."""
+    problems, residual = preparation.problems(), _without_jumps(found, preparation)
+    ramps, steps = [], []
+    for k, (take, sizes) in enumerate(zip(found.preparation.takes, found.sizes, strict=True)):
+        ends = [0, *take.jumps, len(take.recording)]
+        for at, size in zip(take.jumps, sizes, strict=True):
+            place, half = (k, at), 1
+            room = min(abs(at - end) for end in ends if end != at)
+            step = residual.project(_steps(problems, [place]))[0]
+            ramp = residual.project(_steps(problems, [place], half))[0]
+            while 2 * half <= room and size**2 * np.sum((ramp - step) ** 2) < _TOLD_APART:
+                half *= 2
+                ramp = residual.project(_steps(problems, [place], half))[0]
+            steps.append(step)
+            ramps.append(ramp)
+
+    def left(columns: list[np.ndarray]) -> float:
+        rows = np.stack(columns, axis=1)
+        gains = np.linalg.lstsq(rows, residual.whitened, rcond=None)[0]
+        return float(np.sum((residual.whitened - rows @ gains) ** 2))
+
+    return left(ramps) < left(steps)
 
 
 def hidden_in_noise(base: Stage, k: int) -> tuple[Jumps, Noise] | None:
@@ -226,12 +263,15 @@ def _of_steps(problem: Problem, signals: np.ndarray) -> tuple[np.ndarray, np.nda
     return np.cumsum(back, axis=1)[:, ::-1].T, squares[::-1]
 
 
-def _steps(problems: tuple[Problem, ...], places: list[tuple[int, int]]) -> np.ndarray:
-    """Whitened steps (K, ΣL), each from its sample of its recording on."""
+def _steps(
+    problems: tuple[Problem, ...], places: list[tuple[int, int]], half: int = 0
+) -> np.ndarray:
+    """Whitened steps (K, ΣL), each from its sample of its recording on; or ramps that begin `half`
+    samples before it and end as many after."""
     pieces = []
     for k, problem in enumerate(problems):
-        length = problem.response.shape[0]
-        starts = np.array([at if j == k else length for j, at in places])
-        steps = (np.arange(length)[:, None] >= starts).astype(float)
-        pieces.append(np.asarray(problem.whiten(steps)))
+        samples = np.arange(problem.response.shape[0])[:, None]
+        starts = np.array([at if j == k else np.inf for j, at in places])
+        steps = np.clip((samples - starts + half) / (2 * half), 0, 1) if half else samples >= starts
+        pieces.append(np.asarray(problem.whiten(steps.astype(float))))
     return np.concatenate(pieces).T

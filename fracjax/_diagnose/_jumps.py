@@ -109,9 +109,9 @@ class Jumps:
         """What they are, and what to do."""
         if self.gradual:
             return (
-                f"It is followed best by {self.listed}; yet these come gradually, as what is slow or "
-                "a law of the drive would make them. Record the same drive again: what that causes "
-                "comes at the same times."
+                f"It is followed best by {self.listed}; yet these come gradually, as what is slow "
+                "or a law of the drive would make them. Record the same drive again: what that "
+                "causes comes at the same times."
             )
         return (
             f"It looks like {self.listed}. Record the same drive "

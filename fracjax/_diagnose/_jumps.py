@@ -20,6 +20,7 @@ from scipy.signal import lfilter
 from scipy.stats import chi2
 
 from .._fit import Noise, Preparation, Problem, Solved, median_size, residual_noise, solve_from
+from ._judgement import APART
 from ._residual import beside_fit, residual_of
 from ._score import Residual
 from ._stage import Stage
@@ -28,7 +29,6 @@ _MOST = 6
 _LEAST_SEEN = 1e-6
 _BRIEF, _BACK = 5, 0.5
 _LIKELIER, _CLEARLY_LESS = 10.0, 0.85
-_TOLD_APART = 25.0
 
 
 @dataclass(frozen=True)
@@ -150,7 +150,7 @@ def _are_gradual(found: Jumps, preparation: Preparation) -> bool:
             room = min(abs(at - end) for end in ends if end != at)
             step = residual.project(_steps(problems, [place]))[0]
             ramp = residual.project(_steps(problems, [place], half))[0]
-            while 2 * half <= room and size**2 * np.sum((ramp - step) ** 2) < _TOLD_APART:
+            while 2 * half <= room and size**2 * np.sum((ramp - step) ** 2) < APART:
                 half *= 2
                 ramp = residual.project(_steps(problems, [place], half))[0]
             steps.append(step)

@@ -19,7 +19,16 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from .._fit import Noise, Preparation, Problem, Solved, median_size, residual_noise, solve_from
+from .._fit import (
+    Noise,
+    Preparation,
+    Problem,
+    Solved,
+    median_size,
+    orthonormal,
+    residual_noise,
+    solve_from,
+)
 from ._judgement import APART
 from ._residual import beside_fit, residual_of
 from ._score import Residual
@@ -33,12 +42,10 @@ _LIKELIER, _CLEARLY_LESS = 10.0, 0.85
 
 @dataclass(frozen=True)
 class Jumps:
-    """The base fitted together with jumps at the samples that `preparation` says; `gradual` where
-    changes that take a while follow the mismatch better."""
+    """The base fitted together with jumps at the samples that `preparation` says."""
 
     preparation: Preparation
     solved: Solved
-    gradual: bool = False
 
     @property
     def count(self) -> int:
@@ -86,6 +93,32 @@ class Jumps:
             steps = steps[2 if then - at <= _BRIEF and returns else 1 :]
         return found
 
+    @property
+    def gradual(self) -> bool:
+        """Whether ramps in their places take more than they do, each so long that a true jump would
+        be told from it, or as long as its neighbours leave room for."""
+        plain = self.preparation.with_jumps([()] * len(self.sizes))
+        problems, residual = plain.problems(), _without_jumps(self, plain)
+        ramps, steps = [], []
+        for k, (take, sizes) in enumerate(zip(self.preparation.takes, self.sizes, strict=True)):
+            ends = [0, *take.jumps, len(take.recording)]
+            for at, size in zip(take.jumps, sizes, strict=True):
+                place, half = (k, at), 1
+                room = min(abs(at - end) for end in ends if end != at)
+                step = residual.project(_steps(problems, [place]))[0]
+                ramp = residual.project(_steps(problems, [place], half))[0]
+                while 2 * half <= room and size**2 * np.sum((ramp - step) ** 2) < APART:
+                    half *= 2
+                    ramp = residual.project(_steps(problems, [place], half))[0]
+                steps.append(step)
+                ramps.append(ramp)
+
+        def taken(columns: list[np.ndarray]) -> float:
+            directions = orthonormal(np.stack(columns, axis=1))
+            return float(np.sum((directions.T @ residual.whitened) ** 2))
+
+        return taken(ramps) > taken(steps)
+
     def p_value(self, base: Stage) -> float:
         """P(jumps that gain so much in χ²) where the base is right, wherever they may be."""
         fall = base.solved.cost - self.solved.cost
@@ -131,37 +164,9 @@ def find_jumps(base: Stage, least: float) -> Jumps | None:
     places, gained = _places(problems, residual)
     if not places or gained < least:
         return None
-    found = _fitted(places, base, base.solved)
-    again, _ = _places(problems, _without_jumps(found, base.preparation))
-    if again and {*again} != {*places}:
-        found = _fitted(again, base, found.solved)
-    return replace(found, gradual=_are_gradual(found, base.preparation))
-
-
-def _are_gradual(found: Jumps, preparation: Preparation) -> bool:
-    """Whether ramps in their places take more than they do, each so long that a true jump would be
-    told from it, or as long as its neighbours leave room for."""
-    problems, residual = preparation.problems(), _without_jumps(found, preparation)
-    ramps, steps = [], []
-    for k, (take, sizes) in enumerate(zip(found.preparation.takes, found.sizes, strict=True)):
-        ends = [0, *take.jumps, len(take.recording)]
-        for at, size in zip(take.jumps, sizes, strict=True):
-            place, half = (k, at), 1
-            room = min(abs(at - end) for end in ends if end != at)
-            step = residual.project(_steps(problems, [place]))[0]
-            ramp = residual.project(_steps(problems, [place], half))[0]
-            while 2 * half <= room and size**2 * np.sum((ramp - step) ** 2) < APART:
-                half *= 2
-                ramp = residual.project(_steps(problems, [place], half))[0]
-            steps.append(step)
-            ramps.append(ramp)
-
-    def left(columns: list[np.ndarray]) -> float:
-        rows = np.stack(columns, axis=1)
-        gains = np.linalg.lstsq(rows, residual.whitened, rcond=None)[0]
-        return float(np.sum((residual.whitened - rows @ gains) ** 2))
-
-    return left(ramps) < left(steps)
+    first = _fitted(places, base, base.solved)
+    again, _ = _places(problems, _without_jumps(first, base.preparation))
+    return _fitted(again, base, first.solved) if again and {*again} != {*places} else first
 
 
 def hidden_in_noise(base: Stage, k: int) -> tuple[Jumps, Noise] | None:

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
-import jax.numpy as jnp
 import numpy as np
 
 from ._models import Model, understood
@@ -57,12 +55,11 @@ def simulate(
         raise InputError.at(
             "simulate", f"a history out of {', '.join(HISTORIES)}", f'"{history}"', "correct it"
         )
-    run = eqx.filter_jit(model.block)
 
     def respond(oversampling: int) -> np.ndarray:
-        fine = jnp.asarray(refine(drive.astype(float), oversampling, history))
+        fine = refine(drive.astype(float), oversampling, history)
         grid = Grid(np.asarray(step / oversampling), history)
-        return np.asarray(run(fine, grid))[::oversampling]
+        return model.block.respond(fine, grid)[::oversampling]
 
     with jax.enable_x64(True):
         oversampling, error = 2, np.inf

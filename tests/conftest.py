@@ -13,6 +13,8 @@ ROOT = Path(__file__).resolve().parents[1]
 # The layers below the public entry points take float64 as given; the entry points enable it
 # themselves.  Set before a test module is read, so that its module-level arrays have it too.
 jax.config.update("jax_enable_x64", True)
+# As the package has its programs compiled, so the tests' own and each operation of jax.numpy.
+os.environ.setdefault("XLA_FLAGS", "--xla_cpu_use_fusion_emitters=false")
 
 hypothesis.settings.register_profile("fracjax", derandomize=True, deadline=None)
 hypothesis.settings.load_profile("fracjax")

@@ -15,13 +15,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.scipy.sparse.linalg import cg
 
+from .._computing import compiled
 from .._fit import Progress
 from .._operators._grid import History
 from ._plant import Plant
@@ -143,7 +143,7 @@ def best_within(
     return Reached(best.drive, best.response, iterations, converged, "bounded least squares")
 
 
-@eqx.filter_jit
+@compiled
 def _split(
     plant: Plant,
     drive: Array,

@@ -12,7 +12,7 @@ import numpy as np
 from jax import Array
 
 from .._blocks import AbstractBlock, QuasiStaticForce
-from .._computing import computing
+from .._computing import compiled, computing
 from .._fit import Progress, layout_of, silent, split
 from .._models import Model, understood
 from .._operators import interpolate
@@ -29,6 +29,7 @@ from ._unbounded import Inverted, Reached, follow, respond
 _FINE, _FINEST = 1e-5, 8
 _DRAWS = 200
 _SMOOTH = ("akima", "cubic")
+_inverted = compiled(Inverted.drive)
 
 
 def compensate(
@@ -165,7 +166,7 @@ def _on_fine_grid(system: Inverted, desired: np.ndarray, stroke: float) -> Inver
 
     Until 1e-5 of the stroke, or 8 steps per sample.
     """
-    drive = np.asarray(eqx.filter_jit(Inverted.drive)(system, jnp.asarray(desired)))
+    drive = np.asarray(_inverted(system, jnp.asarray(desired)))
     # Behind plays the drive bends sharply where it turns, and a cubic would swing over.
     smooth = system.inverse.linear and np.isfinite(drive).all()
     smooth = smooth and interpolate(drive, 2)[1] in _SMOOTH
@@ -215,7 +216,7 @@ def _band(
     return np.percentile(responses, [2.5, 97.5], axis=0)
 
 
-@eqx.filter_jit
+@compiled
 def _responses(block: AbstractBlock, values: np.ndarray, plant: Plant, drive: np.ndarray) -> Array:
     """Responses (D, N) to one drive (N,) at values (D, d) of the free parameters."""
     layout = layout_of(block)

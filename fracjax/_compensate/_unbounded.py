@@ -12,6 +12,7 @@ import optimistix as optx
 from jax import Array
 
 from .._blocks import AbstractBlock
+from .._computing import compiled
 from .._fit import Progress
 from .._operators import Grid
 from ._plant import Plant
@@ -53,19 +54,19 @@ class Inverted(eqx.Module):
         return self.plant(self.drive(asked))
 
 
-@eqx.filter_jit
+@compiled
 def respond(plant: Plant, drive: np.ndarray | Array) -> Array:
     """The plant's response (N,)."""
     return plant(jnp.asarray(drive))
 
 
-@eqx.filter_jit
+@compiled
 def _ask(system: Inverted, asked: Array) -> tuple[Array, Array]:
     drive = system.drive(asked)
     return drive, system.plant(drive)
 
 
-@eqx.filter_jit
+@compiled
 def _improve(system: Inverted, asked: Array, desired: Array, stroke: Array) -> tuple:
     """Some steps of Levenberg–Marquardt, everything in strokes; where it ended and whether done."""
 

@@ -9,13 +9,13 @@ from __future__ import annotations
 from collections.abc import Callable
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from .._blocks import AbstractBlock
+from .._computing import compiled
 from .._parameters import Parameter, named_parameters, replace_parameters
 from ._layout import layout_of, placed
 from ._least_squares import jacobian
@@ -51,7 +51,7 @@ def objective(block: AbstractBlock, problems: tuple[AbstractProblem, ...]) -> Ob
     return cost
 
 
-@eqx.filter_jit
+@compiled
 def with_gradient(
     block: AbstractBlock, problems: tuple[AbstractProblem, ...], position: Array
 ) -> tuple[Array, Array]:

@@ -23,7 +23,7 @@ from scipy.stats import f as fisher
 from scipy.stats import t as student
 
 from .._blocks import AbstractLinearBlock, Creep, PEADynamics
-from .._computing import computing
+from .._computing import compiled, computing
 from .._parameters import Parameter, named_parameters, set_values
 from .._recording import InputError
 from ._uncertainty import _at_bound, logarithmic_interval
@@ -258,7 +258,7 @@ def _centre(frequencies: Array) -> Array:
     return jnp.exp(jnp.mean(jnp.log(frequencies)))
 
 
-@eqx.filter_jit
+@compiled
 def _solve(
     creeps: Array, modes: Array, frequencies: Array, target: Array, weights: Array
 ) -> tuple[_Shape, Array, Array]:
@@ -301,7 +301,7 @@ def _solve(
     return _shape_of(found), cost(found), settled
 
 
-@eqx.filter_jit
+@compiled
 def _derivatives(shape: _Shape, frequencies: Array) -> tuple[Array, dict, dict]:
     """∂ln|G| (F, 5), the physical parameters, and their derivatives (5,), by the shape's fields."""
     vector, unravel = ravel_pytree(shape)

@@ -14,7 +14,7 @@ import jax
 import numpy as np
 
 from .._blocks import AbstractBlock
-from .._computing import computing
+from .._computing import compiler_options, computing
 from .._models import Model
 from .._parameters import named_parameters
 from .._recording import InputError, Recording
@@ -212,7 +212,6 @@ def _by_bounded(
     return _Way("bounded L-BFGS", solved, True, seconds)
 
 
-@eqx.filter_jit
 def searched(
     search: Search, block: AbstractBlock, problems: tuple[Problem, ...], draws: Any
 ) -> Found:
@@ -230,7 +229,9 @@ def _by_search(
     make_room()
     draws = search.draw(dimension(block), generator)
     arguments = (search, block, preparation.problems(), draws)
-    program = searched.lower(*arguments).compile()  # type: ignore[attr-defined]
+    # Equinox hands on what its types do not say.
+    run: Any = eqx.filter_jit(searched, compiler_options=compiler_options())  # type: ignore
+    program = run.lower(*arguments).compile()
     found, seconds = _timed(lambda: jax.block_until_ready(program(*arguments)))
     return _Way(method, _solved(block, found, preparation), False, seconds)
 

@@ -25,7 +25,7 @@ from jax import Array
 from jax.flatten_util import ravel_pytree
 
 from .._blocks import AbstractBlock, AbstractLinearBlock
-from .._computing import computing
+from .._computing import compiled, computing
 from .._models import Model, understood
 from .._parameters import named_parameters, set_values
 from .._recording import InputError, require_kind
@@ -72,7 +72,7 @@ class FrequencyProblem(eqx.Module):
         return float(np.linalg.norm(self.whiten(self.response)))
 
 
-@eqx.filter_jit
+@compiled
 def _symbols(block: AbstractLinearBlock, names: tuple[str, ...], s: Array) -> tuple[Array, Array]:
     """G (F,) and its derivatives (F, Σ size), complex."""
     parameters = named_parameters(block)

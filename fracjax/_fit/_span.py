@@ -6,11 +6,11 @@ from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
 
-import equinox as eqx
 import jax
 import numpy as np
 
 from .._blocks import AbstractBlock
+from .._computing import compiled
 from .._operators import speed
 from ._chains import Chain, chains_of
 from ._interpolation import Chosen, choose, is_bounded
@@ -19,7 +19,7 @@ from ._problem import Problem
 
 FRESH = 4
 _MOST_SIGNALS = 400
-_speed = eqx.filter_jit(speed)
+_speed = compiled(speed)
 
 
 class Span(NamedTuple):

@@ -9,12 +9,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
+from .._computing import compiled
 from ._likelihood import Density, log_posteriors_of
 
 _ROUNDS = 60
@@ -36,7 +36,7 @@ class Laplace:
         return self.mode + coordinates @ self.factor.T
 
 
-@eqx.filter_jit
+@compiled
 def _derivatives(target: Density, standard: Array) -> tuple[Array, Array]:
     """Gradient (D,) and Hessian (D, D), both by tangents: no transposition is to be compiled."""
 

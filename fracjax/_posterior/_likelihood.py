@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Mapping
-from functools import partial
+from functools import cache
 from typing import Any, Protocol, TypeVar
 
 import equinox as eqx
@@ -13,6 +13,7 @@ import numpy as np
 from jax import Array
 
 from .._blocks import AbstractBlock
+from .._computing import compiled, compiler_options
 from .._fit import (
     AbstractProblem,
     Fit,
@@ -51,6 +52,9 @@ class Prediction(eqx.Module):
         named = split(block, layout.shapes, shapes) | split(block, layout.gains, gains)
         moved = set_values(block, named)
         return tuple(problem.simulate(moved) for problem in self.problems)
+
+
+_predicted = compiled(Prediction.__call__)
 
 
 class Density(Protocol):
@@ -122,7 +126,6 @@ class Target(eqx.Module):
         return jnp.asarray(jnp.where(jnp.isfinite(density), density, -jnp.inf))
 
 
-@partial(jax.jit, static_argnums=0)
 def _log_posteriors(
     structure: Any, arrays: list[Array | None], numbers: Array, standards: Array
 ) -> Array:
@@ -130,6 +133,11 @@ def _log_posteriors(
     leaves = [next(each) if array is None else array for array in arrays]
     target: Density = jax.tree_util.tree_unflatten(structure, leaves)
     return jax.vmap(target.log_posterior)(standards)
+
+
+@cache
+def _log_posteriors_program() -> Callable[..., Array]:
+    return jax.jit(_log_posteriors, static_argnums=0, compiler_options=compiler_options())
 
 
 def log_posteriors_of(target: Density) -> Callable[[np.ndarray], np.ndarray]:
@@ -141,10 +149,11 @@ def log_posteriors_of(target: Density) -> Callable[[np.ndarray], np.ndarray]:
     leaves, structure = jax.tree_util.tree_flatten(jax.tree_util.tree_map(jnp.asarray, target))
     numbers = jnp.stack([leaf for leaf in leaves if leaf.ndim == 0])
     arrays = [leaf if leaf.ndim else None for leaf in leaves]
-    return lambda standards: np.asarray(_log_posteriors(structure, arrays, numbers, standards))
+    program = _log_posteriors_program()
+    return lambda standards: np.asarray(program(structure, arrays, numbers, standards))
 
 
-@eqx.filter_jit
+@compiled
 def _physical(target: Density, standards: np.ndarray) -> Array:
     return jax.vmap(target.values)(jnp.asarray(standards))
 
@@ -177,7 +186,7 @@ def target_of(
         model, columns = (*model, discrepancy.term), discrepancy.columns
     predict = Prediction(fit.model.block, problems)
     values = jnp.array([term.start for term in model])
-    predicted = eqx.filter_jit(predict)(values[: predict.shapes], values[predict.shapes :])
+    predicted = _predicted(predict, values[: predict.shapes], values[predict.shapes :])
     left = tuple(p.response - prediction for p, prediction in zip(problems, predicted, strict=True))
     terms = (*model, *noise.terms(fit, left, problems))
     names = [term.name for term in terms]

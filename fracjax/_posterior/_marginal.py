@@ -25,6 +25,7 @@ import numpy as np
 from jax import Array
 from jax.scipy.linalg import solve_triangular
 
+from .._computing import compiled
 from ._laplace import Laplace, laplace
 from ._likelihood import Target
 from ._noise_models import AbstractGaussianNoise, Eliminated, Signals
@@ -175,7 +176,7 @@ def _as_normal(prior: AbstractPrior) -> tuple[float, float, float, float, float]
     raise AssertionError(f"{prior} is none of the candidates'")
 
 
-@eqx.filter_jit
+@compiled
 def _completed(marginal: Marginal, standards: np.ndarray, normals: np.ndarray) -> Array:
     return jax.vmap(marginal.complete)(jnp.asarray(standards), jnp.asarray(normals))
 

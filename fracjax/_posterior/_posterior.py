@@ -12,7 +12,7 @@ import numpy as np
 from jax import Array
 from scipy.signal import lfilter
 
-from .._computing import computing
+from .._computing import compiled, computing
 from .._fit import Fit, numbers_of
 from .._recording import InputError, require_kind
 from ._discrepancy import discrepancy_of
@@ -245,7 +245,7 @@ def _posterior_of(
     )
 
 
-@eqx.filter_jit
+@compiled
 def _responses(target: Target, values: Array, normals: Signals) -> tuple[Signals, Signals]:
     """Responses (L,) with the recordings' own terms, and the filter (taps,) of each noise."""
     noise, own_values = target.noise, target.of_noise(values)

@@ -96,7 +96,9 @@ def test_derivatives_law_by_law_are_those_of_the_whole(text, setting):
         grid, drive = Grid(np.asarray(TIMES[1]), "constant"), jnp.asarray(DRIVE)
         names = list(named_parameters(block))
         response, columns, changes = block.linearise(DRIVE, grid, names, [np.sin(DRIVE)])
-        np.testing.assert_allclose(block.respond(DRIVE, grid), response, rtol=1e-12, atol=1e-12)
+        # Two programs, which round differently: to what a kernel is as good as.
+        alone = block.respond(DRIVE, grid)
+        np.testing.assert_allclose(alone, response, atol=1e-11 * np.abs(response).max(), rtol=0)
         values = {n: jnp.asarray(p.value) for n, p in named_parameters(block).items()}
 
         @jax.jit

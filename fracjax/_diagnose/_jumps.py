@@ -271,12 +271,12 @@ def _of_steps(problem: Problem, signals: np.ndarray) -> tuple[np.ndarray, np.nda
 def _steps(
     problems: tuple[Problem, ...], places: list[tuple[int, int]], half: int = 0
 ) -> np.ndarray:
-    """Whitened steps (K, ΣL), each from its sample of its recording on; or ramps that begin `half`
-    samples before it and end as many after."""
+    """Whitened steps (K, ΣL), each from its sample of its recording on; or ramps in their places,
+    `half` samples longer at either end."""
     pieces = []
     for k, problem in enumerate(problems):
         samples = np.arange(problem.response.shape[0])[:, None]
         starts = np.array([at if j == k else np.inf for j, at in places])
-        steps = np.clip((samples - starts + half) / (2 * half), 0, 1) if half else samples >= starts
-        pieces.append(np.asarray(problem.whiten(steps.astype(float))))
+        steps = np.clip((samples - starts + half + 1) / (2 * half + 1), 0, 1)
+        pieces.append(np.asarray(problem.whiten(steps)))
     return np.concatenate(pieces).T

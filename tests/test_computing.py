@@ -10,7 +10,8 @@ import pytest
 import scipy.linalg
 from threadpoolctl import threadpool_info, threadpool_limits
 
-from fracjax._computing import compiled, computing, side_by_side
+from fracjax import _computing
+from fracjax._computing import compiled, compiler_options, computing, side_by_side
 
 
 def threads() -> set[int]:
@@ -70,3 +71,14 @@ def test_arrays_are_traced_and_all_else_compiled_for():
         )
     np.testing.assert_array_equal(fast({"one": one, "two": two}, "without", 3.0), 3 * one)
     assert traces == [("with", 2.0), ("without", 3.0)]
+
+
+def test_a_compiler_that_knows_no_option_is_asked_for_nothing(monkeypatch):
+    assert compiler_options() == {"xla_cpu_use_fusion_emitters": False}
+    monkeypatch.setattr(_computing, "_QUICKER", {"xla_cpu_option_of_no_version": False})
+    compiler_options.cache_clear()
+    try:
+        assert compiler_options() == {}
+        assert float(compiled(lambda x: x + 1)(np.float64(1.0))) == 2.0
+    finally:
+        compiler_options.cache_clear()

@@ -243,6 +243,15 @@ def test_vmap_is_a_loop(history):
         close(found, operate(order, drive, grid), 1e-11)
 
 
+@pytest.mark.parametrize("history", HISTORIES)
+@pytest.mark.parametrize("accuracy", ACCURACIES)
+def test_several_orders_at_once_are_each_alone(accuracy, history):
+    grid = Grid(STEP, history)
+    together = operate(jnp.asarray(ORDERS)[:, None], WALK, grid, accuracy=accuracy)
+    for found, order in zip(together, ORDERS, strict=True):
+        close(found, operate(order, WALK, grid, accuracy=accuracy), 1e-11)
+
+
 # Properties ---------------------------------------------------------------------------------------
 
 fractions = st.floats(-0.95, 0.95)

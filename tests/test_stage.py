@@ -12,6 +12,7 @@ import fracjax as fj
 from fracjax._blocks import EFFECTS, Setting
 from fracjax._diagnose._stage import Layer, Stage, path_of, wrapped
 from fracjax._fit import _solve, prepare, solve_from
+from fracjax._fit._least_squares import Objective
 from fracjax._operators import Grid
 from fracjax._parameters import named_parameters, set_values
 
@@ -118,6 +119,39 @@ def test_derivatives_law_by_law_are_those_of_the_whole(text, setting):
             np.testing.assert_allclose(columns[name], column, atol=1e-8 * size)
 
 
+@pytest.mark.parametrize("history", ["rest", "constant", "periodic"])
+@pytest.mark.parametrize("count", [1, 3, 4])
+def test_changes_pass_a_linear_law_beside_its_drive(count, history, setting):
+    with jax.enable_x64(True):
+        block = fj.parse_model("creep", setting).block
+        grid = Grid(np.asarray(TIMES[1]), history)
+        along = [np.sin(DRIVE + k) for k in range(count)]
+        response, columns, changes = block.linearise(DRIVE, grid, [], along)
+        assert (columns, len(changes)) == ({}, count)
+        for signal, found in zip([DRIVE, *along], [response, *changes], strict=True):
+            wanted = block.respond(signal, grid)
+            np.testing.assert_allclose(found, wanted, atol=1e-11 * np.abs(wanted).max(), rtol=0)
+
+
+def test_a_least_squares_step_is_that_of_all_rows(setting):
+    """Gauss and Newton's, its promise and the gradient, of one turned row per shape and one."""
+    with jax.enable_x64(True):
+        model = fj.parse_model("foh >> creep", setting)
+        response = np.tanh(DRIVE / 50) + 0.01 * np.cos(40 * TIMES)
+        recording = fj.Recording(DRIVE, response, float(TIMES[1]), "V", "um")
+        preparation = prepare([recording], history="constant")
+        objective = Objective(model.block, preparation.problems())
+        position = objective.numbers.position_of(model.block)
+        rows, residual = objective.derivative(position), objective.residual(position)
+        turned, length = objective.turned(position), objective.length(position)
+        assert turned.shape == (position.size + 1, position.size)
+        np.testing.assert_allclose(length @ length, residual @ residual, rtol=1e-12)
+        np.testing.assert_allclose(turned.T @ turned, rows.T @ rows, rtol=1e-10)
+        np.testing.assert_allclose(turned.T @ length, rows.T @ residual, rtol=1e-8)
+        step = [np.linalg.lstsq(*pair)[0] for pair in ((rows, residual), (turned, length))]
+        np.testing.assert_allclose(*step, rtol=1e-6)
+
+
 def test_a_start_that_would_overtake_the_best_is_followed(setting, monkeypatch):
     """One start ends at once, the other falls from far above to below it, on more looks than the
     first rounds have."""
@@ -127,7 +161,7 @@ def test_a_start_that_would_overtake_the_best_is_followed(setting, monkeypatch):
         left = at.course[1:] if at.course[1:] else at.course
         return at._replace(course=left, cost=at.course[0], converged=not at.course[1:])
 
-    class Objective(NamedTuple):
+    class Course(NamedTuple):
         name: str
 
         def at(self, _: int) -> SimpleNamespace:
@@ -137,13 +171,11 @@ def test_a_start_that_would_overtake_the_best_is_followed(setting, monkeypatch):
         course: list[float]
         cost: float
         converged: bool
-        objective: Objective
+        objective: Course
         position: int = 0
         evaluations: int = 0
 
-    monkeypatch.setattr(
-        _solve, "begin", lambda s, *_: Fake(courses[s], np.inf, False, Objective(s))
-    )
+    monkeypatch.setattr(_solve, "begin", lambda s, *_: Fake(courses[s], np.inf, False, Course(s)))
     monkeypatch.setattr(_solve, "descend", descend)
     monkeypatch.setattr(_solve, "solved_at", lambda objective, *_, **__: objective.name)
     recording = fj.Recording(DRIVE, 0.1 * DRIVE, TIMES[1], "V", "um")

@@ -152,6 +152,15 @@ class AbstractLinearBlock(AbstractBlock):
     def __call__(self, drive: Array, grid: Grid) -> Array:
         return convolve(self.symbol, self.static_gain(), drive, grid, self.accuracy)
 
+    def linearise(
+        self, drive: np.ndarray, grid: Grid, names: Sequence[str], along: Sequence[np.ndarray]
+    ) -> tuple[np.ndarray, Columns, list[np.ndarray]]:
+        if names or not along:
+            return super().linearise(drive, grid, names, along)
+        # A change passes as a drive does: all in one transform.
+        response, *changes = _changes(self, drive, [drive, *along], grid)
+        return response, {}, changes
+
     def inverse(self) -> Inverse:
         """The law from response back to drive."""
         return Inverse(self)

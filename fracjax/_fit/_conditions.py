@@ -20,7 +20,7 @@ from jax.typing import ArrayLike
 from .._blocks import AbstractBlock, linear_gains
 from .._parameters import Parameter, named_parameters, replace_parameters, set_values
 from .._recording import InputError, require_kind
-from ._layout import layout_of, split
+from ._layout import Layout, layout_of, split
 from ._normal import Normal
 
 Tied = Mapping[str, str | tuple[str, float]]
@@ -87,6 +87,7 @@ class Numbers:
     recording the maps (parameters' components, numbers) to the block's shapes and gains, in the
     layout's order."""
 
+    layout: Layout
     shapes: tuple[Number, ...]
     gains: tuple[Number, ...]
     scale: Scale
@@ -108,13 +109,12 @@ class Numbers:
         self, block: AbstractBlock, shapes: np.ndarray, gains: np.ndarray
     ) -> tuple[AbstractBlock, ...]:
         """The block of every recording at values of the numbers."""
-        layout = layout_of(block)
         maps = list(zip(self.shape_maps, self.gain_maps, strict=True))
         found = [
             set_values(
                 block,
-                split(block, layout.shapes, of_shapes @ shapes)
-                | split(block, layout.gains, of_gains @ gains),
+                split(block, self.layout.shapes, of_shapes @ shapes)
+                | split(block, self.layout.gains, of_gains @ gains),
             )
             for of_shapes, of_gains in (maps[:1] if self.shared else maps)
         ]
@@ -180,7 +180,7 @@ def numbers_of(block: AbstractBlock, recordings: int, conditions: Conditions) ->
     shapes, shape_maps = _mapped(layout.shapes, recordings, conditions.ties, own)
     gains, gain_maps = _mapped(layout.gains, recordings, conditions.ties, own)
     scale = _scale_of(block, shapes)
-    return Numbers(shapes, gains, scale, shape_maps, gain_maps, not own)
+    return Numbers(layout, shapes, gains, scale, shape_maps, gain_maps, not own)
 
 
 def _mapped(

@@ -20,7 +20,7 @@ from scipy.optimize import least_squares
 
 from .._blocks import AbstractBlock
 from ._conditions import Conditions, Numbers, numbers_of, prior_rows
-from ._layout import layout_of, own_columns
+from ._layout import own_columns
 from ._problem import Problem
 
 if TYPE_CHECKING:
@@ -67,11 +67,10 @@ def sensitivity(
     """Derivative (ΣL, numbers + own) of the simulation in the values of a fit's numbers, one block
     per recording: as it is, and whitened."""
     own, raw, white = own_columns(problems), [], []
+    shapes, gains = ([name for name, _ in part] for part in numbers.layout)
+    count = sum(size for _, size in numbers.layout.shapes)
     for r, (block, problem) in enumerate(zip(blocks, problems, strict=True)):
-        layout = layout_of(block)
-        shapes, gains = ([name for name, _ in part] for part in layout)
         found = problem.linearised(block, shapes + gains)[1]
-        count = sum(size for _, size in layout.shapes)
         mapped = found[:, :count] @ numbers.shape_maps[r], found[:, count:] @ numbers.gain_maps[r]
         raw.append(np.concatenate([*mapped, own[r]], axis=1))
         white.append(problem.whiten(raw[-1]))
@@ -108,7 +107,6 @@ class Objective:
     ):
         self.block, self.problems = block, problems
         asked = conditions or Conditions()
-        self.layout = layout_of(block)
         self.numbers = numbers_of(block, len(problems), asked)
         self.priors = prior_rows(block, self.numbers, asked)
         self.gains = self.numbers.gains_of(block)
@@ -128,7 +126,7 @@ class Objective:
         self.evaluations += 1
         shapes = self.numbers.values_at(position)
         blocks = self.numbers.blocks(self.block, shapes, self.gains)
-        names = [name for name, _ in self.layout.gains]
+        names = [name for name, _ in self.numbers.layout.gains]
         columns, targets = [], []
         for block, problem, white_own, gain_map in zip(
             blocks, self.problems, self.white_own, self.numbers.gain_maps, strict=True
@@ -157,7 +155,7 @@ class Objective:
         return self._derivative
 
     def _differentiate(self, point: Point, position: np.ndarray) -> np.ndarray:
-        names = [name for name, _ in self.layout.shapes]
+        names = [name for name, _ in self.numbers.layout.shapes]
         columns = [
             problem.whiten(problem.linearised(block, names)[1] @ shape_map)
             for block, problem, shape_map in zip(
@@ -170,6 +168,16 @@ class Objective:
         # A derivative near overflow, far outside a law's range, tells the search nothing.
         moved = np.where(np.abs(moved) < _OVERFLOWING, moved, 0.0)
         return point.basis @ (point.basis.T @ moved) - moved
+
+    def length(self, position: np.ndarray) -> np.ndarray:
+        """The residual turned into its own direction: its length, and n zeros."""
+        return np.append(np.sqrt(self.at(position).cost), np.zeros(position.size))
+
+    def turned(self, position: np.ndarray) -> np.ndarray:
+        """The derivative (n + 1, n) turned with it, all that a least-squares step depends on."""
+        together = np.column_stack([self.residual(position), self.derivative(position)])
+        triangle = np.asarray(np.linalg.qr(together, mode="r"))
+        return np.copysign(1.0, triangle[0, 0]) * triangle[:, 1:]
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
         """The positions' bounds (n,)."""
@@ -213,13 +221,13 @@ def descend(at: Descent, looks: int) -> Descent:
     if at.position.size == 0 or not np.isfinite(first.cost):
         return at._replace(cost=first.cost, converged=bool(np.isfinite(first.cost)))
     # A fit that begins where another ended, or on another scale, is told so by one look.
-    _, left, _ = least(objective.derivative(at.position), first.residual)
+    _, left, _ = least(objective.turned(at.position), objective.length(at.position))
     if first.cost - left @ left <= _RELATIVE * first.cost:
         return at._replace(cost=first.cost, converged=True)
     found = least_squares(
-        objective.residual,
+        objective.length,
         at.position,
-        objective.derivative,  # type: ignore[arg-type]
+        objective.turned,  # type: ignore[arg-type]
         bounds=objective.bounds(),
         x_scale="jac",
         ftol=_RELATIVE,

@@ -73,8 +73,9 @@ def kernel(symbol: Symbol, samples: int, grid: Grid, order: int = 2) -> Array:
 def convolve(
     symbol: Symbol, static_gain: ArrayLike, drive: Array, grid: Grid, order: int = 4
 ) -> Array:
-    """Response (N,) of the linear law K(s) to a drive (N,) on the grid, to the given order (1–4).
+    """Response (…, N) of the linear law K(s) to a drive (N,) on the grid, to the given order (1–4).
 
+    Of parameters (…, 1), such as several orders at once, K(s) is (…, F) and so are the responses.
     K is in response unit per drive unit at s [1/s], and the grid's step in [s].
     With `constant` history the law sees the drive's excursion from its first value, and that value
     itself is passed on by `static_gain` (K(0), or 0 where a power law has none).  With `periodic`
@@ -85,20 +86,22 @@ def convolve(
     if grid.history == "periodic":
         harmonics = 2j * np.pi * np.arange(1, samples // 2 + 1) / samples
         response = symbol(Laplace(harmonics, grid.step))
-        response = jnp.concatenate([jnp.asarray(static_gain).reshape(1) + 0j, response])
+        static = jnp.broadcast_to(static_gain, response.shape[:-1])[..., None]
+        response = jnp.concatenate([static, response], axis=-1)
         return jnp.fft.irfft(response * jnp.fft.rfft(drive), samples)
     before = drive[0] if grid.history == "constant" else 0.0
     length, radius = circle(samples)
     damping = radius ** np.arange(samples, dtype=float)
     transform = jnp.fft.rfft((drive - before) * damping, length)
     symbols = _symbol_on_circle(symbol, samples, grid, order)
-    response = jnp.fft.irfft(symbols * transform, length)[:samples] / damping
+    response = jnp.fft.irfft(symbols * transform, length)[..., :samples] / damping
     return response + static_gain * before
 
 
 def derivative(order: ArrayLike, drive: Array, grid: Grid, accuracy: int = 4) -> Array:
     """D^a of the drive: derivative for a > 0, identity at a = 0, integral for a < 0 [F 1, L 1].
 
+    Of one order the result is (N,), of orders (…, 1) it is (…, N), by one transform.
     `accuracy` is the order of the quadrature: 1 is Grünwald–Letnikov.
     Differentiable in the order through 0 and 1, and in the drive.  Units: drive · s^-a.
     With `constant` history this is Caputo's derivative: the first value is not transmitted.

@@ -252,6 +252,15 @@ def test_several_orders_at_once_are_each_alone(accuracy, history):
         close(found, operate(order, WALK, grid, accuracy=accuracy), 1e-11)
 
 
+@pytest.mark.parametrize("history", HISTORIES)
+def test_several_lags_at_once_are_each_alone(history):
+    grid, drive = Grid(STEP, history), jnp.asarray(WALK)
+    gains, times = np.array([[0.5], [2.0]]), np.array([[0.03], [0.2]])
+    together = convolve(lambda s: gains / (1 + times * s), gains, drive, grid)
+    for found, gain, time in zip(together, gains[:, 0], times[:, 0], strict=True):
+        close(found, convolve(lambda s, g=gain, t=time: g / (1 + t * s), gain, drive, grid), 1e-11)
+
+
 # Properties ---------------------------------------------------------------------------------------
 
 fractions = st.floats(-0.95, 0.95)

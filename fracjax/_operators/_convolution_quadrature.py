@@ -75,7 +75,7 @@ def convolve(
 ) -> Array:
     """Response (…, N) of the linear law K(s) to a drive (N,) on the grid, to the given order (1–4).
 
-    Of parameters (…, 1), such as several orders at once, K(s) is (…, F) and so are the responses.
+    Of parameters (…, 1), such as several orders at once, K(s) is (…, F), K(0) one number or (…, 1).
     K is in response unit per drive unit at s [1/s], and the grid's step in [s].
     With `constant` history the law sees the drive's excursion from its first value, and that value
     itself is passed on by `static_gain` (K(0), or 0 where a power law has none).  With `periodic`
@@ -86,7 +86,7 @@ def convolve(
     if grid.history == "periodic":
         harmonics = 2j * np.pi * np.arange(1, samples // 2 + 1) / samples
         response = symbol(Laplace(harmonics, grid.step))
-        static = jnp.broadcast_to(static_gain, response.shape[:-1])[..., None]
+        static = jnp.broadcast_to(static_gain, (*response.shape[:-1], 1))
         response = jnp.concatenate([static, response], axis=-1)
         return jnp.fft.irfft(response * jnp.fft.rfft(drive), samples)
     before = drive[0] if grid.history == "constant" else 0.0

@@ -35,7 +35,7 @@ _DRIVES = {
     "bound: no error": "bound: the sensor's noise",
 }
 
-_ALONE = {"other_nulls": "false alarms on nulls", "outside": "out of catalogue, not named"}
+_ALONE = {"third_nulls": "false alarms on nulls", "outside": "out of catalogue, not named"}
 
 _MARKS = {
     "first name right, separable, visible >= .3": "first name right",

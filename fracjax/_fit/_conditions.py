@@ -218,9 +218,9 @@ def _components(sizes: tuple[tuple[str, int], ...]) -> Iterator[tuple[str, int]]
     return ((name, k) for name, size in sizes for k in range(size))
 
 
-def prior_rows(block: AbstractBlock, numbers: Numbers, conditions: Conditions) -> PriorRows:
+def prior_rows(numbers: Numbers, conditions: Conditions) -> PriorRows:
     """The priors as rows over the numbers; of an own parameter a row for every recording."""
-    layout = layout_of(block)
+    layout = numbers.layout
     sizes = dict(layout.shapes + layout.gains)
     places = list(_components(layout.shapes)), list(_components(layout.gains))
     rows: list[tuple[np.ndarray, np.ndarray]] = []

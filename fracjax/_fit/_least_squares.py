@@ -108,7 +108,7 @@ class Objective:
         self.block, self.problems = block, problems
         asked = conditions or Conditions()
         self.numbers = numbers_of(block, len(problems), asked)
-        self.priors = prior_rows(block, self.numbers, asked)
+        self.priors = prior_rows(self.numbers, asked)
         self.gains = self.numbers.gains_of(block)
         own = own_columns(problems)
         self.white_own = [p.whiten(columns) for p, columns in zip(problems, own, strict=True)]

@@ -127,7 +127,7 @@ def uncertainty_of(
     """
     numbers = numbers_of(blocks[0], len(problems), conditions)
     derivative = sensitivity(blocks, problems, numbers)[1]
-    priors = prior_rows(blocks[0], numbers, conditions)
+    priors = prior_rows(numbers, conditions)
     nothing = np.zeros((len(priors.means), derivative.shape[1] - len(numbers.labels)))
     rows = np.concatenate([priors.shapes, priors.gains, nothing], axis=1)
     stacked = np.concatenate([derivative, (rows.T / priors.sds).T])

@@ -32,34 +32,32 @@ if TYPE_CHECKING:
     from ._compensate import compensate as compensate
     from ._compensate import load_compensation as load_compensation
     from ._compensate import streaming_inverse as streaming_inverse
+    from ._crosscheck import Crosscheck as Crosscheck
+    from ._crosscheck import crosscheck as crosscheck
     from ._diagnose import Diagnosis as Diagnosis
     from ._diagnose import diagnose as diagnose
-    from ._fit import AmplitudeRatios as AmplitudeRatios
     from ._fit import Combination as Combination
     from ._fit import Comparison as Comparison
-    from ._fit import CreepIdentification as CreepIdentification
-    from ._fit import Crosscheck as Crosscheck
     from ._fit import Estimate as Estimate
     from ._fit import Fit as Fit
-    from ._fit import FrequencyFit as FrequencyFit
-    from ._fit import FrequencyTable as FrequencyTable
-    from ._fit import Noise as Noise
-    from ._fit import Normal as Normal
     from ._fit import Profile as Profile
     from ._fit import ResidualAnalysis as ResidualAnalysis
-    from ._fit import amplitude_ratios as amplitude_ratios
     from ._fit import analyse_residuals as analyse_residuals
     from ._fit import compare as compare
-    from ._fit import crosscheck as crosscheck
     from ._fit import fit as fit
-    from ._fit import fit_frequency_response as fit_frequency_response
-    from ._fit import frequency_table as frequency_table
     from ._fit import load_model as load_model
-    from ._fit import ofocim as ofocim
     from ._fit import profile as profile
-    from ._fit import read_frequency_table as read_frequency_table
-    from ._fit import tfocim as tfocim
     from ._fit import with_profiles as with_profiles
+    from ._frequency import AmplitudeRatios as AmplitudeRatios
+    from ._frequency import CreepIdentification as CreepIdentification
+    from ._frequency import FrequencyFit as FrequencyFit
+    from ._frequency import FrequencyTable as FrequencyTable
+    from ._frequency import amplitude_ratios as amplitude_ratios
+    from ._frequency import fit_frequency_response as fit_frequency_response
+    from ._frequency import frequency_table as frequency_table
+    from ._frequency import ofocim as ofocim
+    from ._frequency import read_frequency_table as read_frequency_table
+    from ._frequency import tfocim as tfocim
     from ._io import read as read
     from ._io import write as write
     from ._models import MODELS as MODELS
@@ -75,6 +73,8 @@ if TYPE_CHECKING:
     from ._posterior import WhiteNoise as WhiteNoise
     from ._posterior import load_posterior as load_posterior
     from ._posterior import sample_posterior as sample_posterior
+    from ._prepare import Noise as Noise
+    from ._prepare import Normal as Normal
     from ._recording import InputError as InputError
     from ._recording import Recording as Recording
     from ._registry import RECORDINGS as RECORDINGS
@@ -107,33 +107,39 @@ _HOMES = {
         "streaming_inverse",
     ),
     "_diagnose": ("Diagnosis", "diagnose"),
-    "_fit": (
-        "AmplitudeRatios",
-        "Combination",
-        "Comparison",
-        "CreepIdentification",
-        "Crosscheck",
-        "Estimate",
-        "Fit",
-        "FrequencyFit",
-        "FrequencyTable",
+    "_prepare": (
         "Noise",
         "Normal",
+    ),
+    "_fit": (
+        "Combination",
+        "Comparison",
+        "Estimate",
+        "Fit",
         "Profile",
         "ResidualAnalysis",
-        "amplitude_ratios",
         "analyse_residuals",
         "compare",
-        "crosscheck",
         "fit",
+        "load_model",
+        "profile",
+        "with_profiles",
+    ),
+    "_frequency": (
+        "AmplitudeRatios",
+        "CreepIdentification",
+        "FrequencyFit",
+        "FrequencyTable",
+        "amplitude_ratios",
         "fit_frequency_response",
         "frequency_table",
-        "load_model",
         "ofocim",
-        "profile",
         "read_frequency_table",
         "tfocim",
-        "with_profiles",
+    ),
+    "_crosscheck": (
+        "Crosscheck",
+        "crosscheck",
     ),
     "_io": ("read", "write"),
     "_models": ("MODELS", "Model", "parse_model"),

@@ -9,7 +9,7 @@ import numpy as np
 
 from ._models import Model, understood
 from ._operators import Grid, refine
-from ._operators._grid import HISTORIES, History
+from ._operators import HISTORIES, History
 from ._recording import InputError
 
 _ERROR = 1e-4

@@ -60,9 +60,9 @@ from fracjax._blocks._effect import Site
 from fracjax._blocks.creep import KelvinVoigtCreep, LogarithmicCreep
 from fracjax._blocks.minor_loop_memory import play
 from fracjax._blocks.viscoelastic_layer import MaxwellLayer
-from fracjax._fit import prepare
 from fracjax._operators import Grid, direct_convolution, kernel
 from fracjax._parameters import named_parameters, set_values
+from fracjax._prepare import prepare
 
 HISTORIES = ("rest", "constant", "periodic")
 STEP = 4.6e-3  # no line of the mains falls on half the sampling rate

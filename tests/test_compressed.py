@@ -10,27 +10,22 @@ import pytest
 
 import fracjax as fj
 from fracjax._blocks import Saturation
-from fracjax._fit import _solve as fitting
-from fracjax._fit import compress, layout_of, prepare
-from fracjax._fit._asked import constrained
-from fracjax._fit._box import with_gradient
-from fracjax._fit._chains import chains_of, transfer
-from fracjax._fit._compressed import columns_at
-from fracjax._fit._interpolation import (
-    ChebyshevSeries,
-    Interpolation,
-    _greedy,
-    _points,
-    choose,
-)
-from fracjax._fit._layout import placed, with_gains
-from fracjax._fit._least_squares import Objective
-from fracjax._fit._problem import AbstractProblem, Problem
-from fracjax._fit._search import search
-from fracjax._fit._solve import fit_block, solve_from, starts_of
+from fracjax._crosscheck._box import with_gradient
 from fracjax._parameters import named_parameters, replace_parameters, set_values
 from fracjax._posterior import Normal, compressed, log_posteriors_of, target_of
 from fracjax._posterior._posterior import _starts
+from fracjax._prepare import layout_of, prepare
+from fracjax._prepare._keywords import constrained
+from fracjax._prepare._layout import placed, with_gains
+from fracjax._prepare._problem import AbstractProblem, Problem
+from fracjax._solve import _solve as fitting
+from fracjax._solve import compress
+from fracjax._solve._chains import chains_of, transfer
+from fracjax._solve._compressed import columns_at
+from fracjax._solve._interpolation import ChebyshevSeries, Interpolation, _greedy, _points, choose
+from fracjax._solve._least_squares import Objective
+from fracjax._solve._search import search
+from fracjax._solve._solve import fit_block, solve_from, starts_of
 
 STEP = 2e-3
 SAMPLES = 700

@@ -18,20 +18,20 @@ import fracjax as fj
 from benchmarks.concealed.truth import BASES, OVER
 from fracjax._blocks import LFDH
 from fracjax._cli import run
-from fracjax._fit import Crosscheck, _crosscheck
-from fracjax._fit._box import (
+from fracjax._crosscheck import Crosscheck, _crosscheck
+from fracjax._crosscheck._box import (
     objective,
     with_bounded_gains,
     with_bounded_shapes,
     with_gradient,
 )
-from fracjax._fit._evolution import DifferentialEvolution
-from fracjax._fit._layout import layout_of, placed, position_of
-from fracjax._fit._least_squares import Objective
-from fracjax._fit._swarm import ParticleSwarm
+from fracjax._crosscheck._evolution import DifferentialEvolution
+from fracjax._crosscheck._swarm import ParticleSwarm
 from fracjax._parameters import named_parameters, set_values
+from fracjax._prepare._layout import layout_of, placed, position_of
 from fracjax._report import write_report
 from fracjax._report._text import crosscheck_figures
+from fracjax._solve._least_squares import Objective
 
 STEP, SAMPLES, SIGMA = 2e-3, 400, 5e-3
 LAW = {"alpha": 0.45, "beta": -0.1, "k_l": 0.07, "k_h": 0.02, "k_p": 0.0}
@@ -479,7 +479,7 @@ def test_jaxopt_is_met_in_one_place_and_silently():
     script = (
         "import sys, fracjax; fracjax.crosscheck\n"
         "assert 'jaxopt' not in sys.modules\n"
-        "from fracjax._fit._bounded import require_jaxopt\n"
+        "from fracjax._crosscheck._bounded import require_jaxopt\n"
         "assert require_jaxopt().__name__ == 'jaxopt'\n"
     )
     told = subprocess.run(

@@ -16,9 +16,10 @@ from fracjax._diagnose._held_out import predict_stretches
 from fracjax._diagnose._next_experiment import recorded_limits
 from fracjax._diagnose._procedure import Course
 from fracjax._diagnose._stage import Layer, Stage
-from fracjax._fit import prepare, silent, solve_from
 from fracjax._operators import Grid
 from fracjax._parameters import set_values
+from fracjax._prepare import prepare
+from fracjax._solve import silent, solve_from
 
 STEP, SIGMA = 5e-3, 0.003
 TIMES = STEP * np.arange(800)

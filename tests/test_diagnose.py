@@ -34,16 +34,10 @@ from fracjax._diagnose._judgement import (
 from fracjax._diagnose._procedure import Course
 from fracjax._diagnose._result import Axis
 from fracjax._diagnose._score import EffectScore, Residual, family_wise_p
-from fracjax._fit import (
-    Preparation,
-    autoregression,
-    measured_noise,
-    numerical_error,
-    prepare,
-    settle,
-    silent,
-)
+from fracjax._fit import settle
+from fracjax._prepare import Preparation, autoregression, measured_noise, prepare
 from fracjax._recording import Recording
+from fracjax._solve import numerical_error, silent
 
 VERDICTS = {"none", "missing", "confusable", "unexplained"}
 

@@ -33,12 +33,13 @@ from fracjax._blocks import (
 )
 from fracjax._diagnose._residual import residual_of
 from fracjax._diagnose._score import EffectScore, Scorer
-from fracjax._fit import prepare, solve_from
-from fracjax._fit._noise import Noise
-from fracjax._fit._problem import resolution, setting_of
 from fracjax._operators import Grid
 from fracjax._operators._grid import History
 from fracjax._parameters import named_parameters, set_values
+from fracjax._prepare import prepare
+from fracjax._prepare._noise import Noise
+from fracjax._prepare._setting import resolution, setting_of
+from fracjax._solve import solve_from
 
 STEP = 2e-3
 TIMES = np.arange(601) * STEP

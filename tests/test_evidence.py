@@ -12,8 +12,9 @@ import fracjax as fj
 from fracjax._blocks import EFFECTS, AbstractBlock
 from fracjax._diagnose._evidence import spared, strain
 from fracjax._diagnose._stage import Layer
-from fracjax._fit import Preparation, Solved, jacobian, layout_of, prepare, solve_from
 from fracjax._parameters import named_parameters, replace_parameters, set_values
+from fracjax._prepare import Preparation, layout_of, prepare
+from fracjax._solve import Solved, jacobian, solve_from
 
 STEP, SAMPLES = 5e-3, 1200
 

@@ -10,10 +10,11 @@ import pytest
 
 import fracjax as fj
 from benchmarks.concealed.truth import BASES, OVER
-from fracjax._fit import _programs, other_histories, prepare, solve_from, take_of
-from fracjax._fit._programs import make_room
-from fracjax._fit._solve import starts_of
 from fracjax._operators._grid import History
+from fracjax._prepare import other_histories, prepare, take_of
+from fracjax._solve import _programs, solve_from
+from fracjax._solve._programs import make_room
+from fracjax._solve._solve import starts_of
 
 STEP = 2e-3
 SAMPLES = 1200

@@ -11,11 +11,12 @@ from scipy.optimize import minimize
 
 import fracjax as fj
 from fracjax._blocks.mains_interference import MainsInterference
-from fracjax._fit import LOSSES, options_of
+from fracjax._fit import LOSSES, _estimate
 from fracjax._fit._combinations import combinations_of
-from fracjax._fit._conditions import Number
 from fracjax._fit._robust import _SHAPES
-from fracjax._fit._uncertainty import _coloured, _estimate, uncertainty_of
+from fracjax._fit._uncertainty import _coloured, uncertainty_of
+from fracjax._prepare import options_of
+from fracjax._prepare._conditions import Number
 
 STEP, SAMPLES, SIGMA = 2e-3, 600, 0.01
 TIMES = STEP * np.arange(SAMPLES)

@@ -20,9 +20,11 @@ from fracjax._diagnose._held_out import (
     predict_recording,
     predict_stretches,
 )
-from fracjax._fit import Noise, Preparation, Solved, prepare, settle, solve_from, take_of
+from fracjax._fit import settle
 from fracjax._operators._grid import History
 from fracjax._parameters import set_values
+from fracjax._prepare import Noise, Preparation, prepare, take_of
+from fracjax._solve import Solved, solve_from
 
 STEP, SAMPLES = 1e-3, 2000
 TIMES = STEP * np.arange(SAMPLES)

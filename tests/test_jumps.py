@@ -16,7 +16,8 @@ from fracjax._diagnose._jumps import Jumps, _of_steps, _steps, find_jumps, hidde
 from fracjax._diagnose._next_experiment import recorded_limits
 from fracjax._diagnose._procedure import Course
 from fracjax._diagnose._stage import Layer, Stage
-from fracjax._fit import prepare, silent, solve_from
+from fracjax._prepare import prepare
+from fracjax._solve import silent, solve_from
 
 STEP, SIGMA = 5e-3, 0.01
 TIMES = STEP * np.arange(600)

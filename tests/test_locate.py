@@ -20,7 +20,8 @@ from fracjax._diagnose._residual import residual_of
 from fracjax._diagnose._result import Axis
 from fracjax._diagnose._score import Residual
 from fracjax._diagnose._stage import Stage
-from fracjax._fit import prepare, silent, solve_from
+from fracjax._prepare import prepare
+from fracjax._solve import silent, solve_from
 
 STEP = 0.01
 PERIOD = 250

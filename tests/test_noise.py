@@ -8,10 +8,11 @@ import pytest
 from scipy.signal import lfilter
 
 import fracjax as fj
-from fracjax._fit import measured_noise, residual_noise
-from fracjax._fit._autoregression import autoregression, taken_power
-from fracjax._fit._noise import _noise, _Stretch, measured_noises, read_from_residual
-from fracjax._fit._problem import setting_of
+from fracjax._frequency._amplitude_ratios import _Stretch
+from fracjax._prepare import _noise, measured_noise, residual_noise
+from fracjax._prepare._autoregression import autoregression, taken_power
+from fracjax._prepare._noise_sources import measured_noises, read_from_residual
+from fracjax._prepare._setting import setting_of
 from fracjax._recording import Recording
 
 STEP = 2e-3

@@ -9,9 +9,10 @@ import pytest
 from scipy.signal import lfilter
 
 import fracjax as fj
-from fracjax._fit import prepare, with_profiled_intervals
+from fracjax._fit import with_profiled_intervals
 from fracjax._fit._compare import Unseen, _folds, _memory
 from fracjax._parameters import replace_parameters
+from fracjax._prepare import prepare
 
 STEP, SAMPLES, SIGMA = 2e-3, 600, 0.01
 TIMES = STEP * np.arange(SAMPLES)

@@ -17,8 +17,9 @@ from fracjax._diagnose._judgement import SIGNIFICANCE, Judged, best_of
 from fracjax._diagnose._refit import Refit, begun_from, sought_further, within_usual_ranges
 from fracjax._diagnose._score import EffectScore, _families, kind_of
 from fracjax._diagnose._stage import Layer, Stage, wrapped
-from fracjax._fit import prepare, residual_noise, silent, solve_from
 from fracjax._parameters import named_parameters, set_values
+from fracjax._prepare import prepare, residual_noise
+from fracjax._solve import silent, solve_from
 
 STEP = 5e-3
 TIMES = STEP * np.arange(600)

@@ -11,8 +11,8 @@ import fracjax as fj
 from fracjax._blocks import EFFECTS, Setting
 from fracjax._diagnose._refit import unlike
 from fracjax._diagnose._score import EffectScore, _families
-from fracjax._fit import prepare
 from fracjax._parameters import named_parameters
+from fracjax._prepare import prepare
 
 TIMES = np.linspace(0, 2, 300)
 DRIVE = 50 - 40 * np.cos(2 * np.pi * TIMES)

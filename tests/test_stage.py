@@ -11,10 +11,11 @@ import pytest
 import fracjax as fj
 from fracjax._blocks import EFFECTS, Setting
 from fracjax._diagnose._stage import Layer, Stage, path_of, wrapped
-from fracjax._fit import _solve, prepare, solve_from
-from fracjax._fit._least_squares import Objective
 from fracjax._operators import Grid
 from fracjax._parameters import named_parameters, set_values
+from fracjax._prepare import prepare
+from fracjax._solve import _solve, solve_from
+from fracjax._solve._least_squares import Objective
 
 TIMES = np.linspace(0, 2, 300)
 DRIVE = 50 - 40 * np.cos(2 * np.pi * TIMES)

@@ -8,8 +8,8 @@ import pytest
 
 import fracjax as fj
 from fracjax import _fit
-from fracjax._fit import _numerics
 from fracjax._operators import Grid
+from fracjax._solve import _numerics
 
 STEP = 4e-3
 SAMPLES = 800

@@ -61,7 +61,7 @@ def report(
     desired: np.ndarray,
 ) -> None:
     """One model: its prediction of their run, its drive, and the sense of the difference."""
-    from fracjax._fit._problem import setting_of
+    from fracjax._prepare._setting import setting_of
 
     stroke = np.ptp(desired)
     fit = fj.fit(fj.parse_model(name, setting_of([recording])), recording, history="constant")

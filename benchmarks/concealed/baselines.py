@@ -43,7 +43,9 @@ from fracjax._diagnose._refit import refit
 from fracjax._diagnose._residual import residual_of
 from fracjax._diagnose._score import Residual, Scorer
 from fracjax._diagnose._stage import Stage
-from fracjax._fit import fine_enough, fit_of, prepare, settle, silent
+from fracjax._fit import fit_of, settle
+from fracjax._prepare import prepare
+from fracjax._solve import fine_enough, silent
 
 from .answer import cases_of, tell_each
 from .exam import part_of
@@ -105,19 +107,19 @@ def fitted_of(recording: fj.Recording, base: str) -> Fitted:
     began, model = time.perf_counter(), fj.parse_model(base)
     prepared = prepare([recording])
     settled = settle(model.block, prepared, history=None, starts=STARTS, seed=SEED)
-    solved, preparation, _ = fine_enough(*settled, silent)
-    (take,), (problem,) = preparation.takes, preparation.problems()
+    solved, _ = fine_enough(settled, silent)
+    (take,), (problem,) = solved.preparation.takes, solved.preparation.problems()
     constant = problem.whiten(np.ones(problem.response.shape[0]))
     left = Residual(solved.whitened[0], constant[:, None] / np.linalg.norm(constant))
     scorer = Scorer(solved.blocks, (problem,), left)
-    scores = [scorer.score(effect, preparation.setting) for effect in EFFECTS.values()]
+    scores = [scorer.score(effect, solved.preparation.setting) for effect in EFFECTS.values()]
     terms, drawn = library_of(take.recording, solved.simulations[0])
     padded = np.zeros((constant.size, len(terms)))
     padded[: len(take.recording)] = drawn.T
     library = left.project(problem.whiten(padded).T)
-    (tests,) = fj.analyse_residuals(fit_of(model, solved, preparation))
+    (tests,) = fj.analyse_residuals(fit_of(model, solved))
     return Fitted(
-        stage=Stage(base, model.block, (), solved, preparation),
+        stage=Stage(base, model.block, (), solved),
         residual=left.whitened,
         columns={score.effect.name: score.directions for score in scores},
         terms=terms,
@@ -217,7 +219,7 @@ def forward(fitted: Fitted) -> dict:
 def refit_all(fitted: Fitted) -> dict:
     """The effects that lower BIC the most, each fitted together with the base."""
     stage, gains = fitted.stage, {}
-    left = residual_of(stage.solved, stage.preparation)
+    left = residual_of(stage.solved)
     scorer = Scorer(stage.solved.blocks, stage.preparation.problems(), left)
     for name in fitted.columns:
         score = scorer.score(EFFECTS[name], stage.preparation.setting)

@@ -30,8 +30,9 @@ import fracjax as fj
 from benchmarks.concealed.build import Spec, build
 from benchmarks.versions import versions
 from fracjax._blocks import EFFECTS, AbstractBlock
-from fracjax._fit import Preparation, simulate_all
 from fracjax._parameters import named_parameters, set_values
+from fracjax._prepare import Preparation
+from fracjax._solve import simulate_all
 
 SAMPLES = 10_000
 STARTS = (4, 10)

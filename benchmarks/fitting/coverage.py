@@ -24,8 +24,8 @@ from scipy import stats
 import fracjax as fj
 from benchmarks.fitting.tables import HERE, Table
 from benchmarks.versions import versions
-from fracjax._fit import layout_of
 from fracjax._parameters import named_parameters
+from fracjax._prepare import layout_of
 
 STEP = 4e-3  # s
 SAMPLES = 1000

@@ -35,9 +35,9 @@ from benchmarks.real import fsm_cubespec, mr_damper
 from benchmarks.real.recordings import fsm_cubespec as mirror
 from benchmarks.real.recordings import mr_damper as damper
 from benchmarks.real.recordings import piezo_dbo
-from fracjax._fit._layout import layout_of, placed, position_of
-from fracjax._fit._problem import setting_of
-from fracjax._fit._variable_projection import project
+from fracjax._crosscheck._variable_projection import project
+from fracjax._prepare._layout import layout_of, placed, position_of
+from fracjax._prepare._setting import setting_of
 
 STEP = 2e-3  # s
 SAMPLES = 2000

@@ -30,9 +30,9 @@ from scipy.optimize import differential_evolution, least_squares
 import fracjax as fj
 from benchmarks.concealed.truth import BASES, OVER
 from benchmarks.fitting.tables import HERE, Table
-from fracjax._fit import prepare
-from fracjax._fit._layout import placed
-from fracjax._fit._variable_projection import projected_residual
+from fracjax._crosscheck._variable_projection import projected_residual
+from fracjax._prepare import prepare
+from fracjax._prepare._layout import placed
 
 STEP = 2e-3  # s
 LAW = {"alpha": 0.14, "beta": -0.13, "k_l": 0.07, "k_h": 0.04, "k_p": 1.5e-6}

@@ -34,9 +34,9 @@ from scipy import stats
 
 import fracjax as fj
 from benchmarks.versions import versions
-from fracjax._fit import layout_of, prepare
 from fracjax._parameters import named_parameters, set_values
 from fracjax._posterior import AbstractPrior, Logarithmic, Normal, Uniform, prior_of
+from fracjax._prepare import layout_of, prepare
 
 STEP = 4e-3  # s
 SAMPLES = 400

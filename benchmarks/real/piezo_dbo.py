@@ -83,7 +83,7 @@ def diagnosed(
 
 def by_hand(model: str, history: History, steady: fj.Recording, nested: fj.Recording) -> dict:
     """A composition named beforehand, whitened as a diagnosis would."""
-    from fracjax._fit._problem import setting_of
+    from fracjax._prepare._setting import setting_of
 
     composed = fj.parse_model(model, setting_of([steady]))
     fit = fj.fit(composed, steady, history=history, settling=PERIOD)

@@ -105,7 +105,7 @@ def on_model(stretch: fj.Recording, spectrum: tuple[np.ndarray, np.ndarray]) -> 
 
 
 def on_raw(stretch: fj.Recording) -> list[dict]:
-    from fracjax._fit._problem import setting_of
+    from fracjax._prepare._setting import setting_of
 
     rows = []
     for name in RAW:

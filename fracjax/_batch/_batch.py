@@ -21,11 +21,9 @@ from typing import Any, Unpack
 
 import pandas as pd
 
-from .._fit import Loss, Past
-from .._fit._asked import OfModel
-from .._fit._border import past_of, whole
-from .._fit._weights import Mask
+from .._fit import Loss
 from .._models import Model
+from .._prepare import Mask, OfModel, Past, past_of, whole
 from .._recording import parse_quantity
 from ._cluster import on_cluster
 from ._jobs import Given, Job, jobs_of

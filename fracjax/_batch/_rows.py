@@ -14,12 +14,9 @@ import equinox as eqx
 import numpy as np
 import pyarrow as pa
 
-from .._fit import Fit, Past, fit
-from .._fit._asked import OfModel, conditioned
-from .._fit._border import model_of
-from .._fit._conditions import numbers_of
-from .._fit._robust import shape_of
+from .._fit import Fit, fit, shape_of
 from .._models import Model, understood
+from .._prepare import OfModel, Past, conditioned, model_of, numbers_of
 from .._recording import InputError, Recording
 from ._jobs import Job
 

@@ -27,9 +27,14 @@ from . import (
 from ._block import AbstractBlock as AbstractBlock
 from ._block import AbstractLinearBlock as AbstractLinearBlock
 from ._block import Inverse as Inverse
+from ._block import LinearParallel as LinearParallel
+from ._block import LinearSeries as LinearSeries
+from ._block import Parallel as Parallel
+from ._block import Series as Series
 from ._block import linear_gains as linear_gains
 from ._effect import Effect as Effect
 from ._effect import Setting as Setting
+from ._effect import Site as Site
 from ._response import Bode as Bode
 from ._response import bode as bode
 from ._response import frequency_response as frequency_response

@@ -6,7 +6,7 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-from .._operators._grid import History
+from .._operators import History
 
 _UNROLLED = 8
 

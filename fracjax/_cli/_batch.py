@@ -110,7 +110,7 @@ def _summary(rows: pd.DataFrame, told: dict[str, Any]) -> Summary:
 
 def _spreads(rows: pd.DataFrame) -> Figures:
     """Each parameter's spread over the fitted recordings; where units differ, none is said."""
-    from .._report._text import figure, pretty_unit
+    from .._report import figure, pretty_unit
 
     fitted = rows.loc[rows["status"] == "fitted"]
     labels = [c.removesuffix(".value") for c in rows.columns if c.endswith(".value")]

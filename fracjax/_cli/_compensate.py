@@ -29,7 +29,7 @@ from ._statuses import NOT_CONVERGED, fail
 if TYPE_CHECKING:
     from .._compensate import Compensation, Trajectory
     from .._models import Model
-    from .._operators._grid import History
+    from .._operators import History
 
 
 @click.command("compensate")
@@ -77,8 +77,7 @@ def compensate_command(
     from .._compensate import compensate
     from .._io import SUFFIXES
     from .._recording import parse_quantity
-    from .._report import write_report
-    from .._report._compensation_page import compensation_figures, sentence_of, warnings_of
+    from .._report import compensation_figures, sentence_of, warnings_of, write_report
 
     desired, model, drive_unit, zero = _wanted(trajectory, fitted, columns)
     unit = desired.response_unit
@@ -123,7 +122,7 @@ def _streamed(model: Model, found: Compensation, out: Path, results: Results) ->
     import numpy as np
 
     from .._compensate import streaming_inverse
-    from .._report._text import figure
+    from .._report import figure
     from .._simulate import simulate
 
     band = 0.1 / (found.dt * len(found.drive)), 0.02 / found.dt

@@ -50,9 +50,8 @@ def crosscheck_command(
     """
     taken, (model,) = given.understood(recordings, [name])
     how = given.how(taken)
-    from .._fit import crosscheck
-    from .._report import write_report
-    from .._report._text import crosscheck_figures, crosscheck_sentence
+    from .._crosscheck import crosscheck
+    from .._report import crosscheck_figures, crosscheck_sentence, write_report
 
     prepare_jax()
     with nullcontext() if out is None else folder(out), stages(results.quiet) as progress:

@@ -12,9 +12,10 @@ from ._tables import doubts
 
 if TYPE_CHECKING:
     from .._diagnose import Diagnosis
-    from .._fit import Fit, Progress
+    from .._fit import Fit
     from .._models import Model
     from .._recording import Recording
+    from .._solve import Progress
 
 
 def diagnosed(
@@ -52,7 +53,7 @@ def concluded(diagnosis: Diagnosis, out: Path, results: Results) -> int:
 
 
 def _summary(diagnosis: Diagnosis, fits: list[Fit]) -> Summary:
-    from .._report._text import key_figures
+    from .._report import key_figures
 
     notes = [diagnosis.where, *(note for found in fits for note in doubts(found))]
     if diagnosis.next_experiment:

@@ -48,7 +48,7 @@ def effects_command(name: str | None, picture: Path | None, results: Results) ->
 
 def _drawn(name: str | None, picture: Path, saved: list[Path]) -> None:
     from .._recording import InputError
-    from .._report._effect_picture import draw_effect
+    from .._report import draw_effect
 
     if name is None or picture.suffix not in (".svg", ".png", ".pdf"):
         raise InputError.at(
@@ -74,7 +74,7 @@ def _effect(name: str) -> dict[str, Any]:
 
 
 def _rows(effect: dict[str, Any]) -> list[list[str]]:
-    from .._report._text import figure, pretty_unit, quantity
+    from .._report import figure, pretty_unit, quantity
 
     parameters = [
         f"{p['name']}: {figure(p['plausible'][0])} to {quantity(p['plausible'][1], p['unit'])}"

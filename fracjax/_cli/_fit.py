@@ -82,9 +82,9 @@ def fit_command(
     """
     if of_frequency:
         return fit_table(recordings, names, out, given, results, asked)
-    from .._fit import compared, fit, options_for, with_profiles
-    from .._report import write_report
-    from .._report._text import file_name
+    from .._fit import compared, fit, with_profiles
+    from .._prepare import options_for
+    from .._report import file_name, write_report
 
     wishes = asked | {"profiled": profiled}
     taken, models = given.understood(recordings, names)
@@ -119,7 +119,7 @@ def fit_command(
 def _summary(fits: Sequence[Fit], comparison: Comparison | None) -> Summary:
     """Of the fits, the best first, and of their comparison if there was one."""
     from .._fit import analyse_residuals
-    from .._report._text import fit_sentence, key_figures
+    from .._report import fit_sentence, key_figures
 
     notes = [note for found in fits for note in (*_profile_notes(found), *doubts(found))]
     notes.append("; ".join(analyse_residuals(fits[0])[0].findings) + ".")
@@ -129,7 +129,7 @@ def _summary(fits: Sequence[Fit], comparison: Comparison | None) -> Summary:
 
 def _profile_notes(found: Fit) -> list[str]:
     """The intervals of the profiles that were asked for."""
-    from .._report._text import figure, pretty_unit
+    from .._report import figure, pretty_unit
 
     notes = []
     for profile in found.profiles:

@@ -17,7 +17,7 @@ from ._statuses import status_of
 from ._tables import doubts, parameter_figures
 
 if TYPE_CHECKING:
-    from .._fit import FrequencyFit
+    from .._frequency import FrequencyFit
 
 
 def fit_table(
@@ -29,10 +29,10 @@ def fit_table(
     asked: dict[str, Any],
 ) -> int:
     """Fit each of the models to the one table, tell of it and return the exit status."""
-    from .._fit import fit_frequency_response, options_for, read_frequency_table
+    from .._frequency import fit_frequency_response, read_frequency_table
     from .._models import parse_model
-    from .._report import write_report
-    from .._report._text import file_name
+    from .._prepare import options_for
+    from .._report import file_name, write_report
 
     if len(paths) > 1 or asked.keys() & {"mask", "own", "loss"}:
         raise click.UsageError(
@@ -69,7 +69,7 @@ def _as_data(fits: Sequence[FrequencyFit]) -> object:
 
 
 def _summary(fits: Sequence[FrequencyFit]) -> Summary:
-    from .._report._text import frequency_figures, frequency_sentence
+    from .._report import frequency_figures, frequency_sentence
 
     notes = [note for found in fits for note in doubts(found)]
     parameters = parameter_figures(fits[0])

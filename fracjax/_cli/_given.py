@@ -8,8 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
-    from .._fit import Past
     from .._models import Model
+    from .._prepare import Past
     from .._recording import Recording
 
 
@@ -42,7 +42,7 @@ class Given(NamedTuple):
     def how(self, recordings: list[Recording]) -> dict[str, Any]:
         """The keywords of a fit that say the same.  Raises InputError where the settling time is
         none, or too long for one of the recordings."""
-        from .._fit import settling_samples
+        from .._prepare import settling_samples
 
         if self.settle is not None:
             for recording in recordings:
@@ -52,8 +52,8 @@ class Given(NamedTuple):
 
 def models_for(names: Sequence[str], recordings: list[Recording]) -> list[Model]:
     """The models of these names, their effects of a size that suits the recordings."""
-    from .._fit._problem import setting_of
     from .._models import parse_model
+    from .._prepare import setting_of
 
     setting = setting_of(recordings)
     return [parse_model(name, setting) for name in names]

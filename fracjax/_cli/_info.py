@@ -21,7 +21,7 @@ def info_command(recording: str, results: Results, **columns: str | None) -> Non
     With --quiet its exit status alone says whether the file can be used.
     """
     from .._io import read_with_columns
-    from .._report._description import describe
+    from .._report import describe
 
     told = describe(*read_with_columns(recording, **columns))
     if results.as_json:
@@ -33,7 +33,7 @@ def info_command(recording: str, results: Results, **columns: str | None) -> Non
 
 
 def _rows(told: dict[str, Any]) -> list[list[str]]:
-    from .._report._text import figure, pretty_unit, quantity
+    from .._report import figure, pretty_unit, quantity
 
     def extent(signal: dict) -> str:
         return f"{figure(signal['low'], 4)} to {quantity(signal['high'], signal['unit'])}"

@@ -56,7 +56,7 @@ def _law(name: str, block: AbstractBlock) -> dict[str, Any]:
 
 def _parts(block: AbstractBlock) -> list[AbstractBlock]:
     """The laws that a composition holds, in order."""
-    from .._blocks._block import LinearParallel, LinearSeries, Parallel, Series
+    from .._blocks import LinearParallel, LinearSeries, Parallel, Series
 
     if isinstance(block, Series | LinearSeries | Parallel | LinearParallel):
         return _parts(block.first) + _parts(block.second)

@@ -133,7 +133,7 @@ def takes_asked(*listed: Callable) -> Callable:
         @options(*listed)
         @wraps(command)
         def called(**others: Any) -> int:
-            from .._fit import options_of
+            from .._prepare import options_of
 
             written = {name: others.pop(name) for name in _ASKED if name in others}
             return command(asked=options_of(**written), **others)

@@ -59,7 +59,8 @@ def posterior_command(
     Writes posterior.nc (which ArviZ reads), posterior.json, report.html and fit.json; chain.h5
     grows meanwhile, and a run that was killed goes on from it by --resume.
     """
-    from .._fit import fit, measured_noise
+    from .._fit import fit
+    from .._prepare import measured_noise
 
     taken, (model,) = given.understood([recording], [name])
     how = given.how(taken)
@@ -117,7 +118,7 @@ def _summary(posterior: Posterior) -> Summary:
 
 
 def _figures(posterior: Posterior) -> Figures:
-    from .._report._posterior_page import cells
+    from .._report import cells
 
     heads = ["", "mean", "sd", "95 % interval", "unit", "draws", "R-hat", "Laplace"]
     fields = ("name", "mean", "sd", "interval", "unit", "ess", "r_hat", "laplace")

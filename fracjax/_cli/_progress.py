@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
     from .._batch import Count
-    from .._fit import Progress
+    from .._solve import Progress
 
 
 def _unseen(quiet: bool) -> bool:

@@ -28,7 +28,7 @@ if TYPE_CHECKING:
     import numpy as np
 
     from .._models import Model
-    from .._operators._grid import History
+    from .._operators import History
 
 
 @click.command("simulate")

@@ -8,7 +8,8 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .._fit import Fit, FrequencyFit
+    from .._fit import Fit
+    from .._frequency import FrequencyFit
 
 UNUSABLE, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
 

@@ -7,7 +7,8 @@ import sys
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
-    from .._fit import Fit, FrequencyFit
+    from .._fit import Fit
+    from .._frequency import FrequencyFit
 
 Figures = tuple[list[str], list[list[str]]]  # the heads of its columns, and its rows
 
@@ -49,7 +50,7 @@ def doubts(fit: Fit | FrequencyFit) -> list[str]:
 
 def parameter_figures(fit: Fit | FrequencyFit) -> Figures:
     """The parameters of a fit, and what is known of them together."""
-    from .._report._text import parameter_rows
+    from .._report import parameter_rows
 
     heads = [fit.model.name, "value", "95 % interval", "unit", "remark"]
     return heads, [list(row.values()) for row in parameter_rows(fit)]

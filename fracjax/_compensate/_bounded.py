@@ -22,8 +22,8 @@ from jax import Array
 from jax.scipy.sparse.linalg import cg
 
 from .._computing import compiled
-from .._fit import Progress
-from .._operators._grid import History
+from .._operators import History
+from .._solve import Progress
 from ._plant import Plant
 from ._unbounded import Reached, respond
 

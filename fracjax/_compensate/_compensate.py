@@ -13,12 +13,12 @@ from jax import Array
 
 from .._blocks import AbstractBlock, QuasiStaticForce
 from .._computing import compiled, computing
-from .._fit import Progress, layout_of, silent, split
 from .._models import Model, understood
-from .._operators import interpolate
-from .._operators._grid import HISTORIES, History
+from .._operators import HISTORIES, History, interpolate
 from .._parameters import set_values
+from .._prepare import layout_of, split
 from .._recording import InputError, Recording, require_kind, unit
+from .._solve import Progress, silent
 from ._bounded import Bounds, best_within
 from ._inverse import inverse_of, without_disturbances
 from ._plant import Plant

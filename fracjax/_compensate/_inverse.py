@@ -30,12 +30,13 @@ from .._blocks import (
     Electrostriction,
     MainsInterference,
     MinorLoopMemory,
+    Parallel,
     QuasiStaticForce,
     Saturation,
     SensorNonlinearity,
+    Series,
     ThermalDrift,
 )
-from .._blocks._block import Parallel, Series
 from .._blocks.minor_loop_memory import play_after_history
 from .._operators import Grid
 

@@ -8,8 +8,7 @@ import numpy as np
 from jax import Array
 
 from .._blocks import AbstractBlock
-from .._operators import Grid
-from .._operators._grid import History
+from .._operators import Grid, History
 
 
 class Plant(eqx.Module):

@@ -10,7 +10,7 @@ from typing import Any, Literal
 import numpy as np
 
 from .._io import column_name, write
-from .._operators._grid import History
+from .._operators import History
 from .._recording import InputError, _runs
 from ._unbounded import TOLERANCE
 

@@ -163,20 +163,23 @@ def streaming_inverse(
     with jax.enable_x64(True):
         exact = np.asarray(inverse.symbol(jax.numpy.asarray(s)))
         static = float(np.asarray(inverse.static_gain()))
-    found = StreamingInverse(
-        model.name,
-        units,
-        float(step),
-        (float(low), float(high)),
-        np.inf,
-        complete,
-        float(offset),
-        static,
-        system.d,
-        *_sections(poles[one], residues[one], step),
+    decay, before, now = _sections(poles[one], residues[one], step)
+    inverse_filter = StreamingInverse(
+        model=model.name,
+        units=units,
+        step=float(step),
+        band=(float(low), float(high)),
+        error=np.inf,
+        complete=complete,
+        offset=float(offset),
+        static=static,
+        direct=system.d,
+        decay=decay,
+        before=before,
+        now=now,
     )
-    error = np.abs(found.frequency_response(frequencies) / exact - 1).max()
-    return replace(found, error=float(error))
+    error = np.abs(inverse_filter.frequency_response(frequencies) / exact - 1).max()
+    return replace(inverse_filter, error=float(error))
 
 
 def _sections(

@@ -14,8 +14,14 @@ from itertools import count
 
 import numpy as np
 
-from .._blocks import AbstractLinearBlock, Inverse, LogarithmicCreep, QuasiStaticForce
-from .._blocks._block import LinearParallel, LinearSeries
+from .._blocks import (
+    AbstractLinearBlock,
+    Inverse,
+    LinearParallel,
+    LinearSeries,
+    LogarithmicCreep,
+    QuasiStaticForce,
+)
 from .._blocks.creep import _NODES, _WEIGHTS
 from .._operators import oustaloup
 from .._recording import InputError

@@ -13,8 +13,8 @@ from jax import Array
 
 from .._blocks import AbstractBlock
 from .._computing import compiled
-from .._fit import Progress
 from .._operators import Grid
+from .._solve import Progress
 from ._plant import Plant
 
 TOLERANCE = 1e-6

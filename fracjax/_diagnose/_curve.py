@@ -21,9 +21,9 @@ import numpy as np
 from jax import Array
 
 from .._blocks import AbstractBlock
-from .._fit import Solved, orthonormal, solve_from
 from .._operators import Grid
 from .._parameters import Parameter, named_parameters
+from .._solve import Solved, orthonormal, solve_from
 from ._evidence import delta_bic
 from ._judgement import margin_of
 from ._residual import residual_of
@@ -109,7 +109,7 @@ def find_curve(base: Stage, least: float) -> Curve | None:
         ("drive", recording.drive_unit, 0.0, "first", [ahead >> block for block in bare]),
         ("response", recording.response_unit, zero, "second", [block >> behind for block in bare]),
     ]
-    residual = residual_of(base.solved, base.preparation)
+    residual = residual_of(base.solved)
     found = [
         _fitted(argument, unit, zero, place, starts, base)
         for argument, unit, zero, place, starts in sides

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 from .._blocks import EFFECTS
 from .._computing import side_by_side
-from .._fit import Progress, Solved
+from .._solve import Progress, Solved
 from ._judgement import SIGNIFICANCE, freedom_of
 from ._locate import locate
 from ._residual import residual_of
@@ -43,7 +43,7 @@ def detect(stage: Stage, seed: int, progress: Progress) -> Detection:
     """Score every effect not yet adopted and every place; one p-value, Holm-adjusted."""
     progress(f"testing what {stage.name} leaves")
     problems = stage.preparation.problems()
-    residual = residual_of(stage.solved, stage.preparation)
+    residual = residual_of(stage.solved)
     scores = scored(stage, stage.solved, residual)
     progress("locating the mismatch")
     freedom = freedom_of(stage.preparation, stage.solved.kurtosis)
@@ -60,7 +60,7 @@ def scored_within(stage: Stage, progress: Progress) -> list[EffectScore]:
     """Every effect not yet adopted, scored about the best fit within the usual ranges."""
     progress(f"testing what {stage.name} leaves within its usual ranges")
     kept = stage.undisplaced
-    return scored(stage, kept, residual_of(kept, stage.preparation))
+    return scored(stage, kept, residual_of(kept))
 
 
 def scored(stage: Stage, solved: Solved, residual: Residual) -> list[EffectScore]:

@@ -17,8 +17,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._fit import Preparation, Solved, sensitivity_of
 from .._parameters import Parameter
+from .._solve import Solved
 from ._stage import Layer
 
 
@@ -29,10 +29,10 @@ def delta_bic(before: Solved, after: Solved) -> float:
     return (before.cost - after.cost) / after.left - numbers * float(np.log(after.samples))
 
 
-def spared(solved: Solved, preparation: Preparation, layer: Layer) -> float:
+def spared(solved: Solved, layer: Layer) -> float:
     """How much less than BIC's k ln n the outermost effect's own numbers cost, where what is left
     unexplained counts as noise."""
-    parameters, known = layer.own(solved.block), sensitivity_of(solved, preparation)
+    parameters, known = layer.own(solved.block), solved.sensitivity()
     derivative = known.whitened
     own = np.flatnonzero([number.name in parameters for number in known.numbers])
     expected = {name: np.ravel(_expected(p)) for name, p in parameters.items()}
@@ -46,7 +46,7 @@ def spared(solved: Solved, preparation: Preparation, layer: Layer) -> float:
     return float(own.size * np.log(solved.samples) - cost - read_off)
 
 
-def strain(solved: Solved, preparation: Preparation, layer: Layer) -> float:
+def strain(solved: Solved, layer: Layer) -> float:
     """What χ² would rise by, were that gain of the outermost effect held at the end of its usual
     range which lies furthest beyond it: the square of how many standard errors it does."""
     parameters = layer.own(solved.block)
@@ -58,7 +58,7 @@ def strain(solved: Solved, preparation: Preparation, layer: Layer) -> float:
     }
     if not beyond:
         return 0.0
-    known, rises = sensitivity_of(solved, preparation), []
+    known, rises = solved.sensitivity(), []
     scaled = known.whitened / (np.linalg.norm(known.whitened, axis=0) + 1e-300)
     for k, number in enumerate(known.numbers):
         if number.name in beyond:

@@ -8,9 +8,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from .._fit import Preparation, Problem, Solved, Take, layout_of, sensitivity_of, solve_from
 from .._parameters import named_parameters
+from .._prepare import Preparation, Problem, Take, layout_of
 from .._recording import Recording
+from .._solve import Solved, solve_from
 from ._residual import errors_of
 
 _FOLDS, _WILLING, _SURE, _CLEARLY_WORSE = 5, 0.8, 2.0, 2.0
@@ -42,7 +43,7 @@ class Prediction:
         return float(np.mean(self.whitened**2)) <= _FORETOLD * trained
 
 
-Predict = Callable[[Solved, Preparation], Prediction]
+Predict = Callable[[Solved], Prediction]
 
 
 def foretells_worse(predict: Predict, base: Prediction, extended: Prediction) -> bool:
@@ -54,19 +55,19 @@ def foretells_worse(predict: Predict, base: Prediction, extended: Prediction) ->
     return predict is not predict_stretches and extended.rmse > _CLEARLY_WORSE * base.rmse
 
 
-def predict_recording(solved: Solved, preparation: Preparation, take: Take) -> Prediction:
+def predict_recording(solved: Solved, take: Take) -> Prediction:
     """The solved block on another recording.
 
     What only that recording can tell, its offset and the gains that begin anew with it, is read
     from it: for a fifth of it, interleaved stretches, from the other four.  But for the RMSE the
     offset is the baseline displacement of its first samples, which are not scored.
     """
-    problem = Preparation((take,), preparation.oversampling).problems()[0]
+    problem = Preparation((take,), solved.preparation.oversampling).problems()[0]
     parameters, layout = named_parameters(solved.block), layout_of(solved.block)
     anew = [name for name, _ in layout.gains if parameters[name].per_recording]
     response, columns = problem.linearised(solved.block, anew)
     error = np.asarray(problem.response) - response
-    spread = _spread(solved, preparation, problem, anew)
+    spread = _spread(solved, problem, anew)
     own = np.concatenate([problem.own, columns], axis=1)
     folds = _fold_of_sample(take.recording, error.size)
     counted = np.asarray(problem.weights) > 0
@@ -106,12 +107,10 @@ class _Read:
         return self.errors @ (self.basis.T @ signals)
 
 
-def _spread(
-    solved: Solved, preparation: Preparation, problem: Problem, anew: Sequence[str]
-) -> np.ndarray:
+def _spread(solved: Solved, problem: Problem, anew: Sequence[str]) -> np.ndarray:
     """What one standard error in each independent direction of the parameters (r), but for those
     that begin anew, makes of the response (L, r) in another recording."""
-    known = sensitivity_of(solved, preparation)
+    known = solved.sensitivity()
     # What a recording has for itself is taken over from the first.
     taken = [
         k for k, n in enumerate(known.numbers) if n.name not in anew and n.recording in (None, 0)
@@ -125,7 +124,7 @@ def _spread(
     return derivative @ _Read(np.concatenate([known.whitened, usual])).errors[taken]
 
 
-def predict_stretches(solved: Solved, preparation: Preparation) -> Prediction:
+def predict_stretches(solved: Solved) -> Prediction:
     """Each stretch predicted by a fit that has not seen it.
 
     The refit without a stretch b is taken to first order from the full fit, with J the whitened
@@ -133,7 +132,7 @@ def predict_stretches(solved: Solved, preparation: Preparation) -> Prediction:
     response by more than the noise, it is too far for a first order, and the refit is made.
     Stretches are whole periods where the drive has them; five folds of interleaved stretches.
     """
-    seen = _seen(solved, preparation)
+    preparation, seen = solved.preparation, _seen(solved)
     weights = [np.asarray(problem.weights) > 0 for problem in preparation.problems()]
     folds = [
         _fold_of_sample(take.recording, w.size)
@@ -156,7 +155,9 @@ def predict_stretches(solved: Solved, preparation: Preparation) -> Prediction:
                 np.where(f[: len(take.recording)] == k, 0.0, 1.0)
                 for take, f in zip(preparation.takes, folds, strict=True)
             ]
-            refit = _seen(solve_from([solved.block], preparation.with_trust(trust)), preparation)
+            # What it has not seen is scored like the rest.
+            refit = solve_from([solved.block], preparation.with_trust(trust)).on(preparation)
+            refit = _seen(refit)
             predicted[inside], predicted_white[inside] = refit.error[inside], refit.white[inside]
             spread[inside] = refit.derivative[inside] @ _errors_without(refit, inside)
     return _prediction(predicted[counted], predicted_white[counted], fold[counted], spread[counted])
@@ -171,9 +172,9 @@ class _Seen(NamedTuple):
     derivative: np.ndarray
 
 
-def _seen(solved: Solved, preparation: Preparation) -> _Seen:
-    error, white = errors_of(solved, preparation)
-    _, raw, whitened = sensitivity_of(solved, preparation)
+def _seen(solved: Solved) -> _Seen:
+    error, white = errors_of(solved)
+    _, raw, whitened = solved.sensitivity()
     scale = np.linalg.norm(whitened, axis=0) + 1e-300
     return _Seen(error, white, raw / scale, whitened / scale)
 

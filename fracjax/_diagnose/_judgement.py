@@ -7,7 +7,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from .._fit import LIMIT, Preparation, Solved, tolerated
+from .._prepare import Preparation
+from .._solve import LIMIT, Solved, tolerated
 from ._evidence import strain
 from ._held_out import Gain, Predict, Prediction, predict_stretches
 from ._refit import Refit
@@ -44,7 +45,6 @@ class Judged:
     """
 
     refit: Refit
-    preparation: Preparation
     delta_bic: float
     altogether: float
     spared: float
@@ -68,6 +68,10 @@ class Judged:
     @property
     def solved(self) -> Solved:
         return self.refit.solved
+
+    @property
+    def preparation(self) -> Preparation:
+        return self.solved.preparation
 
     @property
     def evidence(self) -> float:
@@ -191,7 +195,7 @@ def probability_of(winner: Judged, found: Sequence[Judged]) -> float:
 
 def explained_fraction(base: Stage, solved: Solved) -> float:
     """The share of the base's excess residual that is gone, as far as that is known."""
-    doubt = solved.samples * excess_doubt(base.preparation, solved)
+    doubt = solved.samples * excess_doubt(solved)
     fall = base.solved.cost - solved.cost
     return float(fall / max(fall, base.excess - doubt)) if fall > 0 else 0.0
 
@@ -208,7 +212,7 @@ def is_exhausted(base: Stage, stage: Stage) -> bool:
 def leftover(stage: Stage) -> float:
     """χ² per sample that is left over beyond the noise and a share of it, as far as that is
     known."""
-    doubt = excess_doubt(stage.preparation, stage.solved)
+    doubt = excess_doubt(stage.solved)
     return stage.solved.cost / stage.solved.samples - 1 - _REMAINDER - doubt
 
 
@@ -222,10 +226,10 @@ def leaves_a_pattern(base: Stage, stage: Stage, axes: Sequence[Axis]) -> bool:
     return left > _PATTERN * (left + fall)
 
 
-def excess_doubt(preparation: Preparation, solved: Solved, kurtosis: float | None = None) -> float:
+def excess_doubt(solved: Solved, kurtosis: float | None = None) -> float:
     """Three standard errors of an excess χ² per sample, by the χ² distribution and by the noise
     level's own error; its tails those of what the fit leaves, where no other kurtosis is given."""
-    known = noise_doubt(preparation, solved.kurtosis if kurtosis is None else kurtosis)
+    known = noise_doubt(solved.preparation, solved.kurtosis if kurtosis is None else kurtosis)
     return float(3 * np.sqrt(2 / solved.samples + known**2))
 
 
@@ -256,7 +260,7 @@ def freedom_of(preparation: Preparation, kurtosis: float) -> float:
     return 2 / max(noise_doubt(preparation, kurtosis), 1e-6) ** 2
 
 
-def is_plausible(before: Solved, solved: Solved, preparation: Preparation, layer: Layer) -> bool:
+def is_plausible(before: Solved, solved: Solved, layer: Layer) -> bool:
     """Whether the outermost effect's shapes ended within their expected ranges, and its gains as
     near to theirs as makes little of what it gains on the fit before.
 
@@ -266,7 +270,7 @@ def is_plausible(before: Solved, solved: Solved, preparation: Preparation, layer
     own = layer.own_shapes(solved.block)
     if not all(parameter.is_plausible for parameter in own.values()):
         return False
-    return strain(solved, preparation, layer) <= unusual_loss(before.cost - solved.cost)
+    return strain(solved, layer) <= unusual_loss(before.cost - solved.cost)
 
 
 def reason(

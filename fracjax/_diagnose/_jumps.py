@@ -19,16 +19,8 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from .._fit import (
-    Noise,
-    Preparation,
-    Problem,
-    Solved,
-    median_size,
-    orthonormal,
-    residual_noise,
-    solve_from,
-)
+from .._prepare import Noise, Preparation, Problem, median_size, residual_noise
+from .._solve import Solved, orthonormal, solve_from
 from ._judgement import APART
 from ._residual import beside_fit, residual_of
 from ._score import Residual
@@ -42,10 +34,13 @@ _LIKELIER, _CLEARLY_LESS = 10.0, 0.85
 
 @dataclass(frozen=True)
 class Jumps:
-    """The base fitted together with jumps at the samples that `preparation` says."""
+    """The base fitted together with jumps at the samples that its preparation says."""
 
-    preparation: Preparation
     solved: Solved
+
+    @property
+    def preparation(self) -> Preparation:
+        return self.solved.preparation
 
     @property
     def count(self) -> int:
@@ -160,7 +155,7 @@ def find_jumps(base: Stage, least: float) -> Jumps | None:
     Large ones have led the base so far astray that the test finds more than there are: it is taken
     again about the fit that it led to.
     """
-    problems, residual = base.preparation.problems(), residual_of(base.solved, base.preparation)
+    problems, residual = base.preparation.problems(), residual_of(base.solved)
     places, gained = _places(problems, residual)
     if not places or gained < least:
         return None
@@ -186,7 +181,7 @@ def hidden_in_noise(base: Stage, k: int) -> tuple[Jumps, Noise] | None:
     white = Noise(size, floor.unit, "specification", np.ones(1), size)
     preparation = replace(base.preparation, takes=(replace(take, noise=white),))
     solved = solve_from([base.solved.block], preparation)
-    jumps = find_jumps(replace(base, solved=solved, preparation=preparation), 0.0)
+    jumps = find_jumps(replace(base, solved=solved), 0.0)
     if jumps is None:
         return None
     whole, beside = (
@@ -204,7 +199,7 @@ def _fitted(places: list[tuple[int, int]], base: Stage, solved: Solved) -> Jumps
     count = len(base.preparation.takes)
     jumps = [tuple(sorted(at for k, at in places if k == j)) for j in range(count)]
     preparation = base.preparation.with_jumps(jumps)
-    return Jumps(preparation, solve_from([solved.block, base.nominal], preparation))
+    return Jumps(solve_from([solved.block, base.nominal], preparation))
 
 
 def _without_jumps(found: Jumps, preparation: Preparation) -> Residual:
@@ -212,7 +207,7 @@ def _without_jumps(found: Jumps, preparation: Preparation) -> Residual:
     places = [(k, at) for k, take in enumerate(found.preparation.takes) for at in take.jumps]
     steps = _steps(preparation.problems(), places)
     left = np.concatenate(found.solved.whitened) + np.concatenate(found.sizes) @ steps
-    return beside_fit(left, found.solved, preparation)
+    return beside_fit(left, found.solved.on(preparation))
 
 
 def _places(problems: tuple[Problem, ...], residual: Residual) -> tuple[list, float]:

@@ -8,7 +8,7 @@ from itertools import pairwise
 import numpy as np
 from scipy.stats import f, kurtosis, norm
 
-from .._fit import Preparation, Problem
+from .._prepare import Preparation, Problem
 from ._result import Axis
 from ._score import Residual
 

@@ -25,9 +25,10 @@ from scipy.signal import chirp, lfilter, sawtooth
 from scipy.stats import norm
 
 from .._blocks import AbstractBlock
-from .._fit import Noise, Preparation, layout_of, orthonormal
 from .._operators import Grid, refine
+from .._prepare import Noise, Preparation, layout_of
 from .._recording import InputError, Recording, parse_quantity
+from .._solve import orthonormal
 
 _SAMPLES = 4096
 _FASTER = 10.0

@@ -7,16 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .._fit import (
-    LIMIT,
-    Preparation,
-    Progress,
-    Solved,
-    fine_enough,
-    followed,
-    residual_noise,
-    solve_from,
-)
+from .._prepare import Preparation, followed, residual_noise
+from .._solve import LIMIT, Progress, Solved, fine_enough, solve_from
 from ._detect import Detection, detect, scored
 from ._evidence import delta_bic
 from ._held_out import Predict, foretells_worse, gain, predict_stretches
@@ -114,10 +106,10 @@ def run(
         if alone is not None and len(before.layers) == len(rounds) - 1:
             # Nothing speaks for two effects where one of those that fitted before does as well.
             rounds[-1] = Round(alone, rounds[-1].found)
-            stage = before.extended(alone.layer, alone.solved, alone.preparation)
+            stage = before.extended(alone.layer, alone.solved)
             detection = detect(stage, seed, progress)
             break
-        extended = stage.extended(winner.layer, winner.solved, winner.preparation)
+        extended = stage.extended(winner.layer, winner.solved)
         if not _is_worth_naming(base, stage, winner):
             # Too small to stand beside what was adopted, it may yet be what that stood in for.
             superfluous = _superfluous(extended, progress)
@@ -167,9 +159,8 @@ def _on_its_own_grid(base: Stage, stage: Stage, progress: Progress) -> Stage:
     coarse = stage.preparation.with_oversampling(base.preparation.oversampling)
     if coarse.oversampling == stage.preparation.oversampling:
         return stage
-    solved = solve_from([stage.solved.block], coarse)
-    solved, preparation, _ = fine_enough(solved, coarse, progress, SMALL)
-    return replace(stage, solved=solved, preparation=preparation)
+    solved, _ = fine_enough(solve_from([stage.solved.block], coarse), progress, SMALL)
+    return replace(stage, solved=solved)
 
 
 def _is_worth_naming(base: Stage, stage: Stage, winner: Judged) -> bool:
@@ -178,7 +169,7 @@ def _is_worth_naming(base: Stage, stage: Stage, winner: Judged) -> bool:
     least = least_share(base, stage)
     if winner.layer.effect.foreign or share_of_excess(base, stage, winner) >= least:
         return True
-    held_out = gain(winner.predict(base.solved, base.preparation), winner.prediction)
+    held_out = gain(winner.predict(base.solved), winner.prediction)
     return winner.gain.fall >= least * held_out.fall
 
 
@@ -226,7 +217,7 @@ def explained_by_noise(
     ]
     preparation = base.preparation.with_noises(noises)
     solved = solve_from([base.solved.block, base.start()], preparation)
-    again = replace(base, solved=solved, preparation=preparation)
+    again = replace(base, solved=solved)
     seen = detect(again, seed, progress)
     if seen.least < PLACES_ALONE:
         return None
@@ -301,7 +292,7 @@ def _reconsidered(
         if not is_exhausted(base, stage):
             continue
         less = _on_its_own_grid(base, less, progress)
-        scores = scored(less, less.solved, residual_of(less.solved, less.preparation))
+        scores = scored(less, less.solved, residual_of(less.solved))
         halfway = 0.5 * (less.solved.cost + stage.solved.cost)
         found = judge(base, less, scores, predict, seed, progress, {}, halfway)
         winner = best_of(found)
@@ -313,7 +304,7 @@ def _reconsidered(
             else:
                 rounds[k] = Round(winner, found)
             continue
-        other = less.extended(winner.layer, winner.solved, winner.preparation)
+        other = less.extended(winner.layer, winner.solved)
         if _does_better(other, stage, predict):
             stage = other
             rounds, waiting = [*others, Round(winner, found)], others.copy()
@@ -327,5 +318,5 @@ def _does_better(other: Stage, stage: Stage, predict: Predict) -> bool:
     # Stretches never foretell worse, and each asks for a refit.
     if predict is predict_stretches:
         return True
-    before, after = (predict(each.solved, each.preparation) for each in (stage, other))
+    before, after = (predict(each.solved) for each in (stage, other))
     return not foretells_worse(predict, before, after)

@@ -8,8 +8,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .._blocks import AbstractBlock
-from .._fit import Preparation, Solved, layout_of, solve_from
 from .._parameters import named_parameters, replace_parameters, set_values
+from .._prepare import Preparation, layout_of
+from .._solve import Solved, solve_from
 from ._evidence import delta_bic
 from ._score import EffectScore, kind_of
 from ._stage import Layer, Stage

@@ -9,8 +9,9 @@ from typing import Literal
 
 import numpy as np
 
-from .._fit import Estimate, Fit, Noise
+from .._fit import Estimate, Fit
 from .._models import Model
+from .._prepare import Noise
 from ._next_experiment import Drive
 
 SCHEMA = "fracjax.diagnosis/1"

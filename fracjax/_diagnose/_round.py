@@ -9,8 +9,8 @@ from functools import cache
 import numpy as np
 
 from .._blocks import AbstractBlock, Effect
-from .._fit import Preparation, Progress, Solved, fine_enough, solve_from
 from .._parameters import named_parameters, set_values
+from .._solve import Progress, Solved, fine_enough, solve_from
 from ._detect import scored_within
 from ._evidence import delta_bic, spared
 from ._held_out import Predict, Prediction, foretells_worse, gain, predict_stretches
@@ -55,7 +55,7 @@ def judge(
 
     @cache
     def before(predict: Predict) -> Prediction:
-        return predict(stage.solved, stage.preparation)
+        return predict(stage.solved)
 
     found: list[tuple[_Question, Judged]] = []
     if least is None:
@@ -76,7 +76,7 @@ def judge(
             attempt = _kept_usual(attempt, stage)
         hopeless = min(hopeless, 0.5 * (stage.solved.cost + attempt.solved.cost))
         question = _Question(base, stage, attempt, before, predict)
-        found.append((question, question.answered(attempt.solved, stage.preparation, 0.0)))
+        found.append((question, question.answered(attempt.solved, 0.0)))
         if not waiting:
             answers = [judged for _, judged in found]
             waiting = _look_alikes_missed(answers, scores) or _passed_over(answers, scores, least)
@@ -98,7 +98,7 @@ def _told_by_stretches(
     if not explaining or any(j.gain.foretells(j.solved.left) for j in explaining):
         return found
     told = [(replace(question, held_out_is_silent=True), judged) for question, judged in found]
-    return [(q, q.answered(j.solved, j.preparation, j.numerics)) for q, j in told]
+    return [(q, q.answered(j.solved, j.numerics)) for q, j in told]
 
 
 def _candidates(
@@ -188,22 +188,21 @@ class _Question:
     predict: Predict
     held_out_is_silent: bool = False
 
-    def answered(self, solved: Solved, preparation: Preparation, numerics: float) -> Judged:
+    def answered(self, solved: Solved, numerics: float) -> Judged:
         """Everything the naming rule asks."""
         worse = False
         # A recording that does not show the effect can say nothing for it or against it.
         for predict in (self.predict, predict_stretches):
-            before, prediction = self.before(predict), predict(solved, preparation)
+            before, prediction = self.before(predict), predict(solved)
             gained = gain(before, prediction)
             worse = worse or foretells_worse(predict, before, prediction)
             if predict is predict_stretches or not (gained.is_open or self.held_out_is_silent):
                 break
         return Judged(
             refit=replace(self.attempt, solved=solved),
-            preparation=preparation,
             delta_bic=delta_bic(self.stage.solved, solved),
             altogether=delta_bic(self.base.solved, solved),
-            spared=spared(solved, preparation, self.attempt.layer),
+            spared=spared(solved, self.attempt.layer),
             conceded=self.attempt.conceded / solved.left,
             explained=explained_fraction(self.base, solved),
             numerics=numerics,
@@ -211,7 +210,7 @@ class _Question:
             foretells_worse=worse,
             prediction=prediction,
             predict=predict,
-            plausible=is_plausible(self.stage.solved, solved, preparation, self.attempt.layer),
+            plausible=is_plausible(self.stage.solved, solved, self.attempt.layer),
         )
 
 
@@ -225,7 +224,7 @@ def _sought_further(
         return found
     judged = [answer for _, answer in found]
     fitting = min(judged, key=lambda j: j.solved.cost)
-    doubt = excess_doubt(fitting.preparation, fitting.solved)
+    doubt = excess_doubt(fitting.solved)
     if fitting.solved.cost > fitting.solved.samples * (1 + doubt):
         asked = sorted(_gaining(before, judged, 0.0), key=lambda k: -judged[k].delta_bic)
     else:
@@ -239,8 +238,7 @@ def _sought_further(
         attempt = sought_further(question.attempt, question.stage, seed)
         if attempt is not question.attempt:
             question = replace(question, attempt=_kept_usual(attempt, question.stage))
-            solved, preparation = question.attempt.solved, question.stage.preparation
-            again[k] = question, question.answered(solved, preparation, 0.0)
+            again[k] = question, question.answered(question.attempt.solved, 0.0)
     return again
 
 
@@ -290,13 +288,13 @@ def _contenders_refined(
 
 def _refined(question: _Question, judged: Judged, progress: Progress) -> Judged:
     """A candidate on a grid that is fine enough, in its usual ranges where that costs little."""
-    solved, preparation, numerics = fine_enough(judged.solved, judged.preparation, progress, SMALL)
+    solved, numerics = fine_enough(judged.solved, progress, SMALL)
     attempt = replace(question.attempt, solved=solved)
-    kept = _kept_usual(attempt, replace(question.stage, preparation=preparation))
+    kept = _kept_usual(attempt, question.stage.on(solved.preparation))
     if kept is not attempt:
         question = replace(question, attempt=kept)
-        solved, preparation, numerics = fine_enough(kept.solved, preparation, progress, SMALL)
-    return question.answered(solved, preparation, numerics)
+        solved, numerics = fine_enough(kept.solved, progress, SMALL)
+    return question.answered(solved, numerics)
 
 
 def _sought_beside(
@@ -304,7 +302,7 @@ def _sought_beside(
 ) -> tuple[_Question, Judged] | None:
     """A candidate refitted on another's grid from where that ended, and `anew` from every start;
     none where that finds nothing better."""
-    stage = replace(question.stage, preparation=other.preparation)
+    stage = question.stage.on(other.preparation)
     score = question.attempt.score
     starts = begun_from(other.refit, score)
     if anew:
@@ -314,7 +312,7 @@ def _sought_beside(
     if answer.solved.cost - attempt.solved.cost < DELTA_BIC:
         return None
     question = replace(question, attempt=_kept_usual(attempt, stage))
-    return question, question.answered(question.attempt.solved, stage.preparation, 0.0)
+    return question, question.answered(question.attempt.solved, 0.0)
 
 
 def _gaining(before: Solved, judged: list[Judged], share: float) -> set[int]:

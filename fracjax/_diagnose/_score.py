@@ -31,7 +31,7 @@ from scipy.stats import norm
 from scipy.stats import t as student
 
 from .._blocks import AbstractBlock, Effect, Setting
-from .._fit import Problem, position_of
+from .._prepare import Problem, position_of
 
 _DRAWS = 20_000
 _DETECTION = 5.0

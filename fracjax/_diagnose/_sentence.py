@@ -5,7 +5,8 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 from .._blocks import EFFECTS
-from .._fit import Fit, Noise
+from .._fit import Fit
+from .._prepare import Noise
 from ._next_experiment import LIKELY, Proposal
 from ._result import Axis, Candidate, HeldOut, NamedEffect, NextExperiment, Verdict
 

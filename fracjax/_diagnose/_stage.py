@@ -6,10 +6,10 @@ from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
-from .._blocks import AbstractBlock, Effect
-from .._blocks._effect import Site
-from .._fit import Preparation, Solved, layout_of, solve_from
+from .._blocks import AbstractBlock, Effect, Site
 from .._parameters import Parameter, named_parameters, replace_parameters
+from .._prepare import Preparation, layout_of
+from .._solve import Solved, solve_from
 
 
 @dataclass(frozen=True)
@@ -55,7 +55,14 @@ class Stage:
     nominal: AbstractBlock
     layers: tuple[Layer, ...]
     solved: Solved
-    preparation: Preparation
+
+    @property
+    def preparation(self) -> Preparation:
+        return self.solved.preparation
+
+    def on(self, preparation: Preparation) -> Stage:
+        """The same fit beside another grid's recordings."""
+        return replace(self, solved=self.solved.on(preparation))
 
     @property
     def adopted(self) -> tuple[str, ...]:
@@ -79,9 +86,9 @@ class Stage:
                 name = f"{grouped} {sign} {layer.effect.name}"
         return name
 
-    def extended(self, layer: Layer, solved: Solved, preparation: Preparation) -> Stage:
+    def extended(self, layer: Layer, solved: Solved) -> Stage:
         """One effect further."""
-        return Stage(self.base, self.nominal, (*self.layers, layer), solved, preparation)
+        return Stage(self.base, self.nominal, (*self.layers, layer), solved)
 
     def start(self) -> AbstractBlock:
         """Base and effects at their nominal points."""

@@ -14,10 +14,10 @@ from scipy.ndimage import maximum_filter1d
 
 from .._computing import computing
 from .._models import Model
+from .._prepare import Preparation, Take, take_of
 from .._recording import InputError, Recording, require_units_of
+from .._solve import Progress, silent, solve_from
 from ._fit import Fit, fit
-from ._preparation import Preparation, Take, take_of
-from ._solve import Progress, silent, solve_from
 
 SCHEMA = "fracjax.comparison/2"
 _FOLDS = 5

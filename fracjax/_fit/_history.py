@@ -5,17 +5,14 @@ from __future__ import annotations
 import numpy as np
 from scipy.signal import lfilter
 
-from ._autoregression import autoregression
-from ._preparation import Preparation
-from ._solve import Solved
+from .._prepare import autoregression
+from .._solve import Solved
 
 _BEYOND_DOUBT = 10.0
 
 
-def is_likelier(
-    other: Solved, alternative: Preparation, solved: Solved, preparation: Preparation
-) -> bool:
-    """Whether recordings rather began as the alternative has it than from a constant past.
+def is_likelier(other: Solved, solved: Solved) -> bool:
+    """Whether recordings rather began as the other fit has it than from a constant past.
 
     Of a drive that comes again it is asked what one cycle changes to the next, for there nothing
     shows that a law misses in every cycle: steady cycles change by no more than noise, in its own
@@ -24,7 +21,11 @@ def is_likelier(
     """
     left, changes = [], []
     for take, taken, *simulations in zip(
-        preparation.takes, alternative.takes, solved.simulations, other.simulations, strict=True
+        solved.preparation.takes,
+        other.preparation.takes,
+        solved.simulations,
+        other.simulations,
+        strict=True,
     ):
         # Of steady cycles whole ones.
         response = take.recording.response[: len(taken.recording)]

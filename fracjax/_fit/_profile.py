@@ -10,7 +10,7 @@ Sources: Venzon & Moolgavkar, Appl. Stat. 37 (1988) 87; Raue et al., Bioinformat
 from __future__ import annotations
 
 from collections.abc import Iterable, Mapping
-from dataclasses import dataclass, replace
+from dataclasses import replace
 
 import numpy as np
 from scipy.stats import norm
@@ -18,11 +18,11 @@ from scipy.stats import norm
 from .._blocks import AbstractBlock
 from .._computing import computing, side_by_side
 from .._parameters import Parameter, named_parameters, replace_parameters
+from .._prepare import Conditions, Preparation
 from .._recording import InputError, require_kind
-from ._conditions import Conditions
+from .._solve import Progress, silent, solve_from
 from ._fit import Fit
-from ._preparation import Preparation
-from ._solve import Progress, silent, solve_from
+from ._result import Interval, Profile
 from ._uncertainty import Estimate, uncertainty_of
 
 _MOST = 14
@@ -41,48 +41,6 @@ _BEYOND_BOUNDS = 1e3
 _LEAST_STRETCH, _LARGEST_STRETCH = 1.1, 3.0
 _LEAST_SHARE = 0.2
 _COARSER = 8
-
-Interval = tuple[float | None, float | None]
-
-
-@dataclass(frozen=True)
-class Profile:
-    """Δχ² (K,) at values (K,) of a parameter, in `unit`.
-
-    `estimate` and `standard_error` are the fit's.  Of the intervals an end is None where Δ stays
-    below its level up to the parameter's bound, or as far as was looked.  `lower_found` says that a
-    better fit than the fit itself was met: it had stopped short of the optimum.
-    """
-
-    name: str
-    unit: str
-    estimate: float
-    standard_error: float
-    values: np.ndarray
-    delta: np.ndarray
-    interval_68: Interval
-    interval_95: Interval
-    lower_found: bool
-
-    @property
-    def open(self) -> bool:
-        """Whether the data leave the 95 % interval open on a side."""
-        return None in self.interval_95
-
-    def to_dict(self) -> dict:
-        """Plain data."""
-        return {
-            "name": self.name,
-            "unit": self.unit,
-            "estimate": self.estimate,
-            "standard_error": self.standard_error,
-            "values": self.values.tolist(),
-            "delta": self.delta.tolist(),
-            "interval_68": list(self.interval_68),
-            "interval_95": list(self.interval_95),
-            "open": self.open,
-            "lower_found": self.lower_found,
-        }
 
 
 def with_profiles(fit: Fit, names: Iterable[str], progress: Progress = silent) -> Fit:

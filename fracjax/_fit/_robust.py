@@ -16,12 +16,13 @@ Sources: Huber, Robust Statistics (1981) chapter 7; Lange, Little & Taylor, J. A
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import Literal, NamedTuple, get_args
 
 import numpy as np
 
 from .._recording import InputError
+from .._solve import Solved, solve_from
 
 Loss = Literal["least_squares", "huber", "soft_l1", "student_t"]
 LOSSES: tuple[Loss, ...] = get_args(Loss)
@@ -114,3 +115,34 @@ def weigh(shape: Shape, residuals: Sequence[np.ndarray], counted: Sequence[np.nd
         inflation=float(scale * np.sqrt(np.mean((z * weight) ** 2)) / np.mean(shape.slope(z))),
         downweighted=float(np.mean(weight < 0.5 * shape.weight(np.zeros(1))[0])),
     )
+
+
+def reweighted(solved: Solved, loss: Loss) -> tuple[Solved, Robust, float]:
+    """The optimum of a robust loss, from that of least squares; what it made of the samples, and
+    the inflation of its standard errors.  Its cost Σ 2s²ρ takes the place of χ²."""
+    shape = shape_of(loss)
+    assert shape is not None  # of least squares nothing is to be done
+    preparation = solved.preparation
+    counted = [np.asarray(p.weights) > 0 for p in preparation.problems()]
+    sizes = [len(take.recording) for take in preparation.takes]
+    roots = [np.ones(len(c)) for c in counted]
+    cost, rounds = np.inf, 0
+    while True:
+        plain = [r / root for r, root in zip(solved.whitened, roots, strict=True)]
+        seen = weigh(shape, plain, counted)
+        settled = abs(cost - seen.cost) <= SETTLED * seen.cost
+        if settled or rounds == ROUNDS:
+            break
+        cost, roots, rounds = seen.cost, [np.sqrt(w) for w in seen.weights], rounds + 1
+        trust = [w[:size] for w, size in zip(seen.weights, sizes, strict=True)]
+        solved = solve_from([solved.block], preparation.with_trust(trust))
+    one = shape.weight(np.zeros(1))[0]
+    weights = tuple(w[:size] / one for w, size in zip(seen.weights, sizes, strict=True))
+    robust = Robust(loss, seen.scale, weights, seen.downweighted, rounds)
+    found = replace(
+        solved.on(preparation),
+        cost=seen.cost,
+        whitened=tuple(seen.bounded),
+        converged=solved.converged and settled,
+    )
+    return found, robust, seen.inflation

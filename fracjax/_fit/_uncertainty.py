@@ -10,77 +10,16 @@ import numpy as np
 from scipy.signal import lfilter
 
 from .._blocks import AbstractBlock
-from .._parameters import Parameter, named_parameters
-from ._autoregression import autoregression
+from .._parameters import named_parameters
+from .._prepare import Conditions, Number, autoregression, numbers_of, prior_rows
+from .._solve import Linearised, sensitivity
 from ._combinations import Combination, combinations_of
-from ._conditions import Conditions, Number, numbers_of, prior_rows
-from ._least_squares import Problems, sensitivity
+from ._estimate import Estimate, is_at_bound, physical_unit
 
 _CLOSE = 0.995
 _SHARE_OF_RESPONSE = 0.05
-_MOST = 100.0
-"""More than e^100 is no interval, and would overflow."""
 _LEAST_LENGTH = 1e-100
 """Of a parameter that moves nothing the error is as large as can still be squared."""
-
-
-@dataclass(frozen=True)
-class Estimate:
-    """A fitted parameter with its standard error, in `unit`.
-
-    `identified` is false where the data leave it open by more than half its plausible range, or, of
-    a gain, by more than 5 % of the response.  `at_bound` says that the fit ended on a bound.
-    `logarithmic` is the parameter's own: a time constant known to half its value is known by a
-    factor, and never negative.  `ends` are those of the 95 % interval by the parameter's profile,
-    where that was asked for.
-    """
-
-    name: str
-    value: float
-    standard_error: float
-    unit: str
-    identified: bool
-    at_bound: bool
-    logarithmic: bool = False
-    ends: tuple[float, float] | None = None
-
-    @property
-    def interval(self) -> tuple[float, float]:
-        """The 95 % interval: the profile's, or v ± 1.96 s and, of a logarithmic parameter,
-        v exp(± 1.96 s/v)."""
-        if self.ends is not None:
-            return self.ends
-        half = 1.96 * self.standard_error
-        if self.logarithmic:
-            return logarithmic_interval(self.value, half)
-        return self.value - half, self.value + half
-
-    def to_dict(self) -> dict:
-        """Plain data, as in fit.json, where it stands under its name."""
-        low, high = self.interval
-        return {
-            "value": self.value,
-            "standard_error": self.standard_error,
-            "low": low,
-            "high": high,
-            "unit": self.unit,
-            "identified": self.identified,
-            "at_bound": self.at_bound,
-        }
-
-
-def logarithmic_interval(value: float, half: float) -> tuple[float, float]:
-    """Symmetric in the logarithm; value ± half where that is small, and finite where it is open."""
-    factor = float(np.exp(min(half / value, _MOST)))
-    return value / factor, value * factor
-
-
-def orthonormal(jacobian: np.ndarray) -> np.ndarray:
-    """An orthonormal basis (N, r) of what the fitted parameters can produce to first order."""
-    lengths = np.linalg.norm(jacobian, axis=0)
-    scaled = jacobian[:, lengths > 0] / lengths[lengths > 0]
-    left, singular, _ = np.linalg.svd(scaled, full_matrices=False)
-    return left[:, singular > 1e-9 * singular.max(initial=0.0)]
 
 
 @dataclass(frozen=True)
@@ -101,7 +40,7 @@ class Uncertainty:
 
 def uncertainty_of(
     blocks: tuple[AbstractBlock, ...],
-    problems: Problems,
+    problems: Sequence[Linearised],
     conditions: Conditions,
     *,
     units: tuple[str, str],
@@ -207,26 +146,6 @@ def _estimate(
         float(error),
         physical_unit(parameter.unit, units),
         bool(identified),
-        _at_bound(parameter, k),
+        is_at_bound(parameter, k),
         parameter.logarithmic,
     )
-
-
-def _at_bound(parameter: Parameter, k: int) -> bool:
-    """Whether component k lies within a thousandth of its range of a bound that is not zero."""
-    size = np.size(parameter.value)
-    bounds = (parameter.lower, parameter.value, parameter.upper)
-    low, value, high = (float(np.broadcast_to(np.ravel(b), (size,))[k]) for b in bounds)
-    if not np.isfinite(high - low):
-        return False
-    if parameter.logarithmic:
-        low, value, high = np.log(low), np.log(value), np.log(high)
-    elif low == 0 and value < high / 2:
-        return False
-    return bool(min(value - low, high - value) < 1e-3 * (high - low))
-
-
-def physical_unit(unit: str, units: tuple[str, str]) -> str:
-    """A parameter's unit with the recording's drive and response units written in."""
-    drive, response = units
-    return unit.replace("response", response).replace("drive", drive)

@@ -28,7 +28,9 @@ from typing import NamedTuple
 import numpy as np
 from scipy.signal import savgol_filter
 
-from .._fit import Fit, jacobian, layout_of
+from .._fit import Fit
+from .._prepare import layout_of
+from .._solve import jacobian
 from ._noise_models import Term
 from ._prior import within_a_factor
 

@@ -14,18 +14,11 @@ from jax import Array
 
 from .._blocks import AbstractBlock
 from .._computing import compiled, compiler_options
-from .._fit import (
-    AbstractProblem,
-    Fit,
-    Problem,
-    compress,
-    jacobian,
-    layout_of,
-    physical_unit,
-    split,
-)
+from .._fit import Fit, physical_unit
 from .._parameters import named_parameters, set_values
+from .._prepare import AbstractProblem, Problem, layout_of, split
 from .._recording import InputError
+from .._solve import compress, jacobian
 from ._discrepancy import Discrepancy
 from ._noise_models import AbstractNoiseModel, Signals, Term
 from ._prior import AbstractPrior, prior_of, values_of

@@ -27,7 +27,8 @@ from jax import Array
 from jax.scipy.linalg import solve_triangular
 from jax.scipy.stats import t as student_t
 
-from .._fit import AbstractProblem, Fit, Noise, Preparation, Problem, autoregression
+from .._fit import Fit
+from .._prepare import AbstractProblem, Noise, Preparation, Problem, autoregression
 from ._prior import AbstractPrior, Logarithmic, Normal, TruncatedNormal, Uniform, within_a_factor
 
 _DECADE = 10.0

@@ -13,7 +13,8 @@ from jax import Array
 from scipy.signal import lfilter
 
 from .._computing import compiled, computing
-from .._fit import Fit, numbers_of
+from .._fit import Fit
+from .._prepare import numbers_of
 from .._recording import InputError, require_kind
 from ._discrepancy import discrepancy_of
 from ._doubt import doubt_of

@@ -16,9 +16,8 @@ from jax import Array
 from jax.scipy.special import ndtr, ndtri
 from jax.typing import ArrayLike
 
-from .._fit import AbstractPrior, Normal
-from .._fit._normal import ROOT_TWO_PI, number
 from .._parameters import Parameter
+from .._prepare import ROOT_TWO_PI, AbstractPrior, Normal, number
 
 # Half the width of a normal density's central 95 %, in standard deviations.
 _HALF_WIDTH = 1.959963984540054

@@ -1,3 +1,20 @@
 """The report: one self-contained HTML file."""
 
+from ._compensation_page import compensation_figures as compensation_figures
+from ._compensation_page import sentence_of as sentence_of
+from ._compensation_page import warnings_of as warnings_of
+from ._description import describe as describe
+from ._effect_picture import draw_effect as draw_effect
+from ._posterior_page import cells as cells
 from ._report import write_report as write_report
+from ._text import crosscheck_figures as crosscheck_figures
+from ._text import crosscheck_sentence as crosscheck_sentence
+from ._text import figure as figure
+from ._text import file_name as file_name
+from ._text import fit_sentence as fit_sentence
+from ._text import frequency_figures as frequency_figures
+from ._text import frequency_sentence as frequency_sentence
+from ._text import key_figures as key_figures
+from ._text import parameter_rows as parameter_rows
+from ._text import pretty_unit as pretty_unit
+from ._text import quantity as quantity

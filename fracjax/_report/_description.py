@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from .._fit import measured_noise, top_frequency
+from .._prepare import measured_noise, top_frequency
 from .._recording import Recording
 from ._doubts import doubts_about
 from ._drive_kind import kind_of_drive

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._fit._preparation import begins_in_motion, steady_of, take_of
+from .._prepare import begins_in_motion, steady_of, take_of
 from .._recording import Recording
 
 _SIDE = 4

@@ -9,9 +9,9 @@ import matplotlib as mpl
 import numpy as np
 
 from .._blocks import EFFECTS, AbstractBlock
-from .._fit import prepare
 from .._models import parse_model
 from .._operators import Grid
+from .._prepare import prepare
 from .._recording import Recording
 from ._figures import _STYLE, COLOURS, MEASURED, _canvas
 from ._text import figure

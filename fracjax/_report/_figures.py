@@ -15,7 +15,8 @@ from matplotlib.figure import Figure
 from numpy.lib.stride_tricks import sliding_window_view
 
 from .._diagnose import Axis, Candidate, Drive, HeldOut
-from .._fit import Fit, Noise
+from .._fit import Fit
+from .._prepare import Noise
 from ._text import figure, p_value, percent, pretty_unit, quantity
 
 # Okabe & Ito's palette, told apart by all eyes.

@@ -10,7 +10,8 @@ from markupsafe import Markup
 from matplotlib.axes import Axes
 from scipy.stats import norm
 
-from .._fit import FrequencyFit, Profile, ResidualAnalysis
+from .._fit import Profile, ResidualAnalysis
+from .._frequency import FrequencyFit
 from ._figures import _BAND, _STYLE, COLOURS, MEASURED, _canvas, _svg
 from ._text import pretty_unit
 

@@ -13,8 +13,10 @@ from markupsafe import Markup
 
 from .._blocks import EFFECTS
 from .._compensate import Compensation
+from .._crosscheck import Crosscheck
 from .._diagnose import Candidate, Diagnosis
-from .._fit import Comparison, Crosscheck, Fit, FrequencyFit, analyse_residuals
+from .._fit import Comparison, Fit, analyse_residuals
+from .._frequency import FrequencyFit
 from .._posterior import Posterior
 from .._recording import InputError, found_in
 from . import _figures, _fit_figures

@@ -12,8 +12,11 @@ from pathlib import Path
 import numpy as np
 from markupsafe import Markup
 
+from .._crosscheck import Crosscheck
 from .._diagnose import Diagnosis
-from .._fit import Combination, Comparison, Crosscheck, Estimate, Fit, FrequencyFit, Noise, ranked
+from .._fit import Combination, Comparison, Estimate, Fit, ranked
+from .._frequency import FrequencyFit
+from .._prepare import Noise
 
 _METHODS = {
     "repeats": "from repeats",

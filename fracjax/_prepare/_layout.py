@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any, NamedTuple
 
 import jax.numpy as jnp
@@ -49,7 +50,7 @@ def with_gains(block: AbstractBlock, gains: Any) -> AbstractBlock:
     return set_values(block, split(block, layout_of(block).gains, gains))
 
 
-def own_columns(problems: tuple[Any, ...]) -> list[Any]:
+def own_columns(problems: Sequence[Any]) -> list[Any]:
     """Per recording the columns (L, Σq) of all recordings' own terms, the others' being zero."""
     counts = [p.own.shape[1] for p in problems]
     ends = np.cumsum(counts)

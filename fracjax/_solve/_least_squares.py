@@ -12,25 +12,48 @@ Coleman & Li, SIAM J. Sci. Comput. 21 (1999) 1.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import TYPE_CHECKING, NamedTuple, TypeAlias
+from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from scipy.linalg import solve_triangular
 from scipy.optimize import least_squares
 
 from .._blocks import AbstractBlock
-from ._conditions import Conditions, Numbers, numbers_of, prior_rows
-from ._layout import own_columns
-from ._problem import Problem
+from .._prepare import Conditions, Numbers, Problem, numbers_of, own_columns, prior_rows
+from ._elimination import eliminated
 
-if TYPE_CHECKING:
-    from ._frequency_fit import FrequencyProblem
-
-Problems: TypeAlias = "tuple[Problem, ...] | tuple[FrequencyProblem, ...]"
-
-_RIDGE = 1e-9
 _RELATIVE = 1e-8
 _OVERFLOWING = 1e100
+
+
+class Linearised(Protocol):
+    """What a least-squares problem tells of a block: a recording, or a measured frequency response.
+
+    response (L,), own terms (L, q), and the weights (L,) that whiten them.
+    """
+
+    @property
+    def response(self) -> Any: ...
+
+    @property
+    def own(self) -> Any: ...
+
+    @property
+    def weights(self) -> Any: ...
+
+    @property
+    def size(self) -> float:
+        """Length of the whitened response about its mean."""
+        ...
+
+    def linearised(
+        self, block: AbstractBlock, names: Sequence[str]
+    ) -> tuple[np.ndarray, np.ndarray]:
+        """Response (L,) and its derivatives (L, Σ size) with respect to the named parameters."""
+        ...
+
+    def whiten(self, signals: Any) -> Any:
+        """Signals (L, …) in units of the noise."""
+        ...
 
 
 def simulate(block: AbstractBlock, problem: Problem) -> np.ndarray:
@@ -61,7 +84,7 @@ def jacobian(block: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[np.nd
 
 def sensitivity(
     blocks: Sequence[AbstractBlock],
-    problems: Problems,
+    problems: Sequence[Linearised],
     numbers: Numbers,
 ) -> tuple[np.ndarray, np.ndarray]:
     """Derivative (ΣL, numbers + own) of the simulation in the values of a fit's numbers, one block
@@ -102,7 +125,7 @@ class Objective:
     def __init__(
         self,
         block: AbstractBlock,
-        problems: Problems,
+        problems: Sequence[Linearised],
         conditions: Conditions | None = None,
     ):
         self.block, self.problems = block, problems
@@ -138,7 +161,7 @@ class Objective:
         prior, nothing = self.priors, np.zeros((len(self.priors.means), self.white_own[0].shape[1]))
         columns.append(np.concatenate([(prior.gains.T / prior.sds).T, nothing], axis=1))
         targets.append((prior.means - prior.shapes @ shapes) / prior.sds)
-        solution, residual, basis = least(np.concatenate(columns), np.concatenate(targets))
+        solution, residual, basis = eliminated(np.concatenate(columns), np.concatenate(targets))
         count = self.gains.size
         blocks = self.numbers.blocks(self.block, shapes, solution[:count])
         return Point(blocks, solution[count:], residual, basis)
@@ -184,17 +207,6 @@ class Objective:
         return self.numbers.bounds()
 
 
-def least(columns: np.ndarray, target: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """The least-squares solution, its residual, and an orthonormal basis of the columns."""
-    # Columns of unit length, and a ridge far below the noise, where two of them coincide.
-    lengths = np.linalg.norm(columns, axis=0) + 1e-300
-    scaled = np.concatenate([columns / lengths, _RIDGE * np.eye(columns.shape[1])])
-    q, r = np.linalg.qr(scaled)
-    basis = q[: target.size]
-    solution = solve_triangular(r, basis.T @ target, check_finite=False) / lengths
-    return solution, target - columns @ solution, basis
-
-
 class Descent(NamedTuple):
     """Where one start has come: position (n,), χ², and whether it is there."""
 
@@ -208,7 +220,7 @@ class Descent(NamedTuple):
         return self.objective.evaluations
 
 
-def begin(start: AbstractBlock, problems: Problems, conditions: Conditions) -> Descent:
+def begin(start: AbstractBlock, problems: Sequence[Linearised], conditions: Conditions) -> Descent:
     """A start, not yet looked at."""
     objective = Objective(start, problems, conditions)
     return Descent(objective, objective.numbers.position_of(start), np.inf, False)
@@ -221,7 +233,7 @@ def descend(at: Descent, looks: int) -> Descent:
     if at.position.size == 0 or not np.isfinite(first.cost):
         return at._replace(cost=first.cost, converged=bool(np.isfinite(first.cost)))
     # A fit that begins where another ended, or on another scale, is told so by one look.
-    _, left, _ = least(objective.turned(at.position), objective.length(at.position))
+    _, left, _ = eliminated(objective.turned(at.position), objective.length(at.position))
     if first.cost - left @ left <= _RELATIVE * first.cost:
         return at._replace(cost=first.cost, converged=True)
     found = least_squares(

@@ -17,9 +17,8 @@ from jax import Array
 from .._blocks import AbstractBlock
 from .._computing import compiled
 from .._parameters import Parameter, named_parameters, replace_parameters
-from ._layout import layout_of, placed
-from ._least_squares import jacobian
-from ._problem import AbstractProblem, Problem
+from .._prepare import AbstractProblem, Problem, layout_of, placed
+from .._solve import jacobian
 from ._variable_projection import project, projected_residual
 
 Objective = Callable[[Array], Array]

@@ -24,9 +24,9 @@ from scipy.stats import t as student
 
 from .._blocks import AbstractLinearBlock, Creep, PEADynamics
 from .._computing import compiled, computing
+from .._fit import is_at_bound, logarithmic_interval
 from .._parameters import Parameter, named_parameters, set_values
 from .._recording import InputError
-from ._uncertainty import _at_bound, logarithmic_interval
 
 SCHEMA = "fracjax.creep/1"
 _DECIBEL = 20 / np.log(10)
@@ -402,7 +402,7 @@ def _estimates(
             errors[name],
             reach,
             p.unit,
-            bool(errors[name] <= largest[name]) and not _at_bound(p, 0),
+            bool(errors[name] <= largest[name]) and not is_at_bound(p, 0),
         )
         for name, p in parameters.items()
     ]

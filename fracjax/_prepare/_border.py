@@ -8,7 +8,7 @@ from collections.abc import Iterable
 from typing import Any
 
 from .._models import Model, understood
-from .._operators._grid import HISTORIES
+from .._operators import HISTORIES
 from .._recording import (
     MINIMUM_SAMPLES,
     InputError,
@@ -18,7 +18,7 @@ from .._recording import (
     require_kind,
 )
 from ._preparation import settling_samples
-from ._problem import setting_of
+from ._setting import setting_of
 
 PASTS = (*HISTORIES, "estimated")
 

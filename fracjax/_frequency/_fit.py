@@ -26,18 +26,13 @@ from jax.flatten_util import ravel_pytree
 
 from .._blocks import AbstractBlock, AbstractLinearBlock
 from .._computing import compiled, computing
+from .._fit import SCHEMA, Combination, Estimate, uncertainty_of
 from .._models import Model, understood
 from .._parameters import named_parameters, set_values
+from .._prepare import Conditions, OfModel, conditioned, whole
 from .._recording import InputError, require_kind
-from ._asked import OfModel, conditioned
-from ._border import whole
-from ._combinations import Combination
-from ._conditions import Conditions
-from ._fit import SCHEMA
-from ._frequency_table import FrequencyTable
-from ._least_squares import Objective, begin, descend
-from ._solve import Progress, silent, starts_of
-from ._uncertainty import Estimate, uncertainty_of
+from .._solve import Objective, Progress, begin, descend, silent, starts_of
+from ._table import FrequencyTable
 
 _LOOKS = 60
 _DECIBEL = 20 / np.log(10)

@@ -15,23 +15,28 @@ import numpy as np
 
 from .._blocks import AbstractBlock
 from .._computing import compiler_options, computing
+from .._fit import Fit, fit_of, scores_of, settle_finely
 from .._models import Model
 from .._parameters import named_parameters
+from .._prepare import (
+    Layout,
+    Noise,
+    Past,
+    Preparation,
+    Problem,
+    Sought,
+    layout_of,
+    model_of,
+    numbers_of,
+    ready,
+    recordings_of,
+    whole,
+)
 from .._recording import InputError, Recording
-from ._asked import Sought
-from ._border import model_of, recordings_of, whole
+from .._solve import Objective, Progress, Solved, fit_block, make_room, silent, solved_at, starts_of
 from ._bounded import bounded, require_jaxopt
 from ._box import Found, dimension, objective, with_bounded_gains, with_bounded_shapes
-from ._conditions import numbers_of
 from ._evolution import DifferentialEvolution
-from ._fit import Fit, fit_of, ready, scores_of, settle_finely
-from ._layout import Layout, layout_of
-from ._least_squares import Objective
-from ._noise import Noise
-from ._preparation import Past, Preparation
-from ._problem import Problem
-from ._programs import make_room
-from ._solve import Progress, Solved, fit_block, silent, solved_at, starts_of
 from ._swarm import ParticleSwarm
 
 SCHEMA = "fracjax.crosscheck/1"
@@ -140,9 +145,10 @@ def crosscheck(
         _require_plain(block, preparation)
         _require_searchable(model.name, block, population, iterations)
         progress(f"fitting {model.name}")
-        first, preparation, _ = settle_finely(
+        first, _ = settle_finely(
             block, preparation, history=history, starts=starts, seed=seed, progress=progress
         )
+        preparation = first.preparation
         block = with_bounded_shapes(block, first.block)
         # Once more on what was settled, as the others will: its programs are compiled by now.
         began = time.perf_counter()
@@ -165,7 +171,7 @@ def crosscheck(
                 method = f"{name}, {space}"
                 progress(f"searching by {method}")
                 ways.append(_by_search(method, search, searched, preparation, generator))
-        return _compared(model, ways, layout_of(block), freed, preparation)
+        return _compared(model, ways, layout_of(block), freed)
 
 
 def _require_plain(block: AbstractBlock, preparation: Preparation) -> None:
@@ -258,13 +264,12 @@ def _compared(
     ways: list[_Way],
     layout: Layout,
     freed: AbstractBlock,
-    preparation: Preparation,
 ) -> Crosscheck:
     """All methods beside the best of them, and a warning on the fit that is not among the best."""
     least = min(way.solved.cost for way in ways)
     rows = []
     for way in ways:
-        scores = scores_of(way.solved, preparation)
+        scores = scores_of(way.solved)
         ratio = float(np.sqrt(way.solved.cost / least))
         rows.append(
             Optimum(
@@ -279,7 +284,7 @@ def _compared(
                 seconds=way.seconds,
             )
         )
-    fit = fit_of(model, ways[0].solved, preparation)
+    fit = fit_of(model, ways[0].solved)
     low, high = (_labelled(freed, layout, end) for end in ("lower", "upper"))
     return Crosscheck(
         fit=replace(fit, warnings=_warnings(model.name, rows)),

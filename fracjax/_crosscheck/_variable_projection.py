@@ -15,10 +15,8 @@ import jax.numpy as jnp
 from jax import Array
 
 from .._blocks import AbstractBlock
-from ._layout import layout_of, own_columns, with_gains
-from ._problem import AbstractProblem
-
-_RIDGE = 1e-9
+from .._prepare import AbstractProblem, layout_of, own_columns, with_gains
+from .._solve import eliminated
 
 
 def _linear_system(
@@ -43,13 +41,7 @@ def project(
     systems = [_linear_system(block, p, o) for p, o in zip(problems, own, strict=True)]
     columns = jnp.concatenate([s[0] for s in systems])
     target = jnp.concatenate([s[1] for s in systems])
-    # Columns of unit length, and a ridge far below the noise, where two of them coincide.
-    lengths = jnp.sqrt(jnp.sum(columns**2, axis=0)) + 1e-300
-    scaled = jnp.concatenate([columns / lengths, _RIDGE * jnp.eye(columns.shape[1])])
-    q, r = jnp.linalg.qr(scaled)
-    basis = q[: target.shape[0]]
-    solution = jax.scipy.linalg.solve_triangular(r, basis.T @ target) / lengths
-    return solution, target - columns @ solution, basis
+    return eliminated(columns, target, jnp)
 
 
 def projected_residual(block: AbstractBlock, problems: tuple[AbstractProblem, ...]) -> Array:

@@ -18,16 +18,15 @@ from typing import NamedTuple
 import numpy as np
 
 from .._blocks import AbstractBlock
+from .._prepare import Problem, layout_of, placed, position_of
 from ._compressed import CompressedProblem, columns_at, compress
-from ._layout import layout_of, placed, position_of
-from ._problem import Problem
+from ._elimination import eliminated
 
 _LEAST_STARTS = 4
 _STEPS = 60
 _RELATIVE, _CLOSE = 1e-8, 1e-7
 _DIFFERENCE = 1e-4
 _FIRST_DAMPING = 1e-2
-_RIDGE = 1e-9
 
 
 class Searched(NamedTuple):
@@ -137,24 +136,10 @@ def _look(
     values = np.nan_to_num(values, posinf=0.0, neginf=0.0)
     here = values[0]
     moved = (values[1 : size + 1] - values[size + 1 :]) / (2 * _DIFFERENCE)
-    gains, residual, basis = _eliminated(np.concatenate(response) - here[:, 0], here[:, 1:])
+    target = np.concatenate(response) - here[:, 0]
+    gains, residual, basis = eliminated(np.swapaxes(here[:, 1:], 1, 2), target)
     change = np.einsum("nsgm,sg->smn", moved, np.concatenate([np.ones((starts, 1)), gains], axis=1))
     derivative = basis @ (np.swapaxes(basis, 1, 2) @ change) - change
     slope = np.einsum("smn,sm->sn", derivative, residual)
     square = np.swapaxes(derivative, 1, 2) @ derivative
     return _Look(np.sum(residual**2, axis=1), square, slope)
-
-
-def _eliminated(
-    target: np.ndarray, columns: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Best gains (S, g), residual (S, m), orthonormal basis (S, m, g) of columns (S, g, m)."""
-    starts, count, _ = columns.shape
-    lengths = np.linalg.norm(columns, axis=2) + 1e-300
-    ridge = np.broadcast_to(_RIDGE * np.eye(count), (starts, count, count))
-    scaled = np.concatenate([np.swapaxes(columns / lengths[:, :, None], 1, 2), ridge], axis=1)
-    q, r = np.linalg.qr(scaled)
-    basis = q[:, : target.shape[1]]
-    projected = np.swapaxes(basis, 1, 2) @ target[:, :, None]
-    gains = np.linalg.solve(r, projected)[:, :, 0] / lengths
-    return gains, target - np.einsum("sg,sgm->sm", gains, columns), basis

@@ -31,11 +31,10 @@ from scipy.linalg import solve_triangular
 from scipy.stats import qmc
 
 from .._blocks import AbstractBlock
-from .._operators import Grid
-from .._operators._convolution_quadrature import circle
+from .._operators import Grid, circle
 from .._parameters import named_parameters, set_values
+from .._prepare import Layout, layout_of
 from ._chains import transfer
-from ._layout import Layout, layout_of
 
 _POINTS = 80
 _CANDIDATES = {0: 1, 1: 65, 2: 256}

@@ -2,89 +2,23 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import dataclass, replace
-from typing import NamedTuple
+from dataclasses import replace
 
 import jax
 import numpy as np
-from scipy.stats import kurtosis
 
 from .._blocks import AbstractBlock
 from .._computing import side_by_side
 from .._parameters import named_parameters, set_values
-from ._conditions import Number, numbers_of
-from ._layout import layout_of
-from ._least_squares import Descent, Objective, begin, descend, sensitivity, simulate
-from ._preparation import Preparation
-from ._problem import Problem
+from .._prepare import Preparation, Problem, layout_of
+from ._least_squares import Descent, Objective, begin, descend, simulate
 from ._programs import make_room
+from ._result import Solved
 from ._search import search
 
 _ROUNDS = 20
 _FIRST_LOOKS, _LOOKS = 5, 12
 _AGREED = 1e-3
-
-Progress = Callable[[str], None]
-
-
-def silent(message: str) -> None:
-    """Report no progress."""
-
-
-@dataclass(frozen=True)
-class Solved:
-    """A block at its optimum, χ² and convergence.
-
-    `own`: each recording's own coefficients (q,), its offset first; `simulations` (N,) hold them.
-    `evaluations` counts how often the objective was computed, over all starts.  `blocks` are every
-    recording's own (`block` the first's), `whitened` residuals (L,), `free` how many numbers were
-    fitted.
-    """
-
-    block: AbstractBlock
-    own: tuple[np.ndarray, ...]
-    simulations: tuple[np.ndarray, ...]
-    cost: float
-    converged: bool
-    start_costs: tuple[float, ...]
-    samples: int
-    evaluations: int
-    blocks: tuple[AbstractBlock, ...]
-    whitened: tuple[np.ndarray, ...]
-    free: int
-
-    @property
-    def kurtosis(self) -> float:
-        """Of the whitened residual: 3 where it is normal."""
-        residual = np.concatenate(self.whitened)
-        return float(kurtosis(residual[residual != 0], fisher=False))
-
-    @property
-    def left(self) -> float:
-        """χ² per sample where something is left beyond the noise, else 1."""
-        return max(1.0, self.cost / self.samples)
-
-    @property
-    def bic(self) -> float:
-        """χ² + k ln n, the noise known."""
-        return self.cost + self.free * float(np.log(self.samples))
-
-
-class Sensitivity(NamedTuple):
-    """Derivative (ΣL, numbers + own) of a simulation in a fit's numbers, and whitened."""
-
-    numbers: tuple[Number, ...]
-    raw: np.ndarray
-    whitened: np.ndarray
-
-
-def sensitivity_of(solved: Solved, preparation: Preparation) -> Sensitivity:
-    """What a small change of each number that was fitted makes of the simulations."""
-    problems = preparation.problems()
-    numbers = numbers_of(solved.block, len(problems), preparation.conditions)
-    raw, whitened = sensitivity(solved.blocks, problems, numbers)
-    return Sensitivity(numbers.shapes + numbers.gains, raw, whitened)
 
 
 def starts_of(block: AbstractBlock, count: int, seed: int) -> list[AbstractBlock]:
@@ -207,6 +141,7 @@ def solved_at(
     # After the data's rows come those of the priors, which are no part of χ².
     *whitened, _ = np.split(point.residual, np.cumsum([len(p.response) for p in problems]))
     return Solved(
+        preparation=preparation,
         block=blocks[0],
         own=tuple(own),
         simulations=tuple(simulations),

@@ -1,228 +1,25 @@
-"""The noise floor of a recording and its colour, from the first source that applies."""
+"""Where a recording's noise is read: repeats, rests, a specification, or what a fit leaves over."""
 
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
-from typing import Literal
+from dataclasses import replace
 
 import numpy as np
 from scipy.signal import fftconvolve, lfilter
-from scipy.stats import chi2, kurtosis
 
 from .._recording import InputError, Recording
-from ._autoregression import autoregression, taken_power
-from ._problem import resolution
-from ._tone import Tone, tone_in
+from ._noise import NONE, Noise
+from ._noise_stretches import PIECES, Stretch, median_size, noise_in
+from ._setting import resolution
 
-Method = Literal["repeats", "static", "specification", "residual"]
 _REST_SECONDS = 0.2
 # Successive second differences have the correlations -2/3 and 1/6: 1 + 2 Σ ρ² ≈ 2.
 _SHARED = 2.0
 _FEW, _SHORT = 3, 50
-_PIECES = 12
-_SHORTEST_PIECE = 40
-_SURELY_VARYING = 1e-4
-_MEDIAN_NORMAL = 0.6745
-# Of n normal values the square of the median size has the relative variance 5.44/n, and of their
-# differences, which share values, a third more.
-_MEDIAN_SQUARED = 7.3
 _SAME, _SAME_RATE = 2e-3, 1e-6
 _CLEARER = 0.97
 _MUCH_MORE = 2.0
-_BARELY_MORE = 1.25
-_NONE = np.zeros(0), np.zeros(0)
-
-
-@dataclass(frozen=True)
-class Noise:
-    """Autoregressive noise: Σ_k filter[k] e_{t-k} = innovation · white, filter[0] = 1.
-
-    `sigma` is the rms of all that does not repeat, in `unit`, and of what went with slow terms that
-    were fitted to it; `method` says where it was read.  The
-    filter leaves lines of the mains out, so that they count as mismatch and can be named.
-    It was read from `effective` independent samples, of this `kurtosis`: a floor read from a short
-    rest, or from noise with heavy tails, is known less well than the recording's length suggests.
-    `lines`: frequencies [1/sample] and power (n,) of the whitened noise, 1 where the filter fits,
-    each as good as 2/`shared` degrees of freedom.
-    `is_leftover`: it was read from what a fit left over, so that a better fit tells it better; of
-    one that is specified, as a number, its colour.
-    `course`: sample numbers and the noise's size there (n,), of which it is 1 on average; none
-    where the noise is as large everywhere as far as can be seen.  `crest`: its rms over what the
-    median of its differences says, 1 for normal noise.  `tone`: one
-    that it surely holds.
-    """
-
-    sigma: float
-    unit: str
-    method: Method
-    filter: np.ndarray
-    innovation: float
-    effective: float = np.inf
-    kurtosis: float = 3.0
-    lines: tuple[np.ndarray, np.ndarray] = field(default=_NONE, repr=False)
-    shared: float = 1.0
-    is_leftover: bool = False
-    course: tuple[np.ndarray, np.ndarray] = _NONE
-    crest: float = 1.0
-    tone: Tone | None = None
-
-    def coloured_as(self, other: Noise) -> Noise:
-        """A noise of this size and origin with the colour of another; itself where that is clearly
-        larger, for then more than noise is in it."""
-        if other.sigma**2 > _BARELY_MORE * self.sigma**2:
-            return self
-        innovation = other.innovation * self.sigma / other.sigma
-        return replace(other, sigma=self.sigma, method=self.method, innovation=innovation)
-
-    def size_at(self, samples: int) -> np.ndarray | None:
-        """How large the noise is at each sample (N,), 1 on average; None where it does not vary."""
-        where, size = self.course
-        if not where.size:
-            return None
-        # Where none was seen, at either end, it is not taken for smaller than elsewhere.
-        ends = {"left": max(size[0], 1.0), "right": max(size[-1], 1.0)}
-        return np.interp(np.arange(samples), where, size, **ends)
-
-    def samples_to_average(self, error: float) -> float:
-        """How many samples in a row know a constant with a standard error of that share of sigma.
-
-        The variance of their mean tends to (innovation / Σ_k filter[k])² / n, the spectrum at
-        frequency zero: where neighbours are alike, noise averages out more slowly.
-        """
-        slow = self.innovation / (self.sigma * max(abs(float(np.sum(self.filter))), 1e-12))
-        return (slow / error) ** 2
-
-    def doubt(self, kurtosis: float = 3.0) -> float:
-        """The relative standard error of the variance, with the heavier of both tails."""
-        return float(np.sqrt((max(kurtosis, self.kurtosis) - 1) / self.effective))
-
-    def without_lines(self) -> Noise:
-        """The same noise, with no more in any band than its filter says."""
-        return replace(self, lines=_NONE)
-
-    @property
-    def whitened_square(self) -> float:
-        """The mean square of what it was read from, whitened: 1, unless that holds a line that the
-        filter leaves out."""
-        power = self.lines[1]
-        return float(power.mean()) if power.size else 1.0
-
-    @property
-    def whitening(self) -> np.ndarray:
-        """The filter that turns this noise into white noise of unit variance."""
-        return self.filter / self.innovation
-
-
-@dataclass(frozen=True)
-class _Stretch:
-    """Samples (n,) that hold nothing but noise, the first one's number in the recording, and the
-    orthonormal terms (n, k) that have been fitted to them and taken off."""
-
-    samples: np.ndarray
-    start: int
-    terms: np.ndarray
-
-    @classmethod
-    def untouched(cls, samples: np.ndarray, start: int) -> _Stretch:
-        """Of samples from which nothing was taken off."""
-        return cls(samples, start, np.zeros((samples.size, 0)))
-
-    @classmethod
-    def without_relaxation(cls, samples: np.ndarray, start: int) -> _Stretch:
-        """Of samples that held the actuator's slow relaxation too: the parabola and the logarithms
-        of time that fit it best are taken off."""
-        x = np.linspace(0, 1, samples.size)
-        slow = np.stack([np.ones_like(x), x, x**2, np.log(x + 0.02), np.log(x + 0.2)], axis=1)
-        terms = np.linalg.qr(slow)[0]
-        return cls(samples - terms @ (terms.T @ samples), start, terms)
-
-    @property
-    def taken(self) -> int:
-        """How many freedoms the terms have taken."""
-        return self.terms.shape[1]
-
-
-def _noise(
-    stretches: list[_Stretch],
-    unit: str,
-    method: Method,
-    shared: float = 1.0,
-    *,
-    resolution: float = np.inf,
-) -> Noise:
-    """Noise from stretches that hold nothing else; `shared`: how many of their samples hold the
-    same noise.  Its size is followed along the recording where it is larger than the response's
-    resolution: within a converter's step there is none, and beside it much."""
-    colour = autoregression([s.samples for s in stretches], [s.terms for s in stretches])
-    coefficients, innovation = colour
-    squares = sum(np.sum(s.samples**2) + taken_power(colour, s.terms) for s in stretches)
-    sigma = float(np.sqrt(squares / sum(s.samples.size for s in stretches)))
-    taps = coefficients / innovation
-    series = [s.samples * np.sqrt(s.samples.size / (s.samples.size - s.taken)) for s in stretches]
-    lost = taps.size - 1
-    whitened = [np.asarray(lfilter(taps, 1.0, s))[lost:] for s in series]
-    starts = [s.start + lost for s in stretches]
-    course = _course(whitened, starts, shared) if resolution < sigma else _NONE
-    if course[0].size:
-        whitened = [
-            w / np.interp(start + np.arange(w.size), *course)
-            for w, start in zip(whitened, starts, strict=True)
-        ]
-    white = np.concatenate(whitened)
-    # Codes that stay the same for most samples have differences of no size.
-    typical = median_size(np.diff(white))
-    tails = max(float(kurtosis(white, fisher=False)), 3.0)
-    # The slowest lines are the ones that the fit took away.
-    slow = [1 + (s.taken + 1) // 2 for s in stretches]
-    spectra = [
-        (np.fft.rfftfreq(w.size)[k:], np.abs(np.fft.rfft(w))[k:] ** 2 / w.size)
-        for w, k in zip(whitened, slow, strict=True)
-    ]
-    frequencies, power = (np.concatenate(parts) for parts in zip(*spectra, strict=True))
-    return Noise(
-        sigma,
-        unit,
-        method,
-        coefficients,
-        innovation,
-        effective=white.size / shared,
-        kurtosis=tails,
-        lines=(frequencies, power),
-        shared=shared,
-        course=course,
-        crest=float(np.sqrt(np.mean(white**2))) / typical if typical else 1.0,
-        tone=tone_in(whitened, taps, sigma, shared),
-    )
-
-
-def _course(
-    whitened: list[np.ndarray], starts: list[int], shared: float
-) -> tuple[np.ndarray, np.ndarray]:
-    """How the size of the noise changes along the recording: sample numbers and sizes (n,), none
-    where a χ² test over pieces shows no change."""
-    # In differences the slow decay that one period after a jump has before the next is gone.
-    white = np.concatenate([np.diff(w) for w in whitened])
-    where = np.concatenate(
-        [s + np.arange(w.size - 1) for s, w in zip(starts, whitened, strict=True)]
-    )
-    order = np.argsort(where, kind="stable")
-    pieces = min(_PIECES, white.size // _SHORTEST_PIECE)
-    if pieces < 2:
-        return _NONE
-    sizes = np.array([median_size(part) for part in np.array_split(white[order], pieces)])
-    centres = np.array([np.mean(part) for part in np.array_split(where[order], pieces)])
-    relative = (sizes / np.sqrt(np.mean(sizes**2))) if sizes.all() else np.ones(pieces)
-    variance = _MEDIAN_SQUARED * shared * pieces / white.size
-    if chi2.sf(np.sum((relative**2 - 1) ** 2) / variance, pieces - 1) > _SURELY_VARYING:
-        return _NONE
-    return centres, relative
-
-
-def median_size(differences: np.ndarray) -> float:
-    """The sd of normal noise with such differences, by their median: what rings at the beginning
-    of a rest, and outliers, are passed over."""
-    return float(np.median(np.abs(differences)) / (_MEDIAN_NORMAL * np.sqrt(2)))
 
 
 def cleared(noise: Noise, residual: np.ndarray, used: np.ndarray, recording: Recording) -> Noise:
@@ -236,7 +33,7 @@ def cleared(noise: Noise, residual: np.ndarray, used: np.ndarray, recording: Rec
         stretches = _from_repeats(recording, used.astype(float), residual)
         if not stretches:
             return noise
-        again = _noise(
+        again = noise_in(
             stretches, noise.unit, "repeats", _SHARED, resolution=resolution(recording.response)
         )
         # A decay that has not settled is in few slow lines, which the innovation hardly tells.
@@ -261,7 +58,7 @@ def followed(noise: Noise, residual: np.ndarray, used: np.ndarray) -> Noise:
     whitened = np.asarray(lfilter(noise.whitening, 1.0, residual))[lost:]
     differences, counted = np.diff(whitened), used[lost + 1 :]
     where = lost + np.arange(differences.size)
-    parts = np.array_split(np.flatnonzero(counted), _PIECES)
+    parts = np.array_split(np.flatnonzero(counted), PIECES)
     centres = np.array([where[part].mean() for part in parts])
     sizes = noise.crest * np.array([median_size(differences[part]) for part in parts])
     if not sizes.all():
@@ -279,7 +76,7 @@ def followed(noise: Noise, residual: np.ndarray, used: np.ndarray) -> Noise:
 
 def _from_repeats(
     recording: Recording, counts: np.ndarray | None, signal: np.ndarray | None = None
-) -> list[_Stretch]:
+) -> list[Stretch]:
     """Second differences over successive periods /√6, once the response has settled.
 
     A first difference would still hold the slow decay of the actuator's memory of its start; the
@@ -310,15 +107,15 @@ def _from_repeats(
     if period > _SHORT:
         # What has not settled still bends slowly.
         return [
-            _Stretch.without_relaxation(block, int(start))
+            Stretch.without_relaxation(block, int(start))
             for block, start in zip(blocks, starts, strict=True)
         ]
     mean = blocks.mean()
     pairs = zip(blocks, starts, strict=True)
-    return [_Stretch.untouched(block - mean, int(start)) for block, start in pairs]
+    return [Stretch.untouched(block - mean, int(start)) for block, start in pairs]
 
 
-def _from_static(recording: Recording, counts: np.ndarray | None, step: float) -> list[_Stretch]:
+def _from_static(recording: Recording, counts: np.ndarray | None, step: float) -> list[Stretch]:
     """Rests without the actuator's slow relaxation: a parabola and logarithms of time taken off.
 
     Those with samples of weight 0 are left out, and those that show less than what rounding to the
@@ -328,7 +125,7 @@ def _from_static(recording: Recording, counts: np.ndarray | None, step: float) -
         begin = start + (stop - start) // 10
         if counts is not None and not np.all(counts[begin:stop]):
             continue
-        stretch = _Stretch.without_relaxation(recording.response[begin:stop], begin)
+        stretch = Stretch.without_relaxation(recording.response[begin:stop], begin)
         still = np.ptp(recording.response[begin:stop]) == 0
         if still or stretch.samples.std() < step / np.sqrt(12):
             continue
@@ -351,12 +148,12 @@ def measured_noise(
         if not _repeats(repeat, recording):
             raise _no_repeat(repeat, [recording])
         difference = (repeat.response - recording.response) / np.sqrt(2)
-        return _noise([_Stretch.untouched(difference - difference.mean(), 0)], unit, "repeats")
+        return noise_in([Stretch.untouched(difference - difference.mean(), 0)], unit, "repeats")
     step = resolution(recording.response)
     if series := _from_repeats(recording, counts):
-        return _noise(series, unit, "repeats", _SHARED, resolution=step)
+        return noise_in(series, unit, "repeats", _SHARED, resolution=step)
     if series := _from_static(recording, counts, step):
-        return _noise(series, unit, "static", resolution=step)
+        return noise_in(series, unit, "static", resolution=step)
     return None
 
 
@@ -395,7 +192,7 @@ def _shown_elsewhere(
     for noise, rate in shown:
         if np.isclose(rate, recording.rate, rtol=_SAME_RATE):
             # Its course is that of the recording which it was read from.
-            return replace(noise, course=_NONE)
+            return replace(noise, course=NONE)
     # At another rate it has another colour.
     sigma = specification or next((noise.sigma for noise, _ in shown), None)
     return None if sigma is None else _specified(sigma, recording.response_unit)
@@ -441,11 +238,11 @@ def residual_noise(residual: np.ndarray, used: np.ndarray, recording: Recording)
         # Of three times only two: what two differences share would be a comb in their spectrum.
         again = residual[period : 2 * period]
         difference = (again - residual[: again.size]) / np.sqrt(2)
-        stretch = _Stretch.without_relaxation(difference, 0)
-        noise = _noise([stretch], recording.response_unit, "repeats")
+        stretch = Stretch.without_relaxation(difference, 0)
+        noise = noise_in([stretch], recording.response_unit, "repeats")
     else:
         left = residual[used] - residual[used].mean()
-        noise = _noise([_Stretch.untouched(left, 0)], recording.response_unit, "residual")
+        noise = noise_in([Stretch.untouched(left, 0)], recording.response_unit, "residual")
     return replace(noise, is_leftover=True)
 
 

@@ -10,11 +10,13 @@ from typing import Any, Literal
 import numpy as np
 
 from .._blocks import Setting
-from .._operators._grid import History
+from .._operators import History
 from .._recording import MINIMUM_SAMPLES, InputError, Recording, parse_quantity
 from ._conditions import PLAIN, Conditions
-from ._noise import Noise, given_twice
-from ._problem import Problem, make_problem, moving, setting_of, top_frequency
+from ._noise import Noise
+from ._noise_sources import given_twice
+from ._problem import Problem, make_problem
+from ._setting import moving, setting_of, top_frequency
 
 Past = History | Literal["estimated"]
 _STEADY_FROM = 8

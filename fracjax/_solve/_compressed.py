@@ -30,11 +30,10 @@ from jax import Array
 from .._blocks import AbstractBlock
 from .._operators import Grid
 from .._parameters import set_values
+from .._prepare import AbstractProblem, Problem, layout_of
 from ._chains import Chain, chains_of
+from ._elimination import eliminated
 from ._interpolation import ChebyshevSeries, Interpolation, shapes_at, unit_gains
-from ._layout import layout_of
-from ._least_squares import least
-from ._problem import AbstractProblem, Problem
 from ._span import FRESH, Span, fresh_positions, span_of
 
 _ROWS = 16
@@ -259,7 +258,7 @@ def _error(
     response = np.concatenate([full.response for full in fresh])
     largest = 0.0
     for exact, approximate in zip(wanted, found, strict=True):
-        gains = np.append(1.0, least(exact[:, 1:], response - exact[:, 0])[0])
+        gains = np.append(1.0, eliminated(exact[:, 1:], response - exact[:, 0])[0])
         largest = max(largest, float(np.linalg.norm((exact - approximate) @ gains)))
     return largest
 

@@ -7,23 +7,23 @@ from collections.abc import Sequence
 import numpy as np
 
 from .._blocks import AbstractBlock
+from .._prepare import Preparation, Problem
+from ._elimination import orthonormal
 from ._least_squares import simulate
-from ._preparation import Preparation
-from ._problem import Problem
-from ._solve import Progress, Solved, sensitivity_of, solve_from
-from ._uncertainty import orthonormal
+from ._result import Progress, Solved
+from ._solve import solve_from
 
 FINEST, _MOST_SAMPLES = 32, 2**18
 TARGET, LIMIT = 0.5, 1.0
 _NEARLY = 1.5
 
 
-def numerical_error(solved: Solved, preparation: Preparation) -> float:
+def numerical_error(solved: Solved) -> float:
     """√λ_num: what halving the step changes beyond what the fit can absorb, in noise units.
 
     The order of the quadrature is four, so that the change is the coarser grid's error to 7 %.
     """
-    return _halved_until(np.inf, solved, preparation)[1]
+    return _halved_until(np.inf, solved)[1]
 
 
 def tolerated(limit: float, solved: Solved, share: float) -> float:
@@ -32,18 +32,16 @@ def tolerated(limit: float, solved: Solved, share: float) -> float:
     return max(limit, share * float(np.sqrt(max(0.0, solved.cost - solved.samples))))
 
 
-def fine_enough(
-    solved: Solved, preparation: Preparation, progress: Progress, share: float = 0.0
-) -> tuple[Solved, Preparation, float]:
+def fine_enough(solved: Solved, progress: Progress, share: float = 0.0) -> tuple[Solved, float]:
     """Refine the grid until the numerical error is far under the noise, or under a share of what
-    the fit leaves beyond it, or the grid is finest."""
+    the fit leaves beyond it, or the grid is finest; the fit there, and that error."""
     while True:
-        progress(f"checking the numerics with {preparation.oversampling} steps per sample")
-        finer, error = _halved_until(tolerated(TARGET, solved, share), solved, preparation)
-        if finer is preparation:
-            return solved, preparation, error
-        preparation = finer
-        solved = solve_from([solved.block], preparation)
+        steps = solved.preparation.oversampling
+        progress(f"checking the numerics with {steps} steps per sample")
+        finer, error = _halved_until(tolerated(TARGET, solved, share), solved)
+        if finer is solved.preparation:
+            return solved, error
+        solved = solve_from([solved.block], finer)
 
 
 def too_coarse(error: float) -> tuple[str, ...]:
@@ -56,17 +54,16 @@ def too_coarse(error: float) -> tuple[str, ...]:
     )
 
 
-def _halved_until(
-    target: float, solved: Solved, preparation: Preparation
-) -> tuple[Preparation, float]:
+def _halved_until(target: float, solved: Solved) -> tuple[Preparation, float]:
     """The coarsest grid, from the one at hand on, whose numerical error is at most the target; and
     that error, of the solved blocks as they are.
 
     Where no grid is so fine, the coarsest that is nearly as good as any: at a kink that meets a
     sample a fractional derivative hardly converges, and many small steps would gain nothing.
     """
+    preparation = solved.preparation
     problems = preparation.problems()
-    basis = orthonormal(sensitivity_of(solved, preparation).whitened)
+    basis = orthonormal(solved.sensitivity().whitened)
     longest = max(len(take.recording) for take in preparation.takes)
     coarse = _whitened(solved.blocks, problems)
     grids: list[tuple[Preparation, float]] = []

@@ -10,10 +10,9 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._blocks import AbstractBlock
+from .._prepare import Problem, position_of
 from .._recording import InputError
 from ._box import Found, with_gradient
-from ._layout import position_of
-from ._problem import Problem
 
 _TOLERANCE = 1e-10
 _STEPS = 200

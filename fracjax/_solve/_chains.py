@@ -13,11 +13,11 @@ from .._blocks import (
     AbstractLinearBlock,
     FOHLinear,
     FOHRateTerm,
+    Parallel,
+    Series,
     SingleOperator,
 )
-from .._blocks._block import Parallel, Series
-from .._operators import Grid, Laplace
-from .._operators._convolution_quadrature import quadrature_symbol
+from .._operators import Grid, Laplace, quadrature_symbol
 from .._parameters import Parameter, replace_parameters
 
 # Made once: a search takes a block apart thousands of times.

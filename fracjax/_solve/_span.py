@@ -12,10 +12,9 @@ import numpy as np
 from .._blocks import AbstractBlock
 from .._computing import compiled
 from .._operators import speed
+from .._prepare import Problem, layout_of, placed, with_gains
 from ._chains import Chain, chains_of
 from ._interpolation import Chosen, choose, is_bounded
-from ._layout import layout_of, placed, with_gains
-from ._problem import Problem
 
 FRESH = 4
 _MOST_SIGNALS = 400

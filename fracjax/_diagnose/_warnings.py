@@ -1,0 +1,67 @@
+"""What speaks against a diagnosis: the recording, the noise floor, the numerics, odd parameters."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .._prepare import Noise
+from .._solve import too_coarse
+from ._stage import Stage
+
+
+def warnings_of(
+    base: Stage,
+    stage: Stage,
+    noise: Noise,
+    numerics: float,
+    hidden: Sequence[tuple[str, str]],
+) -> tuple[str, ...]:
+    """Every warning; `hidden`: jumps that count as noise, whose they are and in words."""
+    warnings = [
+        warning
+        for take in base.preparation.takes
+        for warning in (*take.recording.warnings, *take.recording.checks())
+    ]
+    if noise.method == "residual":
+        warnings.append(
+            "The noise floor was taken from the residual itself, for want of repeats, rests or "
+            "a specification: mismatch that looks like noise cannot be excluded."
+        )
+    warnings += too_coarse(numerics)
+    if not base.solved.converged:
+        warnings.append("The base fit did not converge; its figures are those of its best point.")
+    warnings += [f"{source}: {words}" for source, words in hidden]
+    return (*warnings, *_tones(stage), *_displaced(base))
+
+
+def _tones(stage: Stage) -> list[str]:
+    """Tones that count as noise, for no drive causes them, if they are not of the mains."""
+    if "mains_interference" in stage.adopted:
+        return []
+    sentences = []
+    for take in stage.preparation.takes:
+        tone, recording = take.noise and take.noise.tone, take.recording
+        if tone:
+            sentences.append(
+                f"{recording.source}: the noise floor holds a tone near "
+                f"{tone.frequency * recording.rate:.4g} Hz of about {tone.rms:.2g} "
+                f"{recording.response_unit} rms, such as interference or a vibration. It "
+                "counts as noise and hides what is smaller; keep it out of the recording."
+            )
+    return sentences
+
+
+def _displaced(base: Stage) -> list[str]:
+    """Base parameters outside their usual range: what is missing may hide in them."""
+    sentences = []
+    for name, p in base.displaced.items():
+        low, high = p.plausible
+        ends = f"{float(np.min(low)):.3g} to {float(np.max(high)):.3g}"
+        sentences.append(
+            f"{name} of {base.base} ended at {float(np.ravel(p.value)[0]):.3g}, "
+            f"outside its usual range of {ends}: it may stand in for physics that the "
+            "model lacks."
+        )
+    return sentences

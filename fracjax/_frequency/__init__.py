@@ -1,0 +1,13 @@
+"""Frequency responses: tables, fits of linear models to them, and creep from amplitude ratios."""
+
+from ._amplitude_ratios import AmplitudeRatios as AmplitudeRatios
+from ._amplitude_ratios import amplitude_ratios as amplitude_ratios
+from ._creep_identification import CreepEstimate as CreepEstimate
+from ._creep_identification import CreepIdentification as CreepIdentification
+from ._creep_identification import ofocim as ofocim
+from ._creep_identification import tfocim as tfocim
+from ._fit import FrequencyFit as FrequencyFit
+from ._fit import fit_frequency_response as fit_frequency_response
+from ._table import FrequencyTable as FrequencyTable
+from ._table import frequency_table as frequency_table
+from ._table import read_frequency_table as read_frequency_table

@@ -1,0 +1,62 @@
+"""What recordings say about the size of things: spans, rates, frequencies, resolution."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from .._blocks import Setting
+from .._recording import Recording, varying
+
+_REST = 1e-2
+"""A recording whose drive spans less than this share of the widest one is a rest."""
+
+
+def setting_of(recordings: list[Recording]) -> Setting:
+    """What the recordings say about the size of things."""
+    driven = moving(recordings)
+    return Setting(
+        drive_low=float(min(r.drive.min() for r in recordings)),
+        drive_high=float(max(r.drive.max() for r in recordings)),
+        response_span=float(max(np.ptp(r.response) for r in recordings)),
+        step=float(min(r.dt for r in recordings)),
+        duration=float(max(len(r) * r.dt for r in recordings)),
+        top_frequency=max(top_frequency(r) for r in driven),
+        top_rate=float(max(np.abs(np.diff(r.drive)).max() / r.dt for r in driven)),
+        rms_rate=float(max(np.sqrt(np.mean(np.diff(r.drive) ** 2)) / r.dt for r in driven)),
+        response_low=float(min(r.response.min() - r.response[0] for r in recordings)),
+        resolution=min(resolution(r.response) for r in recordings),
+    )
+
+
+def moving(recordings: Sequence[Recording]) -> list[Recording]:
+    """Those that are no rest beside the others, whose drive, if it is measured, is noise.  Raises
+    InputError where all are."""
+    spans = [np.ptp(recording.drive) for recording in recordings]
+    if not any(spans):
+        varying(recordings[0].drive, f"{recordings[0].source}, drive")
+    return [r for r, span in zip(recordings, spans, strict=True) if span > _REST * max(spans)]
+
+
+def resolution(response: np.ndarray) -> float:
+    """The step of the grid that all values of a response (N,) lie on, 0 where there is none.
+
+    Neighbouring values must be whole steps apart, to a tenth of a step, and the smallest gap one
+    step: a converter's codes that were scaled and rounded to a few digits still pass, and noise of
+    many digits does not, nor do codes so fine that none has its neighbour in the recording.
+    """
+    gaps = np.diff(np.unique(response))
+    gaps = gaps[gaps > 1e-9 * np.ptp(response)]  # equal but for rounding in the last place
+    codes = np.round(gaps / gaps.min())
+    step = float(gaps.sum() / codes.sum())
+    return step if np.all(np.abs(gaps / step - codes) < 0.1) else 0.0
+
+
+def top_frequency(recording: Recording) -> float:
+    """The frequency [Hz] below which 99 % of the power of the drive's rate lies."""
+    rate = np.diff(recording.drive)
+    power = np.abs(np.fft.rfft((rate - rate.mean()) * np.hanning(rate.size))) ** 2
+    frequencies = np.fft.rfftfreq(rate.size, recording.dt)
+    share = np.cumsum(power) / power.sum()
+    return float(max(frequencies[np.searchsorted(share, 0.99)], frequencies[1]))

@@ -23,7 +23,7 @@ import pandas as pd
 
 from .._fit import Loss
 from .._models import Model
-from .._prepare import Mask, OfModel, Past, past_of, whole
+from .._prepare import HistoryOption, Mask, ModelOptions, history_of, require_whole_number
 from .._recording import parse_quantity
 from ._cluster import on_cluster
 from ._jobs import Given, Job, jobs_of
@@ -52,7 +52,7 @@ def fit_batch(
     out: str | os.PathLike[str],
     cluster: str | None = None,
     read_options: dict[str, Any] | None = None,
-    history: Past | None = None,
+    history: HistoryOption | None = None,
     settling: int | str | None = None,
     mask: Mask = (),
     loss: Loss = "least_squares",
@@ -60,7 +60,7 @@ def fit_batch(
     seed: int = 0,
     chunk: int = 64,
     progress: Count = silent,
-    **asked: Unpack[OfModel],
+    **asked: Unpack[ModelOptions],
 ) -> pd.DataFrame:
     """Fit a model to each of many recordings, as `fit` does to one.
 
@@ -84,8 +84,8 @@ def fit_batch(
     an `out` with rows of other settings, and for a cluster that cannot be reached.
     """
     for given, name, least in ((starts, "starts", 1), (seed, "seed", 0), (chunk, "chunk", 1)):
-        whole(given, name, least)
-    past_of(history)
+        require_whole_number(given, name, least)
+    history_of(history)
     if isinstance(settling, str):
         parse_quantity(settling, "s", "--settle")
     wishes = {**asked, "mask": mask, "loss": loss if loss != "least_squares" else None}

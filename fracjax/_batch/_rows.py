@@ -16,7 +16,7 @@ import pyarrow as pa
 
 from .._fit import Fit, fit, shape_of
 from .._models import Model, understood
-from .._prepare import OfModel, Past, conditioned, model_of, numbers_of
+from .._prepare import HistoryOption, ModelOptions, apply_options, free_parameters_of, model_of
 from .._recording import InputError, Recording
 from ._jobs import Job
 
@@ -41,7 +41,7 @@ class Work:
     """
 
     model: Model | str
-    history: Past | None
+    history: HistoryOption | None
     settling: int | str | None
     starts: int
     seed: int
@@ -80,9 +80,9 @@ class Work:
     def labels(self) -> tuple[str, ...]:
         """What is fitted, by name.  Raises InputError where what is asked makes no sense."""
         shape_of(self.asked.get("loss", "least_squares"))
-        of_model = {n: w for n, w in self.asked.items() if n in OfModel.__annotations__}
-        block, conditions = conditioned(self.typical(), **of_model)
-        return numbers_of(block, 1, conditions).labels
+        of_model = {n: w for n, w in self.asked.items() if n in ModelOptions.__annotations__}
+        block, conditions = apply_options(self.typical(), **of_model)
+        return free_parameters_of(block, 1, conditions).labels
 
     def blank(self) -> Row:
         """The row of a recording that was not fitted: every column, in order."""

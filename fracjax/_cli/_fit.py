@@ -82,7 +82,7 @@ def fit_command(
     """
     if of_frequency:
         return fit_table(recordings, names, out, given, results, asked)
-    from .._fit import compared, fit, with_profiles
+    from .._fit import compare_fits, fit, with_profiles
     from .._prepare import options_for
     from .._report import file_name, write_report
 
@@ -104,7 +104,7 @@ def fit_command(
                 results.save(fits[-1].save, out / f"fit_{file_name(model.name)}.json")
         comparison = None
         if len(models) > 1 or held_out:
-            comparison = compared(fits, holdout=held_out, progress=progress)
+            comparison = compare_fits(fits, holdout=held_out, progress=progress)
         best = list(comparison.fits) if comparison else fits
         progress("writing the report")
         results.save(best[0].save, out / "fit.json")

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
     from .._models import Model
-    from .._prepare import Past
+    from .._prepare import HistoryOption
     from .._recording import Recording
 
 
@@ -35,7 +35,7 @@ class Given(NamedTuple):
         return recordings, models_for(list(dict.fromkeys(names)), recordings)
 
     @property
-    def past(self) -> Past | None:
+    def past(self) -> HistoryOption | None:
         """The history that the call states, None where the data shall decide."""
         return None if self.history == "auto" else self.history  # type: ignore[return-value]
 

@@ -16,7 +16,7 @@ from .._computing import compiled, computing
 from .._models import Model, understood
 from .._operators import HISTORIES, History, interpolate
 from .._parameters import set_values
-from .._prepare import layout_of, split
+from .._prepare import layout_of, values_by_name
 from .._recording import InputError, Recording, require_kind, unit
 from .._solve import Progress, silent
 from ._bounded import Bounds, best_within
@@ -222,7 +222,7 @@ def _responses(block: AbstractBlock, values: np.ndarray, plant: Plant, drive: np
     layout = layout_of(block)
 
     def one(vector: Array) -> Array:
-        moved = set_values(block, split(block, layout.shapes + layout.gains, vector))
+        moved = set_values(block, values_by_name(block, layout.shapes + layout.gains, vector))
         left, _ = without_disturbances(moved)
         return eqx.tree_at(lambda p: p.block, plant, left)(jnp.asarray(drive))
 

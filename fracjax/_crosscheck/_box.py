@@ -17,7 +17,7 @@ from jax import Array
 from .._blocks import AbstractBlock
 from .._computing import compiled
 from .._parameters import Parameter, named_parameters, replace_parameters
-from .._prepare import AbstractProblem, Problem, layout_of, placed
+from .._prepare import AbstractProblem, Problem, layout_of, with_shapes_at
 from .._solve import jacobian
 from ._variable_projection import project, projected_residual
 
@@ -44,7 +44,7 @@ def objective(block: AbstractBlock, problems: tuple[AbstractProblem, ...]) -> Ob
     """χ² over the unit cube, gains and own terms at their best; ∞ where the model breaks down."""
 
     def cost(position: Array) -> Array:
-        _, residual, _ = project(placed(block, position), problems)
+        _, residual, _ = project(with_shapes_at(block, position), problems)
         return jnp.nan_to_num(jnp.sum(residual**2), nan=jnp.inf, posinf=jnp.inf)
 
     return cost
@@ -60,7 +60,7 @@ def with_gradient(
     """
 
     def residual(position: Array) -> tuple[Array, Array]:
-        found = projected_residual(placed(block, position), problems)
+        found = projected_residual(with_shapes_at(block, position), problems)
         return found, found
 
     derivative, found = jax.jacfwd(residual, has_aux=True)(position)

@@ -19,21 +19,30 @@ from .._fit import Fit, fit_of, scores_of, settle_finely
 from .._models import Model
 from .._parameters import named_parameters
 from .._prepare import (
+    HistoryOption,
     Layout,
     Noise,
-    Past,
     Preparation,
     Problem,
-    Sought,
+    SearchOptions,
+    free_parameters_of,
     layout_of,
     model_of,
-    numbers_of,
-    ready,
+    prepare_fit,
     recordings_of,
-    whole,
+    require_whole_number,
 )
 from .._recording import InputError, Recording
-from .._solve import Objective, Progress, Solved, fit_block, make_room, silent, solved_at, starts_of
+from .._solve import (
+    Objective,
+    Progress,
+    Solved,
+    fit_block,
+    limit_compiled_programs,
+    silent,
+    solved_at,
+    starts_of,
+)
 from ._bounded import bounded, require_jaxopt
 from ._box import Found, dimension, objective, with_bounded_gains, with_bounded_shapes
 from ._evolution import DifferentialEvolution
@@ -115,14 +124,14 @@ def crosscheck(
     recordings: Recording | Sequence[Recording],
     *,
     noise: Noise | float | str | None = None,
-    history: Past | None = None,
+    history: HistoryOption | None = None,
     settling: int | str | None = None,
     starts: int = 8,
     population: int = 40,
     iterations: int = 200,
     seed: int = 0,
     progress: Progress = silent,
-    **asked: Unpack[Sought],
+    **asked: Unpack[SearchOptions],
 ) -> Crosscheck:
     """Fit a model by gradients, by bounded L-BFGS, by a particle swarm and by evolution.
 
@@ -136,10 +145,10 @@ def crosscheck(
     """
     listed = recordings_of(recordings)
     model = model_of(model, listed)
-    starts, seed = whole(starts, "starts", 1), whole(seed, "seed", 0)
+    starts, seed = require_whole_number(starts, "starts", 1), require_whole_number(seed, "seed", 0)
     require_jaxopt()  # before minutes are spent
     with computing():
-        block, preparation = ready(
+        block, preparation = prepare_fit(
             model, listed, noise=noise, history=history, settling=settling, **asked
         )
         _require_plain(block, preparation)
@@ -176,7 +185,7 @@ def crosscheck(
 
 def _require_plain(block: AbstractBlock, preparation: Preparation) -> None:
     asked = preparation.conditions
-    own = numbers_of(block, len(preparation.takes), asked).own
+    own = free_parameters_of(block, len(preparation.takes), asked).own
     told = {"priors": asked.priors, "tied": asked.ties, "own": own}
     if any(told.values()):
         raise InputError(
@@ -232,7 +241,7 @@ def _by_search(
     preparation: Preparation,
     generator: np.random.Generator,
 ) -> _Way:
-    make_room()
+    limit_compiled_programs()
     draws = search.draw(dimension(block), generator)
     arguments = (search, block, preparation.problems(), draws)
     # Equinox hands on what its types do not say.

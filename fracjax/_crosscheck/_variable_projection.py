@@ -16,7 +16,7 @@ from jax import Array
 
 from .._blocks import AbstractBlock
 from .._prepare import AbstractProblem, layout_of, own_columns, with_gains
-from .._solve import eliminated
+from .._solve import eliminate
 
 
 def _linear_system(
@@ -41,7 +41,7 @@ def project(
     systems = [_linear_system(block, p, o) for p, o in zip(problems, own, strict=True)]
     columns = jnp.concatenate([s[0] for s in systems])
     target = jnp.concatenate([s[1] for s in systems])
-    return eliminated(columns, target, jnp)
+    return eliminate(columns, target, jnp)
 
 
 def projected_residual(block: AbstractBlock, problems: tuple[AbstractProblem, ...]) -> Array:

@@ -255,7 +255,7 @@ class Conclusion:
         stage = self.stage
         if self.unseen is None or len(stage.layers) < 2 or leftover(stage) <= 0:
             return False
-        return not self._predicted[1].is_as_good_as(stage.solved.left)
+        return not self._predicted[1].is_as_good_as(stage.solved.excess_ratio)
 
     def _effects(self, extended: Fit | None) -> tuple[NamedEffect, ...]:
         """The adopted effects, if together they explain the mismatch."""

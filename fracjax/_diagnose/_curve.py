@@ -23,7 +23,7 @@ from jax import Array
 from .._blocks import AbstractBlock
 from .._operators import Grid
 from .._parameters import Parameter, named_parameters
-from .._solve import Solved, orthonormal, solve_from
+from .._solve import Solved, orthonormal_basis, solve_from
 from ._evidence import delta_bic
 from ._judgement import margin_of
 from ._residual import residual_of
@@ -129,7 +129,7 @@ def _promised(block: AbstractBlock, place: str, base: Stage, residual: Residual)
         problem.whiten(problem.linearised(block, [f"{place}.turns"])[1])
         for problem in base.preparation.problems()
     ]
-    directions = orthonormal(residual.project(np.concatenate(pieces).T).T)
+    directions = orthonormal_basis(residual.project(np.concatenate(pieces).T).T)
     return float(np.sum((directions.T @ residual.whitened) ** 2))
 
 

@@ -9,20 +9,20 @@ from .._computing import computing
 from .._fit import settle
 from .._models import Model
 from .._prepare import (
+    HistoryOption,
     Mask,
-    Past,
     Take,
     measured_noise,
     model_of,
     prepare,
     recordings_of,
     require_recording,
+    require_whole_number,
     steady_of,
     take_of,
-    whole,
 )
 from .._recording import Recording, require_units_of
-from .._solve import Progress, fine_enough, silent, solve_from
+from .._solve import Progress, refine_until_accurate, silent, solve_from
 from ._conclusion import Conclusion
 from ._held_out import (
     predict_recording,
@@ -46,7 +46,7 @@ def diagnose(
     holdout: Recording | None = None,
     repeat: Recording | Sequence[Recording] | None = None,
     noise: float | str | None = None,
-    history: Past | None = None,
+    history: HistoryOption | None = None,
     settling: int | str | None = None,
     limits: Limits | str | None = None,
     mask: Mask = (),
@@ -75,7 +75,7 @@ def diagnose(
         require_units_of(listed[0], again)
     if isinstance(limits, str):
         limits = parse_limits(limits, listed)
-    seed = whole(seed, "seed", 0)
+    seed = require_whole_number(seed, "seed", 0)
     with computing():
         progress("reading the noise floor")
         preparation = prepare(
@@ -90,7 +90,7 @@ def diagnose(
         solved = settle(model.block, preparation, history=history, starts=_STARTS, seed=seed)
         readings_left, earlier = _MOST_READINGS, []
         while True:
-            solved, numerics = fine_enough(solved, progress)
+            solved, numerics = refine_until_accurate(solved, progress)
             base = Stage(model.name, model.block, (), solved)
             unseen = None if holdout is None else held_out_take(base.preparation.takes[0], holdout)
             predict = (

@@ -26,7 +26,7 @@ def delta_bic(before: Solved, after: Solved) -> float:
     """What the later fit gains in BIC, χ² in units of what it leaves, where that exceeds the noise:
     a number costs no less for all that is left unexplained."""
     numbers = after.free - before.free
-    return (before.cost - after.cost) / after.left - numbers * float(np.log(after.samples))
+    return (before.cost - after.cost) / after.excess_ratio - numbers * float(np.log(after.samples))
 
 
 def spared(solved: Solved, layer: Layer) -> float:
@@ -34,14 +34,14 @@ def spared(solved: Solved, layer: Layer) -> float:
     unexplained counts as noise."""
     parameters, known = layer.own(solved.block), solved.sensitivity()
     derivative = known.whitened
-    own = np.flatnonzero([number.name in parameters for number in known.numbers])
+    own = np.flatnonzero([number.name in parameters for number in known.parameters])
     expected = {name: np.ravel(_expected(p)) for name, p in parameters.items()}
-    sizes = [expected[known.numbers[k].name][known.numbers[k].component] for k in own]
+    sizes = [expected[known.parameters[k].name][known.parameters[k].component] for k in own]
     others = np.delete(derivative, own, axis=1)
     basis = np.linalg.qr(others / (np.linalg.norm(others, axis=0) + 1e-300))[0]
     moved = derivative[:, own] * sizes
     beside = np.nan_to_num(moved - basis @ (basis.T @ moved))
-    cost = np.linalg.slogdet(np.eye(own.size) + beside.T @ beside / solved.left)[1]
+    cost = np.linalg.slogdet(np.eye(own.size) + beside.T @ beside / solved.excess_ratio)[1]
     read_off = sum(int(np.sum(~np.isfinite(p.expected_sd))) for p in parameters.values())
     return float(own.size * np.log(solved.samples) - cost - read_off)
 
@@ -60,7 +60,7 @@ def strain(solved: Solved, layer: Layer) -> float:
         return 0.0
     known, rises = solved.sensitivity(), []
     scaled = known.whitened / (np.linalg.norm(known.whitened, axis=0) + 1e-300)
-    for k, number in enumerate(known.numbers):
+    for k, number in enumerate(known.parameters):
         if number.name in beyond:
             basis = np.linalg.qr(np.delete(scaled, k, axis=1))[0]
             moved = beyond[number.name][number.component] * known.whitened[:, k]

@@ -113,13 +113,13 @@ def _spread(solved: Solved, problem: Problem, anew: Sequence[str]) -> np.ndarray
     known = solved.sensitivity()
     # What a recording has for itself is taken over from the first.
     taken = [
-        k for k, n in enumerate(known.numbers) if n.name not in anew and n.recording in (None, 0)
+        k for k, n in enumerate(known.parameters) if n.name not in anew and n.recording in (None, 0)
     ]
-    names = list(dict.fromkeys(known.numbers[k].name for k in taken))
+    names = list(dict.fromkeys(known.parameters[k].name for k in taken))
     derivative = problem.linearised(solved.block, names)[1]
     # Of a number that the training says nothing of, its usual range is known.
     parameters = named_parameters(solved.block)
-    sds = [np.ravel(parameters[n.name].expected_sd)[n.component] for n in known.numbers]
+    sds = [np.ravel(parameters[n.name].expected_sd)[n.component] for n in known.parameters]
     usual = np.eye(len(sds), known.whitened.shape[1]) / np.array(sds)[:, None]
     return derivative @ _Read(np.concatenate([known.whitened, usual])).errors[taken]
 

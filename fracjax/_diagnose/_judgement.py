@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from .._prepare import Preparation
-from .._solve import LIMIT, Solved, tolerated
+from .._solve import LIMIT, Solved, tolerated_error
 from ._evidence import strain
 from ._held_out import Gain, Predict, Prediction, predict_stretches
 from ._refit import Refit
@@ -109,12 +109,12 @@ class Judged:
         gains = [parameter for name, parameter in own.items() if name not in shapes]
         if self.predict is predict_stretches or (gains and all(p.per_recording for p in gains)):
             return False
-        return self.gain.convincing and self.gain.foretells(self.solved.left)
+        return self.gain.convincing and self.gain.foretells(self.solved.excess_ratio)
 
     @property
     def is_exact(self) -> bool:
         """Whether the simulation's own error is far under the noise, or what is left beyond it."""
-        return self.numerics <= tolerated(LIMIT, self.solved, SMALL)
+        return self.numerics <= tolerated_error(LIMIT, self.solved, SMALL)
 
 
 def best_of(found: Sequence[Judged]) -> Judged | None:

@@ -19,8 +19,8 @@ import numpy as np
 from scipy.signal import lfilter
 from scipy.stats import chi2
 
-from .._prepare import Noise, Preparation, Problem, median_size, residual_noise
-from .._solve import Solved, orthonormal, solve_from
+from .._prepare import Noise, Preparation, Problem, level_from_differences, residual_noise
+from .._solve import Solved, orthonormal_basis, solve_from
 from ._judgement import APART
 from ._residual import beside_fit, residual_of
 from ._score import Residual
@@ -71,7 +71,7 @@ class Jumps:
                 counted[brief] = False
                 numbers -= 4
             cost += float(np.sum((others**2 - own**2)[counted]))
-        return cost / self.solved.left - numbers * float(np.log(self.solved.samples))
+        return cost / self.solved.excess_ratio - numbers * float(np.log(self.solved.samples))
 
     def _brief(self, k: int) -> list[slice]:
         """Where a jump of the k-th recording is back after a few samples, with what whitening makes
@@ -109,7 +109,7 @@ class Jumps:
                 ramps.append(ramp)
 
         def taken(columns: list[np.ndarray]) -> float:
-            directions = orthonormal(np.stack(columns, axis=1))
+            directions = orthonormal_basis(np.stack(columns, axis=1))
             return float(np.sum((directions.T @ residual.whitened) ** 2))
 
         return taken(ramps) > taken(steps)
@@ -175,7 +175,7 @@ def hidden_in_noise(base: Stage, k: int) -> tuple[Jumps, Noise] | None:
     take, before = base.preparation.takes[k], base.solved.simulations[k]
     recording, floor = take.recording, take.noise
     assert floor is not None  # a diagnosis has one
-    size = median_size(np.diff((recording.response - before)[take.used]))
+    size = level_from_differences(np.diff((recording.response - before)[take.used]))
     if not 0 < size < _CLEARLY_LESS * floor.sigma:
         return None
     white = Noise(size, floor.unit, "specification", np.ones(1), size)

@@ -28,7 +28,7 @@ from .._blocks import AbstractBlock
 from .._operators import Grid, refine
 from .._prepare import Noise, Preparation, layout_of
 from .._recording import InputError, Recording, parse_quantity
-from .._solve import orthonormal
+from .._solve import orthonormal_basis
 
 _SAMPLES = 4096
 _FASTER = 10.0
@@ -318,7 +318,7 @@ class _Trial:
             response, columns, _ = block.linearise(self.fine, self.grid, names, ())
             pieces = [columns[name] for name in names]
             own = np.ones((self.fine.size, 1))
-            bases.append(orthonormal(self._whitened(np.concatenate([*pieces, own], axis=1))))
+            bases.append(orthonormal_basis(self._whitened(np.concatenate([*pieces, own], axis=1))))
             responses.append(self._whitened(response))
         worth = np.diag(np.full(len(rivals), np.finfo(float).max))
         for one, other in permutations(range(len(rivals)), 2):

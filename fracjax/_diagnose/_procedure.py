@@ -7,8 +7,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .._prepare import Preparation, followed, residual_noise
-from .._solve import LIMIT, Progress, Solved, fine_enough, solve_from
+from .._prepare import Preparation, residual_noise, with_level_profile
+from .._solve import LIMIT, Progress, Solved, refine_until_accurate, solve_from
 from ._detect import Detection, detect, scored
 from ._evidence import delta_bic
 from ._held_out import Predict, foretells_worse, gain, predict_stretches
@@ -159,7 +159,7 @@ def _on_its_own_grid(base: Stage, stage: Stage, progress: Progress) -> Stage:
     coarse = stage.preparation.with_oversampling(base.preparation.oversampling)
     if coarse.oversampling == stage.preparation.oversampling:
         return stage
-    solved, _ = fine_enough(solve_from([stage.solved.block], coarse), progress, SMALL)
+    solved, _ = refine_until_accurate(solve_from([stage.solved.block], coarse), progress, SMALL)
     return replace(stage, solved=solved)
 
 
@@ -212,7 +212,9 @@ def explained_by_noise(
     progress("following the noise along the recording")
     takes = zip(told, changing, base.preparation.takes, base.solved.simulations, strict=True)
     noises = [
-        followed(noise, take.recording.response - simulation, take.used) if changes else noise
+        with_level_profile(noise, take.recording.response - simulation, take.used)
+        if changes
+        else noise
         for noise, changes, take, simulation in takes
     ]
     preparation = base.preparation.with_noises(noises)

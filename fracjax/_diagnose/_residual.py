@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._solve import Solved, orthonormal
+from .._solve import Solved, orthonormal_basis
 from ._score import Residual
 
 
@@ -26,5 +26,5 @@ def residual_of(solved: Solved) -> Residual:
 
 def beside_fit(whitened: np.ndarray, solved: Solved) -> Residual:
     """Whitened errors (ΣL,) without what a small change of a solved block's numbers absorbs."""
-    basis = orthonormal(solved.sensitivity().whitened)
+    basis = orthonormal_basis(solved.sensitivity().whitened)
     return Residual(whitened - basis @ (basis.T @ whitened), basis)

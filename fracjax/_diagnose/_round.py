@@ -10,7 +10,7 @@ import numpy as np
 
 from .._blocks import AbstractBlock, Effect
 from .._parameters import named_parameters, set_values
-from .._solve import Progress, Solved, fine_enough, solve_from
+from .._solve import Progress, Solved, refine_until_accurate, solve_from
 from ._detect import scored_within
 from ._evidence import delta_bic, spared
 from ._held_out import Predict, Prediction, foretells_worse, gain, predict_stretches
@@ -95,7 +95,7 @@ def _told_by_stretches(
     was added to it.
     """
     explaining = [j for _, j in found if j.explained >= EXPLAINED]
-    if not explaining or any(j.gain.foretells(j.solved.left) for j in explaining):
+    if not explaining or any(j.gain.foretells(j.solved.excess_ratio) for j in explaining):
         return found
     told = [(replace(question, held_out_is_silent=True), judged) for question, judged in found]
     return [(q, q.answered(j.solved, j.numerics)) for q, j in told]
@@ -203,7 +203,7 @@ class _Question:
             delta_bic=delta_bic(self.stage.solved, solved),
             altogether=delta_bic(self.base.solved, solved),
             spared=spared(solved, self.attempt.layer),
-            conceded=self.attempt.conceded / solved.left,
+            conceded=self.attempt.conceded / solved.excess_ratio,
             explained=explained_fraction(self.base, solved),
             numerics=numerics,
             gain=gained,
@@ -288,12 +288,12 @@ def _contenders_refined(
 
 def _refined(question: _Question, judged: Judged, progress: Progress) -> Judged:
     """A candidate on a grid that is fine enough, in its usual ranges where that costs little."""
-    solved, numerics = fine_enough(judged.solved, progress, SMALL)
+    solved, numerics = refine_until_accurate(judged.solved, progress, SMALL)
     attempt = replace(question.attempt, solved=solved)
     kept = _kept_usual(attempt, question.stage.on(solved.preparation))
     if kept is not attempt:
         question = replace(question, attempt=kept)
-        solved, numerics = fine_enough(kept.solved, progress, SMALL)
+        solved, numerics = refine_until_accurate(kept.solved, progress, SMALL)
     return question.answered(solved, numerics)
 
 

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .._prepare import Noise
-from .._solve import too_coarse
+from .._solve import discretisation_warnings
 from ._stage import Stage
 
 
@@ -29,7 +29,7 @@ def warnings_of(
             "The noise floor was taken from the residual itself, for want of repeats, rests or "
             "a specification: mismatch that looks like noise cannot be excluded."
         )
-    warnings += too_coarse(numerics)
+    warnings += discretisation_warnings(numerics)
     if not base.solved.converged:
         warnings.append("The base fit did not converge; its figures are those of its best point.")
     warnings += [f"{source}: {words}" for source, words in hidden]

@@ -3,8 +3,8 @@
 from ._combinations import Combination as Combination
 from ._compare import Comparison as Comparison
 from ._compare import compare as compare
-from ._compare import compared as compared
-from ._compare import ranked as ranked
+from ._compare import compare_fits as compare_fits
+from ._compare import rank_fits as rank_fits
 from ._estimate import Estimate as Estimate
 from ._estimate import is_at_bound as is_at_bound
 from ._estimate import logarithmic_interval as logarithmic_interval

@@ -1,10 +1,10 @@
-r"""What the data fix where they do not fix each parameter: sums of like gains, and products.
+"""Well-determined combinations of strongly correlated parameters: sums of like gains, and products.
 
-With covariance C and errors σ_i = √C_ii, the eigenvectors v of the correlation matrix whose
-eigenvalues are nearly 0 are what is known far better than its members: Σ v_i θ_i/σ_i has the
-variance λ ≪ 1.  Parameters that share such a vector form a group.  Of a group's like gains the
-best-determined sum is told, of other pairs the product θ_i θ_j^p, p = ±1, whose variance is to
-first order that of ln θ_i + p ln θ_j.
+With covariance C and errors σ_i = √C_ii, the eigenvectors v of the correlation matrix with
+eigenvalues λ near 0 are combinations that are known far better than their members: Σ v_i θ_i/σ_i
+has the variance λ ≪ 1.  Parameters that share such a vector form a group.  For like gains of a
+group the best-determined sum is reported, for other pairs the product θ_i θ_j^p, p = ±1, whose
+relative variance is to first order that of ln θ_i + p ln θ_j.
 """
 
 from __future__ import annotations
@@ -17,21 +17,31 @@ from itertools import combinations
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
-_CLOSE = 0.995
-_SHARE = 0.2
-"""Least part that a parameter has in a group's vector, and most of its error that a product has."""
-_RELATED = 0.3
-_LOSS = 2.0
-"""How much wider than the best a combination may be for the sake of rounder coefficients."""
+_STRONG_CORRELATION = 0.995
+"""One minus the largest eigenvalue of a group's vector; of two parameters it is their correlation.
+Chosen by judgement."""
+_LEAST_SHARE = 0.2
+"""Least component of a parameter in a group's vector, and largest relative error of a product as a
+share of its members'.  Chosen by judgement."""
+_LEAST_CORRELATION = 0.3
+"""Least correlation of two members of a group.  Chosen by judgement."""
+_WIDEST = 2.0
+"""Largest ratio of the error of a sum with rounded coefficients to the least.  Chosen by
+judgement."""
 _DECIMALS = 4
+"""Coefficients are rounded to fewer decimals than this, if at all."""
 
 
 @dataclass(frozen=True)
 class Combination:
-    """A sum Σ c_i θ_i or a product Π θ_i^c_i of parameters, known better than they are.
+    """A sum Σ c_i θ_i or a product Π θ_i^c_i of parameters that is known better than its members.
 
-    `text` names it; `coefficients` are the c_i by parameter, dimensionless: parameters of a sum
-    have one unit.
+    Attributes:
+        text: the combination as a formula.
+        value: its value, in `unit`.
+        standard_error: its standard error, in `unit`.
+        unit: that of the sum or the product.
+        coefficients: the c_i by parameter, dimensionless; the parameters of a sum have one unit.
     """
 
     text: str
@@ -42,11 +52,15 @@ class Combination:
 
     @property
     def percent(self) -> float:
-        """The standard error in per cent of the value."""
+        """The standard error in per cent of the value, dimensionless."""
         return 100 * self.standard_error / abs(self.value)
 
     def to_dict(self) -> dict:
-        """Plain data."""
+        """The combination as plain data.
+
+        Returns:
+            Its attributes and `percent` by name.
+        """
         return {
             "text": self.text,
             "value": self.value,
@@ -60,25 +74,25 @@ class Combination:
 def combinations_of(
     labels: Sequence[str], values: np.ndarray, units: Sequence[str], covariance: np.ndarray
 ) -> tuple[Combination, ...]:
-    """What is known of parameters (n,) that the data only know together."""
-    found = []
+    """The well-determined combinations of parameters (n,) that the data correlate strongly."""
+    candidates = []
     for group in _groups(covariance):
-        kinds: dict[str, list[int]] = {}
+        by_unit: dict[str, list[int]] = {}
         for i in group:
-            kinds.setdefault(_base(units[i]), []).append(i)
-        for unit, alike in kinds.items():
-            if len(alike) > 1:
-                inside = np.ix_(alike, alike)
-                names = [labels[i] for i in alike]
-                found.append(_sum(names, values[alike], unit, covariance[inside]))
+            by_unit.setdefault(_base(units[i]), []).append(i)
+        for unit, members in by_unit.items():
+            if len(members) > 1:
+                block = np.ix_(members, members)
+                names = [labels[i] for i in members]
+                candidates.append(_sum(names, values[members], unit, covariance[block]))
         for i, j in combinations(group, 2):
             if _base(units[i]) != _base(units[j]):
-                found.append(_product((i, j), labels, values, units, covariance))
-    return tuple(c for c in found if c is not None)
+                candidates.append(_product((i, j), labels, values, units, covariance))
+    return tuple(c for c in candidates if c is not None)
 
 
 def _base(unit: str) -> str:
-    """A unit without the power of a second that an order decides: um/V*s^alpha is um/V."""
+    """A unit without the power of a second that an order decides: um/V*s^alpha becomes um/V."""
     return re.sub(r"\*s\^[^*/]+", "", unit)
 
 
@@ -87,37 +101,41 @@ def _groups(covariance: np.ndarray) -> list[list[int]]:
     errors = np.sqrt(np.diag(covariance))
     correlation = covariance / np.outer(errors, errors)
     eigenvalues, vectors = np.linalg.eigh(correlation)
-    weak = np.abs(vectors[:, eigenvalues < 1 - _CLOSE]) > _SHARE
-    together = (weak.astype(int) @ weak.T.astype(int) > 0) & (np.abs(correlation) > _RELATED)
-    count, of = connected_components(together, directed=False)
-    groups = [np.flatnonzero(of == k).tolist() for k in range(count)]
+    involved = np.abs(vectors[:, eigenvalues < 1 - _STRONG_CORRELATION]) > _LEAST_SHARE
+    connected = (involved.astype(int) @ involved.T.astype(int) > 0) & (
+        np.abs(correlation) > _LEAST_CORRELATION
+    )
+    count, group_of = connected_components(connected, directed=False)
+    groups = [np.flatnonzero(group_of == k).tolist() for k in range(count)]
     return [group for group in groups if len(group) > 1]
 
 
 def _sum(
     labels: Sequence[str], values: np.ndarray, unit: str, covariance: np.ndarray
 ) -> Combination | None:
-    """The best-determined sum of like quantities, its coefficients as round as they may be."""
+    """The best-determined sum of like quantities (n,), with coefficients as round as possible."""
     errors = np.sqrt(np.diag(covariance))
     vectors = np.linalg.eigh(covariance / np.outer(errors, errors))[1]
     best = vectors[:, 0] / errors
     best /= best[np.argmax(np.abs(best))]
 
     def error(coefficients: np.ndarray) -> float:
+        """The standard error of a sum with these coefficients (n,)."""
         return float(np.sqrt(max(coefficients @ covariance @ coefficients, 0.0)))
 
     rounded = (np.round(best, decimals) for decimals in range(_DECIMALS))
-    least = error(best)
-    chosen = next((c for c in rounded if error(c) <= _LOSS * least), best)
+    least_error = error(best)
+    chosen = next((c for c in rounded if error(c) <= _WIDEST * least_error), best)
     value = float(chosen @ values)
-    # No news where a member is known as well by itself, or where the sum may be 0.
+    # Useless where one member alone is known as well, or where the sum may be 0.
     if np.count_nonzero(chosen) < 2 or abs(value) < error(chosen):
         return None
     coefficients = {n: float(c) for n, c in zip(labels, chosen, strict=True) if c != 0}
-    return Combination(_spelt(coefficients), value, error(chosen), unit, coefficients)
+    return Combination(_as_text(coefficients), value, error(chosen), unit, coefficients)
 
 
-def _spelt(coefficients: dict[str, float]) -> str:
+def _as_text(coefficients: dict[str, float]) -> str:
+    """A sum as a formula."""
     terms = []
     for name, c in coefficients.items():
         size = "" if abs(c) == 1 else f"{abs(c):.4g} "
@@ -134,7 +152,7 @@ def _product(
     covariance: np.ndarray,
 ) -> Combination | None:
     """θ_i θ_j or θ_i/θ_j, whichever is known better, if its error is far less than either's."""
-    # The one with a unit first: k_h·alpha.
+    # First the parameter that has a unit: k_h·alpha.
     i, j = sorted(pair, key=lambda at: units[at] == "1")
     if values[i] == 0 or values[j] == 0:
         return None
@@ -144,7 +162,7 @@ def _product(
     }
     power = min(of_logarithm, key=of_logarithm.__getitem__)
     error = float(np.sqrt(max(of_logarithm[power], 0.0)))
-    if error > _SHARE * np.sqrt(min(relative[i, i], relative[j, j])):
+    if error > _LEAST_SHARE * np.sqrt(min(relative[i, i], relative[j, j])):
         return None
     value = float(values[i] * values[j] ** power)
     unit, other, sign = _base(units[i]), _base(units[j]), "·" if power == 1 else "/"

@@ -1,4 +1,4 @@
-"""Models compared on the same recordings: on what they were fitted to, and on data held out."""
+"""Models compared on the same recordings: on the data fitted, and on data held out."""
 
 from __future__ import annotations
 
@@ -21,14 +21,23 @@ from ._fit import Fit, fit
 
 SCHEMA = "fracjax.comparison/2"
 _FOLDS = 5
+"""Folds, the usual number."""
 _STRETCHES = 20
-_FORGOTTEN = 0.1
+"""Stretches of a recording, four per fold.  Chosen by judgement."""
+_UNCORRELATED = 0.1
+"""Autocorrelation below which samples count as uncorrelated.  Chosen by judgement."""
 
 
 @dataclass(frozen=True)
-class Unseen:
-    """Errors on data that no fit has seen: rmse [response], e_r = ‖y-ŷ‖/‖y - mean‖, NRMSE fit %,
-    and the rmse of every fold."""
+class HeldOutScores:
+    """Errors on data that were held out from the fit.
+
+    Attributes:
+        rmse: in the response's unit.
+        e_r: ‖y-ŷ‖/‖y - mean‖, dimensionless.
+        nrmse_percent: 100 (1 - e_r), dimensionless.
+        folds: the rmse of each fold, in the response's unit.
+    """
 
     rmse: float
     e_r: float
@@ -38,8 +47,18 @@ class Unseen:
 
 @dataclass(frozen=True)
 class Row:
-    """One model: how many numbers were fitted (offsets included), scores on the data fitted, where
-    `bic` makes models with noises of their own comparable, and on those held out."""
+    """One model of a comparison.
+
+    Attributes:
+        model: the model's name.
+        parameters: the number of free parameters, offsets included.
+        rmse: on the data fitted, in the response's unit.
+        e_r: ‖y-ŷ‖/‖y - mean‖ on the data fitted, dimensionless.
+        nrmse_percent: 100 (1 - e_r), dimensionless.
+        bic: dimensionless, comparable between models whose noise was read from their own residuals.
+        unseen: scores on the data held out, None where there are too few samples.
+        converged: whether the fit has converged.
+    """
 
     model: str
     parameters: int
@@ -47,15 +66,18 @@ class Row:
     e_r: float
     nrmse_percent: float
     bic: float
-    unseen: Unseen | None
+    unseen: HeldOutScores | None
     converged: bool
 
 
 @dataclass(frozen=True)
 class Comparison:
-    """Fits of several models to the same recordings, best first by BIC, a row for each.
+    """Fits of several models to the same recordings, best first by BIC.
 
-    `method` says what was held out; errors are in the response's unit.
+    Attributes:
+        fits: the fits.
+        rows: one row per fit, errors in the response's unit.
+        method: what was held out.
     """
 
     fits: tuple[Fit, ...]
@@ -64,17 +86,21 @@ class Comparison:
 
     @property
     def best(self) -> str:
-        """The model with the least BIC."""
+        """The name of the model with the least BIC."""
         return self.rows[0].model
 
     @property
     def best_unseen(self) -> str | None:
-        """The model with the least error on data held out."""
+        """The name of the model with the least rmse on data held out, None where none is scored."""
         scored = [(row.unseen.rmse, row.model) for row in self.rows if row.unseen is not None]
         return min(scored)[1] if scored else None
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data."""
+        """The comparison as plain data, as in comparison.json.
+
+        Returns:
+            The rows, the fits and the names of the best models.
+        """
         return {
             "schema": SCHEMA,
             "best": self.best,
@@ -82,13 +108,17 @@ class Comparison:
             "held_out": self.method,
             "rows": [asdict(row) for row in self.rows],
             "fits": [
-                {"bic": row.bic, **found.to_dict()}
-                for row, found in zip(self.rows, self.fits, strict=True)
+                {"bic": row.bic, **fit.to_dict()}
+                for row, fit in zip(self.rows, self.fits, strict=True)
             ],
         }
 
     def save(self, path: str | Path) -> None:
-        """Write comparison.json."""
+        """Write comparison.json.
+
+        Args:
+            path: the file to write.
+        """
         Path(path).write_text(json.dumps(self.to_dict(), indent=1) + "\n", encoding="utf-8")
 
 
@@ -102,99 +132,113 @@ def compare(
 ) -> Comparison:
     """Fit several models to the same recordings and score them on data held out.
 
-    `holdout`: recordings that no fit sees; without them stretches of the recordings themselves, set
-    aside in turn.  `options` are those of `fit`.
-    Raises InputError as `fit` does, and for a holdout in other units.
+    Args:
+        models: models, or their names.
+        recordings: one recording or several, with their units.
+        holdout: recordings that no fit uses; without them, stretches of the recordings themselves
+            are held out in turn.
+        progress: called with a sentence at each stage.
+        options: those of `fit`.
+
+    Returns:
+        The fits, ranked by BIC, with scores on the data fitted and held out.
+
+    Raises:
+        InputError: as `fit` does, where no model is given, and where the holdout has other units.
     """
     fits = [fit(model, recordings, progress=progress, **options) for model in models]
-    return compared(fits, holdout=holdout, progress=progress)
+    return compare_fits(fits, holdout=holdout, progress=progress)
 
 
-def compared(
+def compare_fits(
     fits: Sequence[Fit],
     *,
     holdout: Recording | Sequence[Recording] | None = None,
     progress: Progress = silent,
 ) -> Comparison:
-    """Fits of the same recordings, as `compare` would have made them, ranked and scored."""
-    others = [holdout] if isinstance(holdout, Recording) else list(holdout or ())
+    """Fits of the same recordings, ranked and scored as by `compare`.  Raises InputError."""
+    held_out = [holdout] if isinstance(holdout, Recording) else list(holdout or ())
     if not fits:
         raise InputError("expected at least one model, found none; give one")
-    for other in others:
-        require_units_of(fits[0].preparation.takes[0].recording, other)
+    for recording in held_out:
+        require_units_of(fits[0].preparation.takes[0].recording, recording)
     rows = []
     with computing():
-        for found, bic in ranked(fits):
-            progress(f"scoring {found.model.name} on data held out")
-            unseen = _on_recordings(found, others) if others else _on_stretches(found)
-            rows.append((found, bic, unseen))
-    names = ", ".join(Path(other.source).name for other in others)
+        for one, bic in rank_fits(fits):
+            progress(f"scoring {one.model.name} on data held out")
+            scores = _scores_on_recordings(one, held_out) if held_out else _scores_on_stretches(one)
+            rows.append((one, bic, scores))
+    names = ", ".join(Path(recording.source).name for recording in held_out)
     return Comparison(
-        fits=tuple(found for found, _, _ in rows),
+        fits=tuple(one for one, _, _ in rows),
         rows=tuple(
             Row(
-                model=found.model.name,
-                parameters=len(found.estimates) + len(found.offsets),
-                rmse=found.scores.rmse,
-                e_r=found.scores.e_r,
-                nrmse_percent=found.scores.nrmse_percent,
+                model=one.model.name,
+                parameters=len(one.estimates) + len(one.offsets),
+                rmse=one.scores.rmse,
+                e_r=one.scores.e_r,
+                nrmse_percent=one.scores.nrmse_percent,
                 bic=bic,
-                unseen=unseen,
-                converged=found.converged,
+                unseen=scores,
+                converged=one.converged,
             )
-            for found, bic, unseen in rows
+            for one, bic, scores in rows
         ),
         method=names
-        or f"{_FOLDS} folds of stretches, each by a fit without it and what lies about it",
+        or f"{_FOLDS} folds of stretches, each by a fit without it and the samples next to it",
     )
 
 
-def ranked(fits: Sequence[Fit]) -> list[tuple[Fit, float]]:
+def rank_fits(fits: Sequence[Fit]) -> list[tuple[Fit, float]]:
     """Fits of the same recordings with their BIC, best first.
 
-    Where the noise was taken from the residuals each fit has a noise of its own; then the BIC with
-    that noise unknown, n ln(rmse²) + k ln n, makes them comparable.
+    If a noise was read from the residuals, each fit has a noise of its own.  The BIC is then that
+    of an unknown noise level, n ln(rmse²) + k ln n, which makes the fits comparable.
     """
-    noises = [take.noise for found in fits for take in found.preparation.takes]
+    noises = [take.noise for one in fits for take in one.preparation.takes]
     if all(noise is not None and noise.method != "residual" for noise in noises):
-        return sorted(((found, found.scores.bic) for found in fits), key=lambda pair: pair[1])
+        return sorted(((one, one.scores.bic) for one in fits), key=lambda pair: pair[1])
     count = int(sum(take.used.sum() for take in fits[0].preparation.takes))
 
-    def bic(found: Fit) -> float:
-        free = len(found.estimates) + len(found.offsets)
-        return 2 * count * log(found.scores.rmse) + free * log(count)
+    def bic(one: Fit) -> float:
+        """The BIC of a noise with unknown level."""
+        free = len(one.estimates) + len(one.offsets)
+        return 2 * count * log(one.scores.rmse) + free * log(count)
 
-    return sorted(((found, bic(found)) for found in fits), key=lambda pair: pair[1])
+    return sorted(((one, bic(one)) for one in fits), key=lambda pair: pair[1])
 
 
 # Data held out ------------------------------------------------------------------------------------
 
 
-def _on_recordings(found: Fit, others: Sequence[Recording]) -> Unseen | None:
-    """The first recording's model on others, the zero of each read from its first samples, which
-    are not scored."""
+def _scores_on_recordings(fit: Fit, recordings: Sequence[Recording]) -> HeldOutScores | None:
+    """The scores of the first recording's model on other recordings.
+
+    The zero of each is read from its first samples, which are not scored.
+    """
     errors, responses = [], []
-    for other in others:
-        take = take_of(other, found.preparation.takes[0].noise, None, None)
-        problem = Preparation((take,), found.preparation.oversampling).problems()[0]
-        error = other.response - np.asarray(problem.simulate(found.model.block))[: len(other)]
+    for recording in recordings:
+        take = take_of(recording, fit.preparation.takes[0].noise, None, None)
+        problem = Preparation((take,), fit.preparation.oversampling).problems()[0]
+        error = recording.response - np.asarray(problem.simulate(fit.model.block))[: len(recording)]
         stop = take.baseline.stop
         errors.append((error - error[take.baseline].mean())[stop:])
-        responses.append(other.response[stop:] - other.response[stop:].mean())
-    return _unseen(errors, responses)
+        responses.append(recording.response[stop:] - recording.response[stop:].mean())
+    return _held_out_scores(errors, responses)
 
 
-def _on_stretches(found: Fit) -> Unseen | None:
-    """Each fold of stretches by a fit that has not seen it, nor what lies about it.
+def _scores_on_stretches(fit: Fit) -> HeldOutScores | None:
+    """The scores on folds of stretches, each predicted by a fit that omits the fold.
 
-    Next to a stretch, samples are left out for as long as the residual remembers: until its
-    autocorrelation falls below 0.1, up to half a stretch, so that a model is not helped by having
-    seen the same error a sample away (h-block cross-validation, Burman, Chow & Nolan, Biometrika 81
-    (1994) 351).  Stretches are whole periods where the drive has at least ten.  The history of the
-    drive is known all along; only the loss leaves them out.
+    The fit also omits samples next to a stretch, until the residual's autocorrelation falls below
+    0.1 and at most for half a stretch, so that no model profits from the same error one sample
+    away.  Stretches are whole periods where the drive has at least ten.  The drive before each
+    stretch is still simulated; only the loss omits the samples.  None where too few samples remain.
+
+    Source: h-block cross-validation, Burman, Chow & Nolan, Biometrika 81 (1994) 351.
     """
-    preparation = found.weighed
-    folds = [_folds(take, residual) for take, residual in _pairs(found)]
+    preparation = fit.weighed
+    folds = [_folds(take, residual) for take, residual in _takes_and_residuals(fit)]
     errors: list[np.ndarray] = []
     responses: list[np.ndarray] = []
     for k in range(_FOLDS):
@@ -202,24 +246,25 @@ def _on_stretches(found: Fit) -> Unseen | None:
             replace(take, used=take.used & ~near[k])
             for take, (_, near) in zip(preparation.takes, folds, strict=True)
         )
-        if min(int(take.used.sum()) for take in takes) < 2 * len(found.estimates):
+        if min(int(take.used.sum()) for take in takes) < 2 * len(fit.estimates):
             return None
-        solved = solve_from([found.model.block], replace(preparation, takes=takes))
+        solved = solve_from([fit.model.block], replace(preparation, takes=takes))
         fold_error, fold_response = [], []
-        for take, (of, _), simulation in zip(
+        for take, (fold_of, _), simulation in zip(
             preparation.takes, folds, solved.simulations, strict=True
         ):
-            scored = take.used & (of == k)
+            scored = take.used & (fold_of == k)
             centre = take.recording.response[take.used].mean()
             fold_error.append((take.recording.response - simulation)[scored])
             fold_response.append(take.recording.response[scored] - centre)
         errors.append(np.concatenate(fold_error))
         responses.append(np.concatenate(fold_response))
-    return _unseen(errors, responses)
+    return _held_out_scores(errors, responses)
 
 
-def _pairs(found: Fit) -> list[tuple[Take, np.ndarray]]:
-    return list(zip(found.preparation.takes, found.residuals, strict=True))
+def _takes_and_residuals(fit: Fit) -> list[tuple[Take, np.ndarray]]:
+    """Each recording of a fit with its residual (N,)."""
+    return list(zip(fit.preparation.takes, fit.residuals, strict=True))
 
 
 def _folds(take: Take, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -229,28 +274,31 @@ def _folds(take: Take, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     repeats = take.recording.drive_period()
     if repeats is not None and 2 * _FOLDS * repeats.period <= count:
         stretch = repeats.period * max(1, round(stretch / repeats.period))
-    of = np.arange(count) // stretch % _FOLDS
-    gap = min(_memory(residual[take.used]), stretch // 2)
+    fold_of = np.arange(count) // stretch % _FOLDS
+    gap = min(_correlation_length(residual[take.used]), stretch // 2)
     near = [
-        maximum_filter1d((of == k).astype(np.uint8), 2 * gap + 1, mode="constant") > 0
+        maximum_filter1d((fold_of == k).astype(np.uint8), 2 * gap + 1, mode="constant") > 0
         for k in range(_FOLDS)
     ]
-    return of, np.stack(near)
+    return fold_of, np.stack(near)
 
 
-def _memory(residual: np.ndarray) -> int:
-    """After how many samples the residual's autocorrelation is below 0.1."""
+def _correlation_length(residual: np.ndarray) -> int:
+    """The number of samples after which the residual's autocorrelation is below 0.1."""
     centred = residual - residual.mean()
     size = 1 << int(np.ceil(np.log2(2 * centred.size)))
     products = np.fft.irfft(np.abs(np.fft.rfft(centred, size)) ** 2, size)[: centred.size]
-    below = np.flatnonzero(products < _FORGOTTEN * products[0])
+    below = np.flatnonzero(products < _UNCORRELATED * products[0])
     return int(below[0]) if below.size else centred.size
 
 
-def _unseen(errors: Sequence[np.ndarray], responses: Sequence[np.ndarray]) -> Unseen:
+def _held_out_scores(
+    errors: Sequence[np.ndarray], responses: Sequence[np.ndarray]
+) -> HeldOutScores:
+    """The scores from each fold's errors (n,) and its responses (n,) minus their mean."""
     error = np.concatenate(errors)
     e_r = float(np.linalg.norm(error) / np.linalg.norm(np.concatenate(responses)))
-    return Unseen(
+    return HeldOutScores(
         rmse=float(np.sqrt(np.mean(error**2))),
         e_r=e_r,
         nrmse_percent=100 * (1 - e_r),

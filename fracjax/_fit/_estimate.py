@@ -9,18 +9,25 @@ import numpy as np
 from .._parameters import Parameter
 
 _MOST = 100.0
-"""More than e^100 is no interval, and would overflow."""
+"""A factor above e^100 is no useful interval, and would overflow."""
 
 
 @dataclass(frozen=True)
 class Estimate:
-    """A fitted parameter with its standard error, in `unit`.
+    """A fitted parameter with its standard error.
 
-    `identified` is false where the data leave it open by more than half its plausible range, or, of
-    a gain, by more than 5 % of the response.  `at_bound` says that the fit ended on a bound.
-    `logarithmic` is the parameter's own: a time constant known to half its value is known by a
-    factor, and never negative.  `ends` are those of the 95 % interval by the parameter's profile,
-    where that was asked for.
+    Attributes:
+        name: the parameter's name, with its index or recording where it has one.
+        value: in `unit`.
+        standard_error: in `unit`.
+        unit: the parameter's unit.
+        identified: false where the standard error exceeds half the plausible range, or, for a gain,
+            5 % of the response.
+        at_bound: whether the fit ended on a bound.
+        logarithmic: whether the parameter is searched for on a logarithmic scale: a time constant
+            known to half its value is known by a factor, and never negative.
+        ends: the 95 % interval from the parameter's profile, in `unit`, None where none was
+            requested.
     """
 
     name: str
@@ -34,8 +41,11 @@ class Estimate:
 
     @property
     def interval(self) -> tuple[float, float]:
-        """The 95 % interval: the profile's, or v ± 1.96 s and, of a logarithmic parameter,
-        v exp(± 1.96 s/v)."""
+        """The 95 % interval, in `unit`.
+
+        It is the profile's where there is one.  Otherwise it is v ± 1.96 s, and for a logarithmic
+        parameter v exp(± 1.96 s/v).
+        """
         if self.ends is not None:
             return self.ends
         half = 1.96 * self.standard_error
@@ -44,7 +54,11 @@ class Estimate:
         return self.value - half, self.value + half
 
     def to_dict(self) -> dict:
-        """Plain data, as in fit.json, where it stands under its name."""
+        """The estimate as plain data, as in fit.json under its name.
+
+        Returns:
+            Value, standard error, interval, unit and marks by name.
+        """
         low, high = self.interval
         return {
             "value": self.value,
@@ -58,13 +72,13 @@ class Estimate:
 
 
 def logarithmic_interval(value: float, half: float) -> tuple[float, float]:
-    """Symmetric in the logarithm; value ± half where that is small, and finite where it is open."""
+    """The interval value · exp(± half/value), with a factor of at most e^100."""
     factor = float(np.exp(min(half / value, _MOST)))
     return value / factor, value * factor
 
 
 def is_at_bound(parameter: Parameter, k: int) -> bool:
-    """Whether component k lies within a thousandth of its range of a bound that is not zero."""
+    """Whether component k is within a thousandth of its range of a bound other than zero."""
     size = np.size(parameter.value)
     bounds = (parameter.lower, parameter.value, parameter.upper)
     low, value, high = (float(np.broadcast_to(np.ravel(b), (size,))[k]) for b in bounds)
@@ -78,6 +92,6 @@ def is_at_bound(parameter: Parameter, k: int) -> bool:
 
 
 def physical_unit(unit: str, units: tuple[str, str]) -> str:
-    """A parameter's unit with the recording's drive and response units written in."""
+    """A parameter's unit with the recording's drive and response units inserted."""
     drive, response = units
     return unit.replace("response", response).replace("drive", drive)

@@ -10,11 +10,19 @@ import numpy as np
 
 from .._computing import computing
 from .._models import Model
-from .._prepare import Asked, Noise, Past, model_of, ready, recordings_of, whole
+from .._prepare import (
+    FitOptions,
+    HistoryOption,
+    Noise,
+    model_of,
+    prepare_fit,
+    recordings_of,
+    require_whole_number,
+)
 from .._recording import Recording
-from .._solve import Progress, Solved, silent, too_coarse
+from .._solve import Progress, Solved, discretisation_warnings, silent
 from ._result import Fit, Scores
-from ._robust import Loss, reweighted, shape_of
+from ._robust import Loss, reweight, shape_of
 from ._settle import settle_finely
 from ._uncertainty import uncertainty_of
 
@@ -37,15 +45,15 @@ def scores_of(solved: Solved) -> Scores:
 
 
 def fit_of(model: Model, solved: Solved, loss: Loss = "least_squares") -> Fit:
-    """The result, with standard errors, from a solved block."""
+    """The result of a fit, with standard errors, from a solved block."""
     robust = None
     if loss == "least_squares":
-        inflation = float(np.sqrt(solved.left))
+        inflation = float(np.sqrt(solved.excess_ratio))
     else:
-        solved, robust, inflation = reweighted(solved, loss)
+        solved, robust, inflation = reweight(solved, loss)
     preparation = solved.preparation
     first = preparation.takes[0].recording
-    known = uncertainty_of(
+    uncertainty = uncertainty_of(
         solved.blocks,
         preparation.problems(),
         preparation.conditions,
@@ -56,16 +64,16 @@ def fit_of(model: Model, solved: Solved, loss: Loss = "least_squares") -> Fit:
     return Fit(
         model=Model(solved.block, model.name),
         preparation=preparation,
-        estimates=known.estimates,
-        correlated=known.correlated,
+        estimates=uncertainty.estimates,
+        correlated=uncertainty.correlated,
         offsets=tuple(float(terms[0]) for terms in solved.own),
         simulations=solved.simulations,
         scores=scores_of(solved),
         converged=solved.converged,
         start_costs=solved.start_costs,
         models=tuple(Model(block, model.name) for block in solved.blocks),
-        combinations=known.combinations,
-        residual_order=known.order,
+        combinations=uncertainty.combinations,
+        residual_order=uncertainty.order,
         robust=robust,
     )
 
@@ -76,44 +84,58 @@ def fit(
     *,
     noise: Noise | float | str | None = None,
     settling: int | str | None = None,
-    history: Past | None = None,
+    history: HistoryOption | None = None,
     loss: Loss = "least_squares",
     starts: int = 8,
     seed: int = 0,
     progress: Progress = silent,
-    **asked: Unpack[Asked],
+    **options: Unpack[FitOptions],
 ) -> Fit:
-    """Fit a model to one recording, or to several with shared parameters and own offsets.
+    """Fit a model to one recording, or to several with shared parameters and offsets of their own.
 
-    Least squares, whitened by the noise's own colour, gains eliminated, from `starts` points.  A
-    model is also given by its name, "foh >> creep".  `noise`: the sensor's, as specified, such as
-    "0.07 um", used where neither repeats nor rests show it; or a Noise, used as it is.
-    `history` and `settling`, samples or a time such as "1 s", are decided from the data where not
-    given; the history "estimated" fits what the drive before the first sample still adds.  `loss`:
-    "huber", "soft_l1" or "student_t" let outliers weigh less.
+    The fit is by least squares, whitened by the noise's own colour, with gains eliminated.  The
+    step of the simulation is halved until its error is negligible compared with the noise, or to 32
+    steps per sample; a warning reports an error that remains.
 
-    By name, `fixed` holds parameters at values, `bounds` narrows their range, `priors` says what
-    was known of them before, `tied` lets one equal another, `{"second.mu": "first.alpha"}`, or a
-    multiple of it, `("first.alpha", 2.0)`; of `own` every recording has its own value, told as
-    `name@1`, `name@2`, …, as it has of what begins anew with it, such as the mains' phases.
-    `weights` (N,), one array per recording, multiply the squared residuals, `mask` leaves out times
-    [s], ends included.
+    Args:
+        model: a model, or its name, such as "foh >> creep".
+        recordings: one recording or several, with their units.
+        noise: the sensor's specified noise [response unit, rms], or a text such as "0.07 um", used
+            where neither repeats nor rests show the noise; or a Noise, used as it is.
+        settling: samples to leave out at the start, or a time such as "1 s"; decided from the data
+            where not given.
+        history: the drive before the first sample, "constant", "rest", "periodic" or "estimated",
+            which fits the effect of an unknown drive; decided from the data where not given.
+        loss: "least_squares", or "huber", "soft_l1" or "student_t", which reduce the weight of
+            outliers.
+        starts: the number of starts.
+        seed: of the random starts.
+        progress: called with a sentence at each stage.
+        options: by parameter name, in the parameters' units: `fixed` holds parameters at values,
+            `bounds` narrows their range, `priors` gives prior knowledge, `tied` sets one equal to
+            another, `{"second.mu": "first.alpha"}`, or to a multiple of it, `("first.alpha", 2.0)`.
+            `own` names parameters of which each recording has its own value, reported as `name@1`,
+            `name@2`, …; parameters that start anew with each recording, such as the mains' phases,
+            always have.  `weights` (N,), one array per recording, multiply the squared residuals.
+            `mask` leaves out times [s], ends included.
 
-    The simulation's step is halved until that no longer matters beside the noise, or to 32 steps
-    per sample; where it still matters then, a warning says so.
-    Raises InputError where names are unknown, and for what does not fit together.  A fit that did
-    not converge says so in `converged`.
+    Returns:
+        The fitted model with standard errors and scores; `converged` is false where the fit did not
+        converge.
+
+    Raises:
+        InputError: where a name is unknown, or arguments do not fit together.
     """
-    listed = recordings_of(recordings)
-    model = model_of(model, listed)
+    all_recordings = recordings_of(recordings)
+    model = model_of(model, all_recordings)
     shape_of(loss)
-    starts, seed = whole(starts, "starts", 1), whole(seed, "seed", 0)
+    starts, seed = require_whole_number(starts, "starts", 1), require_whole_number(seed, "seed", 0)
     with computing():
         progress(f"fitting {model.name}")
-        block, preparation = ready(
-            model, listed, noise=noise, history=history, settling=settling, **asked
+        block, preparation = prepare_fit(
+            model, all_recordings, noise=noise, history=history, settling=settling, **options
         )
-        solved, numerics = settle_finely(
+        solved, error = settle_finely(
             block, preparation, history=history, starts=starts, seed=seed, progress=progress
         )
-        return replace(fit_of(model, solved, loss), warnings=too_coarse(numerics))
+        return replace(fit_of(model, solved, loss), warnings=discretisation_warnings(error))

@@ -1,4 +1,4 @@
-"""How a recording began: which of two pasts its fits make likelier."""
+"""The start of a recording: which of two prior histories its fits support."""
 
 from __future__ import annotations
 
@@ -8,39 +8,47 @@ from scipy.signal import lfilter
 from .._prepare import autoregression
 from .._solve import Solved
 
-_BEYOND_DOUBT = 10.0
+_SIGNIFICANT = 10.0
+"""Increase of n times the relative mean square that is significant: as a rise of χ² by 10, which is
+a likelihood ratio of e^5.  Chosen by judgement."""
 
 
-def is_likelier(other: Solved, solved: Solved) -> bool:
-    """Whether recordings rather began as the other fit has it than from a constant past.
+def prefers_other_history(other: Solved, solved: Solved) -> bool:
+    """Whether the other fit's history is more likely than the fit's constant one.
 
-    Of a drive that comes again it is asked what one cycle changes to the next, for there nothing
-    shows that a law misses in every cycle: steady cycles change by no more than noise, in its own
-    colour, and a constant past must foretell the changes better beyond doubt.  Else the mean square
-    residual decides, of a jump that of the settling samples too.
+    If the drive repeats, the comparison uses the change of the residual from one cycle to the next,
+    from which a model error that is equal in every cycle cancels.  Steady cycles change only by
+    noise, in its own colour.  The constant history must predict the changes significantly better,
+    by more than `_SIGNIFICANT` in the normalised squares, to be kept.  Otherwise the mean square
+    residual decides; if the other history is a jump at the start, the settling samples count too.
     """
-    left, changes = [], []
-    for take, taken, *simulations in zip(
+    residuals, changes = [], []
+    for take, other_take, *simulations in zip(
         solved.preparation.takes,
         other.preparation.takes,
         solved.simulations,
         other.simulations,
         strict=True,
     ):
-        # Of steady cycles whole ones.
-        response = take.recording.response[: len(taken.recording)]
+        # Steady cycles are cut to whole periods.
+        response = take.recording.response[: len(other_take.recording)]
         both = [response - simulation[: response.size] for simulation in simulations]
-        steady = taken.history == "periodic"
-        left.append([one[take.settling if steady else 0 :] for one in both])
+        steady = other_take.history == "periodic"
+        residuals.append([error[take.settling if steady else 0 :] for error in both])
         if steady and take.period is not None:
-            changes.append([one[take.period :] - one[: -take.period] for one in both])
+            changes.append([error[take.period :] - error[: -take.period] for error in both])
     if not changes:
-        errors = [np.mean(np.concatenate(of_one) ** 2) for of_one in zip(*left, strict=True)]
+        errors = [
+            np.mean(np.concatenate(errors_of_one) ** 2)
+            for errors_of_one in zip(*residuals, strict=True)
+        ]
         return bool(errors[1] < errors[0])
     taps = autoregression([constant for constant, _ in changes])[0]
-    known = slice(taps.size - 1, None)
-    constant, steadily = (
-        np.concatenate([np.asarray(lfilter(taps, 1.0, change))[known] for change in of_one])
-        for of_one in zip(*changes, strict=True)
+    filtered = slice(taps.size - 1, None)
+    constant, periodic = (
+        np.concatenate(
+            [np.asarray(lfilter(taps, 1.0, change))[filtered] for change in changes_of_one]
+        )
+        for changes_of_one in zip(*changes, strict=True)
     )
-    return constant.size * float(np.sum(steadily**2) / np.sum(constant**2) - 1) < _BEYOND_DOUBT
+    return constant.size * float(np.sum(periodic**2) / np.sum(constant**2) - 1) < _SIGNIFICANT

@@ -1,9 +1,10 @@
-r"""Profile likelihood: how χ² rises as one parameter is held and all others follow.
+"""Profile likelihood: the rise of χ² as one parameter is held and all others are fitted.
 
     Δ(v) = (min_{θ_i = v} χ² - min χ²) / f²,     68 %: Δ ≤ 1,   95 %: Δ ≤ 3.84
 
-f is the ratio of the parameter's standard error to the one that χ² alone gives it, so that mismatch
-and coloured residuals widen the profile as they widen the error.
+f is the ratio of the parameter's standard error to the one from χ² alone, so that mismatch and
+coloured residuals widen the profile as they widen the error.
+
 Sources: Venzon & Moolgavkar, Appl. Stat. 37 (1988) 87; Raue et al., Bioinformatics 25 (2009) 1923.
 """
 
@@ -25,82 +26,120 @@ from ._fit import Fit
 from ._result import Interval, Profile
 from ._uncertainty import Estimate, uncertainty_of
 
-_MOST = 14
+_MOST_POINTS = 14
+"""Most points of a profile on one side.  Chosen by judgement."""
 _STEP = 0.5
-"""Of √Δ from one point to the next."""
-_BEYOND = 2.2
+"""Change of √Δ from one point to the next."""
+_FARTHEST = 2.2
+"""√Δ at which a profile ends, above the 1.96 of the 95 % interval."""
 _LONGEST, _SHORTEST = 3.0, 0.4
+"""Largest and smallest ratio of a step to the one before.  Chosen by judgement."""
 _PARTS = 12
-"""In which a step never takes more than one of the way between the bounds."""
-_LOWER = 0.05
+"""A step is at most this fraction of the distance between the bounds.  Chosen by judgement."""
+_BETTER = 0.05
+"""Decrease of Δ below the fit from which the fit counts as short of the optimum.  Chosen by
+judgement."""
 _REACH = 1.96
-_NEAR = 0.03
-"""As near to it as √Δ is looked for; the rest is a straight line."""
-_LOOKS = 8
-_BEYOND_BOUNDS = 1e3
+"""√Δ at the ends of the 95 % interval."""
+_CLOSE_TO_REACH = 0.03
+"""Largest distance of √Δ from `_REACH` at the last secant; the rest is a straight line."""
+_SECANTS = 8
+"""Most secants for an end.  Chosen by judgement."""
+_BOUNDS_FACTOR = 1e3
+"""Factor by which an interval's end may exceed the bounds of a logarithmic parameter.  Chosen by
+judgement."""
 _LEAST_STRETCH, _LARGEST_STRETCH = 1.1, 3.0
+"""Least and largest growth of the distance as long as √Δ has not exceeded `_REACH`."""
 _LEAST_SHARE = 0.2
+"""Least share of the distance between the points on both sides that a secant advances."""
 _COARSER = 8
+"""The profile's width is computed with oversampling reduced by this factor."""
 
 
 def with_profiles(fit: Fit, names: Iterable[str], progress: Progress = silent) -> Fit:
-    """The fit with profiles of the named parameters, and a warning where one found a better fit.
+    """The fit with profiles of the named parameters, and a warning where one reached a better fit.
 
-    Each profile is in its parameter's unit.  Raises InputError as `profile` does.
+    Args:
+        fit: the fit.
+        names: names of parameters that are single values shared by all recordings.
+        progress: called with a sentence at each parameter.
+
+    Returns:
+        The fit with the profiles, each in its parameter's unit.
+
+    Raises:
+        InputError: where a name is no such parameter.
+
+    Source: Venzon & Moolgavkar, Appl. Stat. 37 (1988) 87.
     """
-    found = []
+    profiles = []
     for name in names:
         progress(f"profile of {name}")
-        found.append(profile(fit, name))
-    better = [p.name for p in found if p.lower_found]
+        profiles.append(profile(fit, name))
+    better = [p.name for p in profiles if p.lower_found]
     warnings = (
-        f"The profile of {', '.join(better)} found a better fit of {fit.model.name} than the fit; "
-        "fit again from more starts or with another seed.",
+        f"The profile of {', '.join(better)} reached a smaller χ² than the fit of "
+        f"{fit.model.name}; fit again with more starts or another seed.",
     )
-    return replace(fit, profiles=tuple(found), warnings=fit.warnings + (warnings if better else ()))
+    return replace(
+        fit, profiles=tuple(profiles), warnings=fit.warnings + (warnings if better else ())
+    )
 
 
 def with_profiled_intervals(fit: Fit, names: Iterable[str]) -> Fit:
-    """The fit with 95 % intervals of the named numbers that end where their profiles reach 3.84.
+    """The fit with 95 % intervals of the named parameters that end where their profiles reach 3.84.
 
     A time constant near the recording's length, or a threshold near the drive's peak, is known far
-    better on one side than on the other, which no standard error tells.  Numbers that the data
-    leave open, that are one recording's own or part of a vector keep the interval that they have.
-    Beside another number that ended at its bound no interval is shorter than its standard error
-    tells: the noise may have put that one there, and a profile does not see it move.
+    better on one side than on the other, which a standard error cannot express.  Parameters that
+    are not identified, that belong to one recording or that are part of a vector keep their
+    interval.  If another parameter ended at its bound, no interval is shorter than that from the
+    standard error: the noise may have moved that parameter to its bound, where a profile does not
+    vary it.
     """
     single = named_parameters(fit.model.block).keys() & set(names)
-    wanted = [k for k, e in enumerate(fit.estimates) if e.name in single and e.identified]
-    if not wanted:
+    selected = [k for k, e in enumerate(fit.estimates) if e.name in single and e.identified]
+    if not selected:
         return fit
     curvatures = _curvatures(fit)
-    # How fast χ² rises hardly depends on the grid, only where it is least does.
+    # The rise of χ² hardly depends on the grid; only the position of its minimum does.
     coarse = fit.weighed.with_oversampling(max(1, fit.weighed.oversampling // _COARSER))
     block = solve_from([fit.model.block], coarse).block
 
     def end(which: tuple[int, int]) -> float:
+        """The value at one end of a parameter's interval."""
         k, side = which
         estimate = fit.estimates[k]
-        held = _Held(estimate, block, coarse, _BEYOND_BOUNDS)
+        constrained = _ConstrainedFit(estimate, block, coarse, _BOUNDS_FACTOR)
         factor = (estimate.standard_error / curvatures[k]) ** 2
-        reach = _end(held, held.at(0.0), factor, side)
-        return _Held(estimate, fit.model.block, fit.weighed, _BEYOND_BOUNDS).value(reach)
+        reach = _end(constrained, constrained.at(0.0), factor, side)
+        return _ConstrainedFit(estimate, fit.model.block, fit.weighed, _BOUNDS_FACTOR).value(reach)
 
-    ends = iter(side_by_side(end, [(k, side) for k in wanted for side in (-1, 1)]))
-    told = list(fit.estimates)
-    for k in wanted:
+    ends = iter(side_by_side(end, [(k, side) for k in selected for side in (-1, 1)]))
+    estimates = list(fit.estimates)
+    for k in selected:
         low, high = next(ends), next(ends)
-        if any(e.at_bound for e in (*told[:k], *told[k + 1 :])):
-            low, high = min(low, told[k].interval[0]), max(high, told[k].interval[1])
-        told[k] = replace(told[k], ends=(low, high))
-    return replace(fit, estimates=tuple(told))
+        if any(e.at_bound for e in (*estimates[:k], *estimates[k + 1 :])):
+            low, high = min(low, estimates[k].interval[0]), max(high, estimates[k].interval[1])
+        estimates[k] = replace(estimates[k], ends=(low, high))
+    return replace(fit, estimates=tuple(estimates))
 
 
 def profile(fit: Fit, name: str) -> Profile:
     """The profile likelihood of one parameter, from the fit outwards on both sides.
 
-    Its values are in the parameter's unit.  Of a robust loss the weights are held.  Raises
-    InputError where the name is none of the fit's single numbers that all recordings share.
+    The weights of a robust loss are held.
+
+    Args:
+        fit: the fit.
+        name: the name of a parameter that is a single value shared by all recordings.
+
+    Returns:
+        The profile, its values in the parameter's unit.
+
+    Raises:
+        InputError: where the name is no such parameter, or `fit` is no fit.
+
+    Source: Venzon & Moolgavkar, Appl. Stat. 37 (1988) 87.
     """
     require_kind(fit, Fit, "fit", "fit a model first")
     labels = [estimate.name for estimate in fit.estimates]
@@ -115,13 +154,13 @@ def profile(fit: Fit, name: str) -> Profile:
     with computing():
         at = labels.index(name)
         estimate = fit.estimates[at]
-        held = _Held(estimate, fit.model.block, fit.weighed)
-        centre = held.at(0.0)
+        constrained = _ConstrainedFit(estimate, fit.model.block, fit.weighed)
+        centre = constrained.at(0.0)
         factor = (estimate.standard_error / _curvatures(fit)[at]) ** 2
-        low, high = (_walk(held, centre, factor, side) for side in (-1, 1))
+        low, high = (_walk(constrained, centre, factor, side) for side in (-1, 1))
     z = np.array([*low[0][::-1], 0.0, *high[0]])
     delta = np.array([*low[1][::-1], 0.0, *high[1]])
-    values = np.array([held.value(place) for place in z])
+    values = np.array([constrained.value(place) for place in z])
     lower = float(delta.min())
     return Profile(
         name=name,
@@ -132,22 +171,23 @@ def profile(fit: Fit, name: str) -> Profile:
         delta=delta - lower,
         interval_68=_interval(values, delta - lower, 0.68),
         interval_95=_interval(values, delta - lower, 0.95),
-        lower_found=lower < -_LOWER,
+        lower_found=lower < -_BETTER,
     )
 
 
 def _curvatures(fit: Fit) -> np.ndarray:
-    """The errors (n,) that χ² alone gives the fit's estimates."""
+    """The standard errors (n,) of the fit's estimates from χ² alone."""
     preparation = fit.weighed
     blocks = tuple(model.block for model in fit.models)
     problems, conditions = preparation.problems(), preparation.conditions
     return uncertainty_of(blocks, problems, conditions, units=("1", "1"), inflation=1.0).curvature
 
 
-class _Held:
+class _ConstrainedFit:
     """The best fit with one parameter held, at a distance from the estimate in standard errors.
 
-    A logarithmic parameter may go by a factor `beyond` its bounds, which only say where to search.
+    A logarithmic parameter may exceed its bounds by a factor `beyond`, because they only limit the
+    search.
     """
 
     def __init__(
@@ -163,22 +203,24 @@ class _Held:
         beyond = beyond if parameter.logarithmic else 1.0
         self.lower = np.asarray(parameter.lower).item() / beyond
         self.upper = np.asarray(parameter.upper).item() * beyond
-        asked = preparation.conditions
-        # Those tied to it are held with it.
-        self.followers = {n: f for n, (source, f) in asked.ties.items() if source == name}
-        self.prior = asked.priors.get(name)
+        conditions = preparation.conditions
+        # Parameters that are tied to it are held with it.
+        self.followers = {n: f for n, (source, f) in conditions.ties.items() if source == name}
+        self.prior = conditions.priors.get(name)
         self.preparation = replace(
             preparation,
             conditions=Conditions(
-                {n: tie for n, tie in asked.ties.items() if n not in self.followers},
-                asked.own,
-                {n: p for n, p in asked.priors.items() if n not in (name, *self.followers)},
+                {n: tie for n, tie in conditions.ties.items() if n not in self.followers},
+                conditions.own,
+                {n: p for n, p in conditions.priors.items() if n not in (name, *self.followers)},
             ),
         )
-        self.followers_priors = {n: asked.priors[n] for n in self.followers if n in asked.priors}
+        self.followers_priors = {
+            n: conditions.priors[n] for n in self.followers if n in conditions.priors
+        }
 
     def value(self, z: float) -> float:
-        """The value `z` standard errors off, within the bounds."""
+        """The value `z` standard errors from the estimate, within the bounds."""
         start = np.asarray(self.parameter.value).item()
         if self.parameter.logarithmic:
             moved = start * np.exp(np.clip(z * self.error / start, -300, 300))
@@ -194,7 +236,7 @@ class _Held:
         return np.asarray(self.parameter.slope()).item() / self.error / _PARTS
 
     def at(self, z: float) -> float:
-        """χ² and what the priors add, all other parameters at their best."""
+        """χ² plus the share of the priors, all other parameters at their optimum."""
         value = self.value(z)
         fixed = {self.name: value} | {n: f * value for n, f in self.followers.items()}
         solved = solve_from([_with_fixed(self.block, fixed)], self.preparation)
@@ -207,6 +249,7 @@ class _Held:
 
 
 def _with_fixed(block: AbstractBlock, values: Mapping[str, float]) -> AbstractBlock:
+    """The block with parameters fixed at values."""
     parameters = named_parameters(block)
     return replace_parameters(
         block,
@@ -224,44 +267,49 @@ def _with_fixed(block: AbstractBlock, values: Mapping[str, float]) -> AbstractBl
     )
 
 
-def _walk(held: _Held, centre: float, factor: float, side: int) -> tuple[list[float], list[float]]:
-    """Places [standard errors] and Δ to one side, until Δ is beyond 95 % or the bound is met."""
+def _walk(
+    constrained: _ConstrainedFit, centre: float, factor: float, side: int
+) -> tuple[list[float], list[float]]:
+    """Places [standard errors] and Δ on one side, until Δ exceeds 95 % or the bound is reached."""
     places: list[float] = []
     deltas: list[float] = []
-    block, z, step, root = held.block, 0.0, min(_STEP, held.longest), 0.0
-    for _ in range(_MOST):
-        before, z = z, z + step
-        if held.value(side * z) == held.value(side * before):
+    block, z, step, root = constrained.block, 0.0, min(_STEP, constrained.longest), 0.0
+    for _ in range(_MOST_POINTS):
+        previous, z = z, z + step
+        if constrained.value(side * z) == constrained.value(side * previous):
             break
         places.append(side * z)
-        deltas.append((held.at(side * z) - centre) / factor)
-        now = np.sqrt(max(deltas[-1], 0.0))
-        if now > _BEYOND:
+        deltas.append((constrained.at(side * z) - centre) / factor)
+        current = np.sqrt(max(deltas[-1], 0.0))
+        if current > _FARTHEST:
             break
-        step *= np.clip(_STEP / max(now - root, 1e-9), _SHORTEST, _LONGEST)
-        step = min(step, held.longest)
-        root = now
-    held.block = block
+        step *= np.clip(_STEP / max(current - root, 1e-9), _SHORTEST, _LONGEST)
+        step = min(step, constrained.longest)
+        root = current
+    constrained.block = block
     return places, deltas
 
 
-def _end(held: _Held, centre: float, factor: float, side: int) -> float:
-    """How far off [standard errors] √Δ reaches 1.96 to one side, by secants from where it would if
-    it were straight; where the parameter's bound is, if it does not."""
-    z, inside, outside, block = _REACH, (0.0, 0.0), None, held.block
-    for _ in range(_LOOKS):
-        # From where the fit was still good: beyond, it may have gone astray.
-        held.block = block
-        rise = (held.at(side * z) - centre) / factor
+def _end(constrained: _ConstrainedFit, centre: float, factor: float, side: int) -> float:
+    """The distance [standard errors] at which √Δ reaches 1.96 on one side.
+
+    It is found by secants, starting where a straight √Δ would reach it.  It is the parameter's
+    bound where √Δ stays below.
+    """
+    z, inside, outside, block = _REACH, (0.0, 0.0), None, constrained.block
+    for _ in range(_SECANTS):
+        # Start from the last point below `_REACH`: beyond it the fit may be at another optimum.
+        constrained.block = block
+        rise = (constrained.at(side * z) - centre) / factor
         root = float(np.sqrt(rise)) if rise > 0 else 0.0
-        if abs(root - _REACH) < _NEAR:
+        if abs(root - _REACH) < _CLOSE_TO_REACH:
             return side * z * _REACH / root
         if root > _REACH:
             outside = z, root
-        elif held.value(side * z) in (held.lower, held.upper):
+        elif constrained.value(side * z) in (constrained.lower, constrained.upper):
             break
         else:
-            inside, block = (z, root), held.block
+            inside, block = (z, root), constrained.block
         if outside is None:
             z *= float(np.clip(_REACH / max(root, 1e-9), _LEAST_STRETCH, _LARGEST_STRETCH))
         else:

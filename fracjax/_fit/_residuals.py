@@ -1,16 +1,17 @@
-r"""What a fit leaves over, put to the tests of MATLAB's `resid` and of PINTS' checklist.
+"""Tests of a fit's residual, as in MATLAB's `resid` and PINTS' checklist.
 
 All tests are on the residual whitened by the noise model, e, in units of the noise:
 
     white       autocorrelation r_e(k), 99 % bands ±2.58/√n; Q = n (n+2) Σ r_e(k)²/(n-k) ~ χ²_K
-    of the drive    r_ue(k) = Σ u_t e_{t+k} / (n σ_u σ_e), k = -K … K, 99 % bands
-                2.58 √(Σ_j r_u(j) r_e(j) / n); χ² of what the drives of K samples before and after
-                explain
+    drive       r_ue(k) = Σ u_t e_{t+k} / (n σ_u σ_e), k = -K … K, 99 % bands
+                2.58 √(Σ_j r_u(j) r_e(j) / n); χ² of the part that the drives of K samples before
+                and after explain
     normal      skewness and kurtosis (D'Agostino & Pearson)
     even        standard deviation in 20 stretches of time (Brown & Forsythe)
 
 Sources: Ljung & Box, Biometrika 65 (1978) 297; Ljung, System Identification (1999) section 16.6;
-D'Agostino & Pearson, Biometrika 60 (1973) 613; Brown & Forsythe, J. Am. Stat. Assoc. 69 (1974) 364.
+    D'Agostino & Pearson, Biometrika 60 (1973) 613; Brown & Forsythe, J. Am. Stat. Assoc. 69 (1974)
+    364.
 """
 
 from __future__ import annotations
@@ -26,21 +27,44 @@ from ._fit import Fit
 
 SCHEMA = "fracjax.residuals/1"
 LAGS = 25
+"""Largest lag K [samples], as in MATLAB's `resid`."""
 _BAND = 2.5758
+"""99 % of a standard normal variable are within ± this."""
 _STRETCHES = 20
-_LEVEL = 0.01
-_RANK = 1e-6
+"""Stretches of time.  Chosen by judgement."""
+_SIGNIFICANCE = 0.01
+"""p-value below which a test fails, as the 99 % bands."""
+_LEAST_POWER = 1e-6
+"""Least power of a direction of the shifted drives, as a share of the largest."""
 
 
 @dataclass(frozen=True)
 class ResidualAnalysis:
-    """The whitened residual of one recording, of unit variance where the noise is all there is.
+    """The tests of one recording's whitened residual, of unit variance where it is noise only.
 
-    `residual` (n,) at `times` [s]; `autocorrelation` (K,) at lags 1 … K [samples], within ± `band`
-    99 % of the time where it is white; `cross_correlation` (2K+1,) with the drive at lags -K … K,
-    its band `cross_band`; positive lags: the residual follows the drive.  `spreads` (20,) are
-    standard deviations in stretches that end at `edges` (21,) [s].  The p-values are the chances of
-    as much from noise alone.
+    A p-value is the probability that noise alone deviates as much.
+
+    Attributes:
+        source: the recording's name.
+        times: (n,) [s].
+        residual: (n,) in units of the noise.
+        autocorrelation: (K,) at lags 1 … K [samples], dimensionless.
+        band: the autocorrelation of white noise is within ± band with 99 % probability.
+        p_white: p-value of whiteness.
+        cross_correlation: (2K+1,) with the drive at lags -K … K, dimensionless; at positive lags
+            the residual follows the drive.
+        cross_band: the same for the cross-correlation.
+        p_drive: p-value of independence of the drive.
+        skewness: dimensionless, 0 for normal noise.
+        excess_kurtosis: dimensionless, 0 for normal noise.
+        p_normal: p-value of a normal distribution.
+        edges: (21,) the limits of the stretches [s].
+        spreads: (20,) standard deviations in the stretches, in units of the noise.
+        p_even: p-value of equal standard deviations.
+
+    Sources: Ljung & Box, Biometrika 65 (1978) 297; Ljung, System Identification (1999) section
+        16.6; D'Agostino & Pearson, Biometrika 60 (1973) 613; Brown & Forsythe, J. Am. Stat. Assoc.
+        69 (1974) 364.
     """
 
     source: str
@@ -61,33 +85,42 @@ class ResidualAnalysis:
 
     @property
     def findings(self) -> tuple[str, ...]:
-        """What was found, a plain sentence for each test."""
+        """The result of each test, as a sentence."""
 
-        def told(p: float, good: str, bad: str) -> str:
-            return (
-                f"{good if p >= _LEVEL else bad} ({'p < 1e-12' if p < 1e-12 else f'p = {p:.2g}'})"
-            )
+        def sentence(p: float, good: str, bad: str) -> str:
+            chance = "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"
+            return f"{good if p >= _SIGNIFICANCE else bad} ({chance})"
 
         rms = float(np.sqrt(np.mean(self.residual**2)))
         return (
             f"The residual is {rms:.3g} times the noise",
-            told(self.p_white, "It is white", "It is not white: neighbouring samples are alike"),
-            told(
-                self.p_drive,
-                "It has nothing in common with the drive",
-                "It goes with the drive: the model leaves out a part of the response",
+            sentence(
+                self.p_white, "It is white", "It is not white: neighbouring samples are correlated"
             ),
-            told(
+            sentence(
+                self.p_drive,
+                "It is not correlated with the drive",
+                "It is correlated with the drive: the model misses a part of the response",
+            ),
+            sentence(
                 self.p_normal,
                 "Its distribution is normal",
-                f"Its distribution is not normal, of skewness {self.skewness:.2g} and excess "
-                f"kurtosis {self.excess_kurtosis:.2g}",
+                f"Its distribution is not normal: its skewness is {self.skewness:.2g} and its "
+                f"excess kurtosis {self.excess_kurtosis:.2g}",
             ),
-            told(self.p_even, "It is even in time", "It is larger at some times than at others"),
+            sentence(
+                self.p_even,
+                "Its standard deviation is constant",
+                "Its standard deviation varies with time",
+            ),
         )
 
     def to_dict(self) -> dict:
-        """Plain data, without the residual itself."""
+        """The tests as plain data, without the residual itself.
+
+        Returns:
+            The attributes by name, and the findings.
+        """
         return {
             "schema": SCHEMA,
             "source": self.source,
@@ -112,12 +145,24 @@ class ResidualAnalysis:
 def analyse_residuals(fit: Fit) -> tuple[ResidualAnalysis, ...]:
     """The tests for each of a fit's recordings, over the samples that count.
 
-    They see the residual whitened by the noise, dimensionless: 1 is one standard deviation.
+    They use the residual whitened by the noise, which is dimensionless: 1 is one standard
+    deviation.
+
+    Args:
+        fit: the fit.
+
+    Returns:
+        One analysis per recording.
+
+    Raises:
+        InputError: where `fit` is no fit.
+
+    Source: Ljung, System Identification (1999) section 16.6.
     """
     require_kind(fit, Fit, "fit", "fit a model first")
     with computing():
         problems = fit.preparation.problems()
-        found = []
+        analyses = []
         for take, problem, residual in zip(
             fit.preparation.takes, problems, fit.residuals, strict=True
         ):
@@ -125,19 +170,19 @@ def analyse_residuals(fit: Fit) -> tuple[ResidualAnalysis, ...]:
             size = len(take.recording)
             whitened = np.asarray(problem.whiten(padded))[:size]
             counted = np.asarray(problem.weights)[:size] > 0
-            found.append(
-                analysed(
+            analyses.append(
+                analyse_whitened(
                     whitened, counted, take.recording.drive, take.recording.dt,
                     take.recording.source,
                 )
             )  # fmt: skip
-    return tuple(found)
+    return tuple(analyses)
 
 
-def analysed(
+def analyse_whitened(
     whitened: np.ndarray, counted: np.ndarray, drive: np.ndarray, dt: float, source: str
 ) -> ResidualAnalysis:
-    """The tests on a whitened residual (N,) where `counted` (N,), beside its drive (N,)."""
+    """The tests on a whitened residual (N,) where `counted` (N,) is true, and its drive (N,)."""
     used = whitened[counted]
     times = dt * np.flatnonzero(counted)
     lags = min(LAGS, used.size // 4)
@@ -146,8 +191,8 @@ def analysed(
     autocorrelation = _correlation(e, e, lags)[lags + 1 :]
     n = used.size
     q = n * (n + 2) * np.sum(autocorrelation**2 / (n - np.arange(1, lags + 1)))
-    wide = min(n // 4, 10 * lags)
-    common = _correlation(u, u, wide) * _correlation(e, e, wide)
+    band_lags = min(n // 4, 10 * lags)
+    products = _correlation(u, u, band_lags) * _correlation(e, e, band_lags)
     edges = np.linspace(times[0], times[-1] + dt, _STRETCHES + 1)
     stretches = np.split(used, np.searchsorted(times + dt / 2, edges[1:-1]))
     return ResidualAnalysis(
@@ -158,7 +203,7 @@ def analysed(
         band=float(_BAND / np.sqrt(n)),
         p_white=float(chi2.sf(q, lags)),
         cross_correlation=_correlation(u, e, lags),
-        cross_band=float(_BAND * np.sqrt(max(common.sum(), 1e-3) / n)),
+        cross_band=float(_BAND * np.sqrt(max(products.sum(), 1e-3) / n)),
         p_drive=_explained(e, u, counted, lags),
         skewness=float(skew(used)),
         excess_kurtosis=float(kurtosis(used)),
@@ -173,21 +218,21 @@ def _correlation(a: np.ndarray, b: np.ndarray, lags: int) -> np.ndarray:
     """Σ a_t b_{t+k} / ‖a‖ ‖b‖ (2K+1,), k = -K … K."""
     size = 1 << int(np.ceil(np.log2(len(a) + lags + 1)))
     products = np.fft.irfft(np.conj(np.fft.rfft(a, size)) * np.fft.rfft(b, size), size)
-    found = np.concatenate([products[-lags:], products[: lags + 1]])
-    return found / (np.linalg.norm(a) * np.linalg.norm(b) + 1e-300)
+    sums = np.concatenate([products[-lags:], products[: lags + 1]])
+    return sums / (np.linalg.norm(a) * np.linalg.norm(b) + 1e-300)
 
 
 def _explained(e: np.ndarray, u: np.ndarray, counted: np.ndarray, lags: int) -> float:
-    """The chance of as much common to e and the drives around it, were e white.
+    """The probability that white e has as much in common with the drives around it.
 
-    Of the drives shifted by -K … K samples, most of which are nearly alike, the directions that
-    carry more than a millionth of the power of the first.
+    The drives shifted by -K … K samples are nearly alike, so that only directions with more than a
+    millionth of the largest power count.
     """
     shifted = np.stack([np.roll(u, k) for k in range(-lags, lags + 1)], axis=1)
     shifted[~counted] = 0.0
-    shifted[:lags] = shifted[len(u) - lags :] = 0.0  # what rolled in from the other end
+    shifted[:lags] = shifted[len(u) - lags :] = 0.0  # samples from the other end
     powers, directions = np.linalg.eigh(shifted.T @ shifted)
-    strong = powers > _RANK * powers[-1]
+    strong = powers > _LEAST_POWER * powers[-1]
     inside = counted.copy()
     inside[:lags] = inside[len(u) - lags :] = False
     share = directions[:, strong].T @ (shifted.T @ np.where(inside, e, 0.0))

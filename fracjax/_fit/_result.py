@@ -23,11 +23,22 @@ Interval = tuple[float | None, float | None]
 
 @dataclass(frozen=True)
 class Profile:
-    """Δχ² (K,) at values (K,) of a parameter, in `unit`.
+    """The profile likelihood of a parameter: Δχ² at values of the parameter.
 
-    `estimate` and `standard_error` are the fit's.  Of the intervals an end is None where Δ stays
-    below its level up to the parameter's bound, or as far as was looked.  `lower_found` says that a
-    better fit than the fit itself was met: it had stopped short of the optimum.
+    Attributes:
+        name: the parameter's name.
+        unit: the parameter's unit.
+        estimate: the fit's, in `unit`.
+        standard_error: the fit's, in `unit`.
+        values: (K,) in `unit`.
+        delta: (K,) Δχ², dimensionless, 0 at its minimum.
+        interval_68: its ends in `unit`; an end is None where Δ stays below its level up to the
+            parameter's bound, or to the last point.
+        interval_95: the same at 95 %.
+        lower_found: whether a smaller χ² than the fit's was reached, so that the fit had not
+            reached the optimum.
+
+    Source: Venzon & Moolgavkar, Appl. Stat. 37 (1988) 87.
     """
 
     name: str
@@ -42,11 +53,15 @@ class Profile:
 
     @property
     def open(self) -> bool:
-        """Whether the data leave the 95 % interval open on a side."""
+        """Whether the 95 % interval is open on a side."""
         return None in self.interval_95
 
     def to_dict(self) -> dict:
-        """Plain data."""
+        """The profile as plain data.
+
+        Returns:
+            The attributes by name, and `open`.
+        """
         return {
             "name": self.name,
             "unit": self.unit,
@@ -63,10 +78,14 @@ class Profile:
 
 @dataclass(frozen=True)
 class Scores:
-    """How well a model reproduces a recording, over the samples that count.
+    """How well a model reproduces the recordings, over the samples that count.
 
-    rmse (the papers' e_RMS) in the response's unit; e_r = ‖y-ŷ‖/‖y - mean‖; nrmse_percent is
-    MATLAB's `compare`, 100 (1 - e_r); bic with the noise known.
+    Attributes:
+        rmse: the papers' e_RMS, in the response's unit.
+        e_r: ‖y-ŷ‖/‖y - mean‖, dimensionless.
+        nrmse_percent: 100 (1 - e_r), as MATLAB's `compare`, dimensionless.
+        r_squared: 1 - e_r², dimensionless.
+        bic: χ² + k ln n, the noise being known, dimensionless.
     """
 
     rmse: float
@@ -78,14 +97,27 @@ class Scores:
 
 @dataclass(frozen=True)
 class Fit:
-    """A fitted model with its uncertainty, scores and the assumptions it rests on.
+    """A fitted model with its uncertainty, its scores and the assumptions of the fit.
 
-    `simulations` are the model's responses at the recordings' samples, offset included, in the
-    response's unit; `correlated` names parameters that the data only know together, `combinations`
-    what they know of them; `warnings` are what later checks held against it.  `residual_order` is
-    that of the whitened residual's autoregression, which the standard errors allow for; `robust`
-    says how a robust loss weighed the samples; `profiles` are those that were asked for.  Where
-    recordings have parameters of their own, `models` are theirs and `model` is the first's.
+    Attributes:
+        model: the fitted model; where recordings have parameters of their own, the first
+            recording's.
+        preparation: the recordings with noise, history, weights and conditions.
+        estimates: the free parameters with standard errors, in their units.
+        correlated: pairs of parameters that are strongly correlated, as texts.
+        offsets: each recording's offset, in the response's unit.
+        simulations: per recording (N,) the model's response, offset included, in the response's
+            unit.
+        scores: on the data fitted.
+        converged: whether the fit has converged.
+        start_costs: χ² at the end of each start, dimensionless.
+        warnings: sentences about doubts in the fit.
+        models: each recording's model.
+        combinations: well-determined combinations of strongly correlated parameters.
+        residual_order: the order of the whitened residual's autoregression, for which the standard
+            errors allow.
+        robust: how a robust loss weighted the samples, None for least squares.
+        profiles: the profiles that were requested.
     """
 
     model: Model
@@ -106,7 +138,7 @@ class Fit:
 
     @property
     def weighed(self) -> Preparation:
-        """The recordings with the weights that a robust loss ended with."""
+        """The recordings with the final weights of a robust loss."""
         if self.robust is None:
             return self.preparation
         return self.preparation.with_trust(self.robust.weights)
@@ -118,7 +150,11 @@ class Fit:
         return tuple(take.recording.response - simulation for take, simulation in pairs)
 
     def to_dict(self) -> dict:
-        """Plain data, as in fit.json."""
+        """The fit as plain data, as in fit.json.
+
+        Returns:
+            Model, parameters, scores and assumptions by name.
+        """
         first = self.preparation.takes[0]
         noise = first.noise
         assert noise is not None  # fit() always ends with a noise model
@@ -155,12 +191,26 @@ class Fit:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write fit.json; `load_model` reads the model back."""
+        """Write fit.json; `load_model` reads the model back.
+
+        Args:
+            path: the file to write.
+        """
         Path(path).write_text(json.dumps(self.to_dict(), indent=1) + "\n", encoding="utf-8")
 
 
 def load_model(path: str | Path) -> Model:
-    """The fitted model from a fit.json.  Raises InputError where the file is none."""
+    """The fitted model from a fit.json.
+
+    Args:
+        path: the file that `Fit.save` wrote.
+
+    Returns:
+        The model with its fitted values.
+
+    Raises:
+        InputError: where there is no such file, or it is no fit of fracjax.
+    """
     try:
         content = json.loads(Path(path).read_text(encoding="utf-8"))
         if content["schema"] != SCHEMA:

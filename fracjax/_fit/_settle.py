@@ -1,4 +1,4 @@
-"""What only a fit can decide: the history, a noise that was not measured, and the grid."""
+"""Decisions that need a fit: the history, a noise that was not measured, and the grid."""
 
 from __future__ import annotations
 
@@ -8,48 +8,53 @@ import numpy as np
 
 from .._blocks import AbstractBlock
 from .._prepare import (
+    HistoryOption,
     Noise,
-    Past,
     Preparation,
-    cleared,
-    other_histories,
+    alternative_history,
     read_from_residual,
+    refine_noise,
 )
-from .._solve import Progress, Solved, fine_enough, fit_block, solve_from
-from ._history import is_likelier
+from .._solve import Progress, Solved, fit_block, refine_until_accurate, solve_from
+from ._history import prefers_other_history
 
-_OVERRATED = 0.5
-"""Mean square of a whitened residual below which the measured noise is more than noise."""
+_LEAST_MEAN_SQUARE = 0.5
+"""Mean square of a whitened residual below which the measured noise is not only noise.  Chosen by
+judgement."""
 
 
 def settle(
     block: AbstractBlock,
     preparation: Preparation,
     *,
-    history: Past | None,
+    history: HistoryOption | None,
     starts: int,
     seed: int,
 ) -> Solved:
-    """Fit, and settle what only a fit can tell: the history, and a noise that was not measured."""
+    """The fit, its history and its noises.
+
+    The history is chosen by comparing fits where it is None and another is possible.  A noise that
+    was not measured, or whose measured level is too large, is read from the residual.
+    """
     solved = fit_block(block, preparation, starts, seed)
     if history is None:
-        others = [other_histories(take) for take in preparation.takes]
+        others = [alternative_history(take) for take in preparation.takes]
         if any(others):
             takes = zip(others, preparation.takes, strict=True)
             alternative = replace(preparation, takes=tuple(o or t for o, t in takes))
             other = fit_block(block, alternative, starts, seed)
-            if is_likelier(other, solved):
+            if prefers_other_history(other, solved):
                 solved, preparation = other, alternative
-    believed, noises = _believed_noises(solved), []
+    credible, noises = _credible_noises(solved), []
     for noise, take, simulation in zip(
-        believed, preparation.takes, solved.simulations, strict=True
+        credible, preparation.takes, solved.simulations, strict=True
     ):
-        left = take.recording.response - simulation
+        residual = take.recording.response - simulation
         if noise is None or noise.is_leftover:
-            noises.append(read_from_residual(noise, left, take.used, take.recording))
+            noises.append(read_from_residual(noise, residual, take.used, take.recording))
         else:
-            noises.append(cleared(noise, left, take.used, take.recording))
-    if any(found is not take.noise for found, take in zip(noises, preparation.takes, strict=True)):
+            noises.append(refine_noise(noise, residual, take.used, take.recording))
+    if any(noise is not take.noise for noise, take in zip(noises, preparation.takes, strict=True)):
         solved = _refitted(solved, preparation.with_noises(noises), starts, seed)
     return solved
 
@@ -58,20 +63,22 @@ def settle_finely(
     block: AbstractBlock,
     preparation: Preparation,
     *,
-    history: Past | None,
+    history: HistoryOption | None,
     starts: int,
     seed: int,
     progress: Progress,
 ) -> tuple[Solved, float]:
-    """`settle`, on a grid fine enough for the noise, which is read again where a fit told it; and
-    √λ_num, the numerical error that is left."""
+    """The fit of `settle` on a fine enough grid, and √λ_num, its numerical error.
+
+    A noise that was read from the residual is read again on the finer grid.
+    """
     solved = settle(block, preparation, history=history, starts=starts, seed=seed)
     while True:
-        coarse = solved.preparation
-        solved, error = fine_enough(solved, progress)
+        previous = solved.preparation
+        solved, error = refine_until_accurate(solved, progress)
         takes = solved.preparation.takes
-        leftover = any(take.noise and take.noise.is_leftover for take in takes)
-        if solved.preparation is coarse or not leftover:
+        from_residual = any(take.noise and take.noise.is_leftover for take in takes)
+        if solved.preparation is previous or not from_residual:
             return solved, error
         reread = solved.preparation.with_noises(
             [
@@ -87,7 +94,7 @@ def settle_finely(
 
 
 def _refitted(solved: Solved, preparation: Preparation, starts: int, seed: int) -> Solved:
-    """A fit under other noises: where they only scale χ², its optimum is theirs."""
+    """The fit under other noises: the same optimum where they only scale χ²."""
     scale = _scale(solved.preparation, preparation)
     if scale is None:
         return fit_block(solved.block, preparation, starts, seed)
@@ -100,24 +107,28 @@ def _refitted(solved: Solved, preparation: Preparation, starts: int, seed: int) 
 
 
 def _scale(before: Preparation, after: Preparation) -> float | None:
-    """What multiplies every whitened residual, where it is one number; None of other changes."""
+    """The common factor of all whitened residuals, None where the change is another."""
     pairs = list(zip(before.problems(), after.problems(), strict=True))
     scale = float(pairs[0][1].whitening[0] / pairs[0][0].whitening[0])
-    alike = all(
+    proportional = all(
         np.allclose(b.whitening, scale * a.whitening, 1e-12, 0)
         and np.array_equal(a.weights, b.weights)
         for a, b in pairs
     )
-    return scale if alike and not after.conditions.priors else None
+    return scale if proportional and not after.conditions.priors else None
 
 
-def _believed_noises(solved: Solved) -> list[Noise | None]:
-    """The noises that were measured, but for those far larger than what the fit leaves over: then
-    what differed between periods, or moved at rest, was no noise."""
-    found: list[Noise | None] = []
+def _credible_noises(solved: Solved) -> list[Noise | None]:
+    """The measured noises, None for those much larger than the residual of the fit.
+
+    The difference between periods, or the motion at rest, was then not noise.
+    """
+    noises: list[Noise | None] = []
     for take, whitened in zip(solved.preparation.takes, solved.whitened, strict=True):
         counted = whitened[whitened != 0]
-        told = take.noise is not None and take.noise.method != "specification"
-        overrated = told and counted.size > 0 and float(np.mean(counted**2)) < _OVERRATED
-        found.append(None if overrated else take.noise)
-    return found
+        measured = take.noise is not None and take.noise.method != "specification"
+        too_large = (
+            measured and counted.size > 0 and float(np.mean(counted**2)) < _LEAST_MEAN_SQUARE
+        )
+        noises.append(None if too_large else take.noise)
+    return noises

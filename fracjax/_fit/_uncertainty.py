@@ -1,4 +1,4 @@
-"""Standard errors from the whitened Jacobian, and what the data do not determine."""
+"""Standard errors from the whitened Jacobian, and parameters that the data do not determine."""
 
 from __future__ import annotations
 
@@ -11,24 +11,31 @@ from scipy.signal import lfilter
 
 from .._blocks import AbstractBlock
 from .._parameters import named_parameters
-from .._prepare import Conditions, Number, autoregression, numbers_of, prior_rows
+from .._prepare import Conditions, FreeParameter, autoregression, free_parameters_of, prior_rows
 from .._solve import Linearised, sensitivity
 from ._combinations import Combination, combinations_of
 from ._estimate import Estimate, is_at_bound, physical_unit
 
-_CLOSE = 0.995
+_STRONG_CORRELATION = 0.995
+"""Correlation from which two parameters are reported as strongly correlated.  Chosen by
+judgement."""
 _SHARE_OF_RESPONSE = 0.05
+"""Largest effect of a gain's error, as a share of the response, of an identified gain.  Chosen by
+judgement."""
 _LEAST_LENGTH = 1e-100
-"""Of a parameter that moves nothing the error is as large as can still be squared."""
+"""If a parameter has no effect, its standard error is the largest whose square is finite."""
 
 
 @dataclass(frozen=True)
 class Uncertainty:
-    """What is known of a fit's numbers.
+    """The uncertainty of a fit's free parameters.
 
-    `correlated` names pairs that the data only know together, `combinations` what they know of
-    them.  `curvature` (n,) are the errors that χ² alone gives the estimates.  `order` is that of
-    the residual's autoregression, 0 where it is white.
+    Attributes:
+        estimates: the parameters with standard errors, in their units.
+        correlated: pairs that are strongly correlated, as texts.
+        combinations: well-determined combinations of them.
+        curvature: (n,) standard errors from χ² alone, in the parameters' units.
+        order: the order of the residual's autoregression, 0 where it is white.
     """
 
     estimates: tuple[Estimate, ...]
@@ -47,7 +54,7 @@ def uncertainty_of(
     inflation: float,
     residuals: Sequence[np.ndarray] | None = None,
 ) -> Uncertainty:
-    r"""The uncertainty of all free parameters.
+    """The uncertainty of all free parameters.
 
     With J the derivative whitened by the noise, P the rows of the priors and A = JᵀJ + PᵀP:
 
@@ -55,23 +62,25 @@ def uncertainty_of(
 
     f = `inflation` ≥ 1 is the ratio of residual to noise, so that a model that does not fit gets
     wider, not narrower, intervals.  R is the autocorrelation of the whitened `residuals`, from
-    their autoregression, its order by BIC: the unit matrix where there are none, or the noise is as
-    it was taken to be.  A noise given as white that is not, and a mismatch that lasts, then count
-    for what they are.
-    R from an autoregression rather than from products of scores (Newey & West), whose truncated
-    sums are too small for the errors of tens of correlated samples; the noise being stationary and
-    independent of J, it is the same covariance, better known.
+    their autoregression with its order by BIC.  It is the unit matrix where there are no residuals,
+    or where they are white.  R thus accounts for a noise that was assumed white and is not, and for
+    a persistent mismatch.
+
+    R comes from an autoregression and not from products of scores (Newey & West), whose truncated
+    sums underestimate the errors when tens of samples are correlated.  As the noise is stationary
+    and independent of J, the covariance is the same and more precise.
+
     Sources: Newey & West, Econometrica 55 (1987) 703; Andrews & Monahan, Econometrica 60 (1992)
-    953.
+        953.
     """
-    numbers = numbers_of(blocks[0], len(problems), conditions)
-    derivative = sensitivity(blocks, problems, numbers)[1]
-    priors = prior_rows(numbers, conditions)
-    nothing = np.zeros((len(priors.means), derivative.shape[1] - len(numbers.labels)))
+    parameters = free_parameters_of(blocks[0], len(problems), conditions)
+    derivative = sensitivity(blocks, problems, parameters)[1]
+    priors = prior_rows(parameters, conditions)
+    nothing = np.zeros((len(priors.means), derivative.shape[1] - len(parameters.labels)))
     rows = np.concatenate([priors.shapes, priors.gains, nothing], axis=1)
     stacked = np.concatenate([derivative, (rows.T / priors.sds).T])
     lengths = np.maximum(np.linalg.norm(stacked, axis=0), _LEAST_LENGTH)
-    left, singular, right = np.linalg.svd(stacked / lengths, full_matrices=False)
+    basis, singular, right = np.linalg.svd(stacked / lengths, full_matrices=False)
     spread = right.T / np.maximum(singular, 1e-12)
     counted = [np.asarray(p.weights) > 0 for p in problems]
     recursion = np.ones(1)
@@ -79,33 +88,36 @@ def uncertainty_of(
         used = [r[c] for r, c in zip(residuals, counted, strict=True)]
         recursion = autoregression(used)[0]
     ends = np.cumsum([len(c) for c in counted])
-    *parts, prior = np.split(left, ends)
+    *parts, prior = np.split(basis, ends)
     coloured = [_coloured(part, recursion) for part in parts]
     middle = inflation**2 * np.sum([c.T @ c for c in coloured], axis=0) + prior.T @ prior
-    count = len(numbers.labels)
+    count = len(parameters.labels)
 
     def physical(inside: np.ndarray) -> np.ndarray:
+        """The covariance (n, n) in the parameters' units, from its middle matrix."""
         return (spread @ inside @ spread.T / np.outer(lengths, lengths))[:count, :count]
 
     covariance = physical(middle)
-    whole = np.linalg.norm([p.size for p in problems])
-    sizes = np.linalg.norm(derivative, axis=0)[:count] / whole
+    response_size = np.linalg.norm([p.size for p in problems])
+    sizes = np.linalg.norm(derivative, axis=0)[:count] / response_size
     errors = np.sqrt(np.diag(covariance))
-    found = tuple(
-        _estimate(number, number in numbers.gains, blocks, error, error * size, units)
-        for number, error, size in zip(numbers.shapes + numbers.gains, errors, sizes, strict=True)
+    estimates = tuple(
+        _estimate(parameter, parameter in parameters.gains, blocks, error, error * size, units)
+        for parameter, error, size in zip(
+            parameters.shapes + parameters.gains, errors, sizes, strict=True
+        )
     )
     correlation = covariance / np.outer(errors, errors)
-    labels = numbers.labels
+    labels = parameters.labels
     pairs = tuple(
         f"{labels[i]} and {labels[j]} (correlation {correlation[i, j]:+.4f})"
         for i, j in combinations(range(count), 2)
-        if abs(correlation[i, j]) > _CLOSE
+        if abs(correlation[i, j]) > _STRONG_CORRELATION
     )
-    values = np.array([e.value for e in found])
-    together = combinations_of(labels, values, [e.unit for e in found], covariance)
+    values = np.array([e.value for e in estimates])
+    well_determined = combinations_of(labels, values, [e.unit for e in estimates], covariance)
     curvature = np.sqrt(np.diag(physical(np.eye(len(lengths)))))
-    return Uncertainty(found, pairs, together, curvature, recursion.size - 1)
+    return Uncertainty(estimates, pairs, well_determined, curvature, recursion.size - 1)
 
 
 def _coloured(columns: np.ndarray, recursion: np.ndarray) -> np.ndarray:
@@ -115,21 +127,27 @@ def _coloured(columns: np.ndarray, recursion: np.ndarray) -> np.ndarray:
     impulse = np.zeros(len(columns))
     impulse[0] = 1.0
     power = np.sum(np.asarray(lfilter([1.0], recursion, impulse)) ** 2)
-    # Against time, and on beyond the first sample, for the noise began before it.
+    # Backwards in time, and beyond the first sample, because the noise began before it.
     reversed_ = np.concatenate([columns[::-1], np.zeros_like(columns)])
     return np.asarray(lfilter([1.0], recursion, reversed_, axis=0)) / np.sqrt(power)
 
 
 def _estimate(
-    number: Number,
+    free_parameter: FreeParameter,
     gain: bool,
     blocks: tuple[AbstractBlock, ...],
     error: float,
     share: float,
     units: tuple[str, str],
 ) -> Estimate:
-    """One number's estimate; of a gain, `share` is what its error is worth of the response."""
-    parameter, k = named_parameters(blocks[number.recording or 0])[number.name], number.component
+    """The estimate of a free parameter.
+
+    For a gain, `share` is the effect of its error as a share of the response.
+    """
+    parameter, k = (
+        named_parameters(blocks[free_parameter.recording or 0])[free_parameter.name],
+        free_parameter.component,
+    )
     value = float(np.ravel(parameter.value)[k])
     low, high = (
         np.ravel(np.broadcast_to(end, np.shape(parameter.value)))[k] for end in parameter.plausible
@@ -141,7 +159,7 @@ def _estimate(
     else:
         identified = error <= 0.5 * (high - low)
     return Estimate(
-        number.label,
+        free_parameter.label,
         value,
         float(error),
         physical_unit(parameter.unit, units),

@@ -29,7 +29,7 @@ from .._computing import compiled, computing
 from .._fit import SCHEMA, Combination, Estimate, uncertainty_of
 from .._models import Model, understood
 from .._parameters import named_parameters, set_values
-from .._prepare import Conditions, OfModel, conditioned, whole
+from .._prepare import Conditions, ModelOptions, apply_options, require_whole_number
 from .._recording import InputError, require_kind
 from .._solve import Objective, Progress, begin, descend, silent, starts_of
 from ._table import FrequencyTable
@@ -156,7 +156,7 @@ def fit_frequency_response(
     starts: int = 16,
     seed: int = 0,
     progress: Progress = silent,
-    **asked: Unpack[OfModel],
+    **asked: Unpack[ModelOptions],
 ) -> FrequencyFit:
     """Fit a linear model to a measured frequency response.
 
@@ -166,7 +166,7 @@ def fit_frequency_response(
     """
     model = understood(model)
     require_kind(table, FrequencyTable, "table", "make one by frequency_table(...)")
-    starts, seed = whole(starts, "starts", 1), whole(seed, "seed", 0)
+    starts, seed = require_whole_number(starts, "starts", 1), require_whole_number(seed, "seed", 0)
     with computing():
         progress(f"fitting {model.name}")
         if not isinstance(model.block, AbstractLinearBlock):
@@ -176,10 +176,10 @@ def fit_frequency_response(
                 "one that is not",
                 "fit it to a recording, or choose lfdh, creep or pea_dynamics",
             )
-        block, conditions = conditioned(model, **asked)
+        block, conditions = apply_options(model, **asked)
         problem, known = _problem_of(table)
         objective = Objective(block, (problem,), conditions)
-        free = len(objective.numbers.labels)
+        free = len(objective.parameters.labels)
         freedom = 2 * len(table) + len(conditions.priors) - free
         if freedom < 1:
             raise InputError.at(

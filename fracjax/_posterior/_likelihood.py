@@ -16,7 +16,7 @@ from .._blocks import AbstractBlock
 from .._computing import compiled, compiler_options
 from .._fit import Fit, physical_unit
 from .._parameters import named_parameters, set_values
-from .._prepare import AbstractProblem, Problem, layout_of, split
+from .._prepare import AbstractProblem, Problem, layout_of, values_by_name
 from .._recording import InputError
 from .._solve import compress, jacobian
 from ._discrepancy import Discrepancy
@@ -42,7 +42,9 @@ class Prediction(eqx.Module):
 
     def __call__(self, shapes: Array, gains: Array) -> tuple[Array, ...]:
         block, layout = self.block, layout_of(self.block)
-        named = split(block, layout.shapes, shapes) | split(block, layout.gains, gains)
+        named = values_by_name(block, layout.shapes, shapes) | values_by_name(
+            block, layout.gains, gains
+        )
         moved = set_values(block, named)
         return tuple(problem.simulate(moved) for problem in self.problems)
 
@@ -215,7 +217,7 @@ def compressed(target: Target, start: np.ndarray) -> Target:
         problem.whitening[0] / target.noise.scaled(noise_values, problem).whitening[0]
         for problem in target.problems
     ]
-    if not found.serves(float(min(scales))):
+    if not found.is_accurate_for(float(min(scales))):
         return target
     kept = [problem.own.shape[1] - target.columns for problem in found.problems]
     columns = tuple(p.own[:, count:] for p, count in zip(found.problems, kept, strict=True))

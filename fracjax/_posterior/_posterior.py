@@ -14,7 +14,7 @@ from scipy.signal import lfilter
 
 from .._computing import compiled, computing
 from .._fit import Fit
-from .._prepare import numbers_of
+from .._prepare import free_parameters_of
 from .._recording import InputError, require_kind
 from ._discrepancy import discrepancy_of
 from ._doubt import doubt_of
@@ -79,7 +79,7 @@ def sample_posterior(
     """
     require_kind(fit, Fit, "posterior", "fit the model first: sample_posterior(fit(...))")
     asked = fit.preparation.conditions
-    own = numbers_of(fit.model.block, len(fit.preparation.takes), asked).own
+    own = free_parameters_of(fit.model.block, len(fit.preparation.takes), asked).own
     if asked.ties or own:
         raise InputError.at(
             "posterior",

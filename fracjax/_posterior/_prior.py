@@ -17,7 +17,7 @@ from jax.scipy.special import ndtr, ndtri
 from jax.typing import ArrayLike
 
 from .._parameters import Parameter
-from .._prepare import ROOT_TWO_PI, AbstractPrior, Normal, number
+from .._prepare import ROOT_TWO_PI, AbstractPrior, Normal, float64_array
 
 # Half the width of a normal density's central 95 %, in standard deviations.
 _HALF_WIDTH = 1.959963984540054
@@ -47,10 +47,10 @@ def _truncated_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 class TruncatedNormal(AbstractPrior):
     """A normal density cut at `lower` and `upper`, between which its mean lies."""
 
-    mean: np.ndarray = eqx.field(converter=number)
-    sd: np.ndarray = eqx.field(converter=number)
-    lower: np.ndarray = eqx.field(converter=number)
-    upper: np.ndarray = eqx.field(converter=number)
+    mean: np.ndarray = eqx.field(converter=float64_array)
+    sd: np.ndarray = eqx.field(converter=float64_array)
+    lower: np.ndarray = eqx.field(converter=float64_array)
+    upper: np.ndarray = eqx.field(converter=float64_array)
 
     def _tails(self) -> tuple[Array, Array]:
         """What is cut off below and above, as shares of the whole normal density."""
@@ -77,8 +77,8 @@ class TruncatedNormal(AbstractPrior):
 class Uniform(AbstractPrior):
     """p(x) = 1/(upper - lower) between the two."""
 
-    lower: np.ndarray = eqx.field(converter=number)
-    upper: np.ndarray = eqx.field(converter=number)
+    lower: np.ndarray = eqx.field(converter=float64_array)
+    upper: np.ndarray = eqx.field(converter=float64_array)
 
     def value(self, standard: ArrayLike) -> Array:
         return jnp.asarray(self.lower + (self.upper - self.lower) * ndtr(jnp.asarray(standard)))

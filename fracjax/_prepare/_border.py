@@ -1,4 +1,4 @@
-"""The border of the public functions: what a call gives, or one sentence that says why not."""
+"""Checks of the arguments of public functions: the value, or one sentence that names the error."""
 
 from __future__ import annotations
 
@@ -20,14 +20,15 @@ from .._recording import (
 from ._preparation import settling_samples
 from ._setting import setting_of
 
-PASTS = (*HISTORIES, "estimated")
+HISTORY_OPTIONS = (*HISTORIES, "estimated")
+"""The histories that a call can choose."""
 
 
 def recordings_of(
-    given: Recording | Iterable[Recording], where: str = "recording"
+    recordings: Recording | Iterable[Recording], where: str = "recording"
 ) -> list[Recording]:
-    """One recording or several, as a list.  Raises InputError."""
-    listed = [given] if isinstance(given, Recording | str) else _listed(given)
+    """One recording or several, as a list of at least one.  Raises InputError."""
+    listed = [recordings] if isinstance(recordings, Recording | str) else _listed(recordings)
     for k, recording in enumerate(listed):
         require_recording(recording, f"{where} {k + 1}" if len(listed) > 1 else where)
     if not listed:
@@ -35,64 +36,72 @@ def recordings_of(
     return listed
 
 
-def _listed(given: Any) -> list:
+def _listed(value: Any) -> list:
+    """The items of an iterable, or the value itself as the only item."""
     try:
-        return list(given)
+        return list(value)
     except TypeError:
-        return [given]
+        return [value]
 
 
-def require_recording(given: Recording, where: str) -> None:
-    """Raise InputError where something is no recording."""
-    require_kind(given, Recording, where, "read a file by fracjax.read(path) first")
+def require_recording(value: Recording, where: str) -> None:
+    """Raise InputError where a value is no recording."""
+    require_kind(value, Recording, where, "read a file by fracjax.read(path) first")
 
 
-def model_of(given: Model | str, recordings: list[Recording]) -> Model:
-    """A model, or that of a name, its effects of a size that suits the recordings.  Raises
-    InputError."""
-    return understood(given, setting_of(recordings) if isinstance(given, str) else None)
+def model_of(model: Model | str, recordings: list[Recording]) -> Model:
+    """A model, or the model of a name with effects sized for the recordings.  Raises InputError."""
+    return understood(model, setting_of(recordings) if isinstance(model, str) else None)
 
 
-def whole(given: int, where: str, least: int) -> int:
-    """A whole number.  Raises InputError."""
-    if not isinstance(given, numbers.Integral) or isinstance(given, bool) or given < least:
-        raise InputError.at(where, f"a whole number from {least} on", found_in(given), "correct it")
-    return int(given)
+def require_whole_number(value: int, where: str, least: int) -> int:
+    """A whole number of at least `least`.  Raises InputError."""
+    if not isinstance(value, numbers.Integral) or isinstance(value, bool) or value < least:
+        raise InputError.at(where, f"a whole number from {least} on", found_in(value), "correct it")
+    return int(value)
 
 
-def past_of(given: str | None) -> Any:
-    """A history, None where the data shall decide.  Raises InputError."""
-    if given is not None and given not in PASTS:
+def history_of(history: str | None) -> Any:
+    """A history, or None where the data decide.  Raises InputError."""
+    if history is not None and history not in HISTORY_OPTIONS:
         raise InputError.at(
-            "history", f"one of {', '.join(PASTS)}, or None", found_in(given), "correct it"
+            "history",
+            f"one of {', '.join(HISTORY_OPTIONS)}, or None",
+            found_in(history),
+            "correct it",
         )
-    return given
+    return history
 
 
-def settling_of(given: int | str | None, recording: Recording) -> int | None:
-    """Samples of a recording to leave out, from their number or a time such as "1 s".  Raises
-    InputError where too few, or none, would be left."""
-    if given is None:
+def settling_of(settling: int | str | None, recording: Recording) -> int | None:
+    """The number of samples to leave out at a recording's start, from a number or a time such as "1
+    s".
+
+    Raises InputError where too few samples would remain.
+    """
+    if settling is None:
         return None
-    if isinstance(given, str):
-        return settling_samples(given, recording)
-    most = len(recording) - MINIMUM_SAMPLES
-    if whole(given, "settling", 0) > most:
-        raise InputError.at("settling", f"at most {most} samples", f"{given}", "shorten it")
-    return int(given)
+    if isinstance(settling, str):
+        return settling_samples(settling, recording)
+    largest = len(recording) - MINIMUM_SAMPLES
+    if require_whole_number(settling, "settling", 0) > largest:
+        raise InputError.at("settling", f"at most {largest} samples", f"{settling}", "shorten it")
+    return int(settling)
 
 
-def sigma_of(given: float | str | None, unit: str) -> float | None:
-    """The sensor's noise [unit, rms], from a number or a text such as "0.07 um".  Raises
-    InputError."""
-    if given is None:
+def sigma_of(noise: float | str | None, unit: str) -> float | None:
+    """The sensor's noise [unit, rms], from a number or a text such as "0.07 um".
+
+    Raises InputError where it is not above 0.
+    """
+    if noise is None:
         return None
     sigma = math.nan
-    if isinstance(given, str | numbers.Real) and not isinstance(given, bool):
-        sigma = parse_quantity(given, unit, "noise") if isinstance(given, str) else float(given)
+    if isinstance(noise, str | numbers.Real) and not isinstance(noise, bool):
+        sigma = parse_quantity(noise, unit, "noise") if isinstance(noise, str) else float(noise)
     if not 0 < sigma < math.inf:
         raise InputError.at(
             "noise", f'a number above 0, in {unit}, or a text such as "0.07 {unit}"',
-            found_in(given), "give the sensor's noise, rms",
+            found_in(noise), "give the sensor's noise, rms",
         )  # fmt: skip
     return sigma

@@ -1,11 +1,11 @@
-r"""What a call asks of parameters: ties, values of their own per recording, priors.
+"""Conditions on parameters: ties, values of each recording's own, priors.
 
-A fit moves numbers φ; the parameters of recording r's block are linear in them,
+A fit adjusts free parameters φ; the parameters of recording r's block are linear in them,
 
-    θ_r = M_r φ,      M_r = 1 where nothing is asked
+    θ_r = M_r φ,      M_r = 1 without conditions
 
-so that a tie is a second row of M in a number's column, a parameter that every recording has for
-itself a column per recording, and a prior (Mφ - mean)/sd one more row of the whitened residual.
+A tie is a second row of M in a free parameter's column.  A parameter that each recording has of its
+own has one column per recording.  A prior (Mφ - mean)/sd is one more row of the whitened residual.
 """
 
 from __future__ import annotations
@@ -20,7 +20,7 @@ from jax.typing import ArrayLike
 from .._blocks import AbstractBlock, linear_gains
 from .._parameters import Parameter, named_parameters, replace_parameters, set_values
 from .._recording import InputError, require_kind
-from ._layout import Layout, layout_of, split
+from ._layout import Layout, layout_of, values_by_name
 from ._normal import Normal
 
 Tied = Mapping[str, str | tuple[str, float]]
@@ -28,8 +28,14 @@ Tied = Mapping[str, str | tuple[str, float]]
 
 @dataclass(frozen=True)
 class Conditions:
-    """`ties`: by name the parameter that it equals, and the factor; `own`: names of which every
-    recording has its own value; `priors`: by name."""
+    """Conditions on a block's parameters.
+
+    Attributes:
+        ties: for each tied parameter's name, the name of the parameter that it follows, and the
+            factor (dimensionless).
+        own: names of the parameters of which each recording has its own value.
+        priors: for each name, the prior in the parameter's unit.
+    """
 
     ties: dict[str, tuple[str, float]] = field(default_factory=dict)
     own: tuple[str, ...] = ()
@@ -51,10 +57,18 @@ class Conditions:
 
 
 PLAIN = Conditions()
+"""No conditions."""
 
 
-class Number(NamedTuple):
-    """One number that a fit moves: a component of a parameter, of one recording or of all."""
+class FreeParameter(NamedTuple):
+    """One free parameter of a fit: a component of a parameter, of one recording or of all.
+
+    Attributes:
+        label: the name that results show.
+        name: the parameter's name in the block.
+        component: the index of the component, 0 for a parameter that is one number.
+        recording: the index of the recording that it belongs to, None where all share it.
+    """
 
     label: str
     name: str
@@ -63,7 +77,14 @@ class Number(NamedTuple):
 
 
 class PriorRows(NamedTuple):
-    """Priors (P,) as rows over the numbers: shapes (P, S), gains (P, G), means and sds."""
+    """Priors (P,) as rows over the free parameters.
+
+    Attributes:
+        shapes: (P, S), the rows over the shapes.
+        gains: (P, G), the rows over the gains.
+        means: (P,), in the parameters' units.
+        sds: (P,), standard deviations in the parameters' units.
+    """
 
     shapes: np.ndarray
     gains: np.ndarray
@@ -72,8 +93,14 @@ class PriorRows(NamedTuple):
 
 
 class Scale(NamedTuple):
-    """Where shapes (S,) may lie: which are bounded, which of them by their logarithms, and the
-    bounds `low` and `high` on that scale."""
+    """The scale on which shapes (S,) are searched for.
+
+    Attributes:
+        bounded: (S,), whether the shape has bounds.
+        logarithmic: (S,), whether its scale is logarithmic.
+        low: (S,), the lower bound on that scale, 0 where there is none.
+        high: (S,), the upper bound on that scale, 0 where there is none.
+    """
 
     bounded: np.ndarray
     logarithmic: np.ndarray
@@ -82,14 +109,22 @@ class Scale(NamedTuple):
 
 
 @dataclass(frozen=True)
-class Numbers:
-    """The numbers a fit moves, shapes iterated and gains eliminated, the shapes' scale, and per
-    recording the maps (parameters' components, numbers) to the block's shapes and gains, in the
-    layout's order."""
+class FreeParameters:
+    """The free parameters of a fit: shapes, which are iterated, and gains, which are eliminated.
+
+    Attributes:
+        layout: the block's parameters in order.
+        shapes: (S,) the free shapes.
+        gains: (G,) the free gains.
+        scale: the shapes' scale.
+        shape_maps: per recording (components, S), from the free shapes to the block's shapes.
+        gain_maps: per recording (components, G), from the free gains to the block's gains.
+        shared: whether all recordings have the same block.
+    """
 
     layout: Layout
-    shapes: tuple[Number, ...]
-    gains: tuple[Number, ...]
+    shapes: tuple[FreeParameter, ...]
+    gains: tuple[FreeParameter, ...]
     scale: Scale
     shape_maps: tuple[np.ndarray, ...]
     gain_maps: tuple[np.ndarray, ...]
@@ -97,57 +132,59 @@ class Numbers:
 
     @property
     def labels(self) -> tuple[str, ...]:
-        return tuple(number.label for number in self.shapes + self.gains)
+        """The labels of the shapes, then those of the gains."""
+        return tuple(parameter.label for parameter in self.shapes + self.gains)
 
     @property
     def own(self) -> tuple[str, ...]:
-        """The parameters that every recording has for itself."""
+        """The names of the parameters of which each recording has its own value."""
         each = (n.name for n in self.shapes + self.gains if n.recording is not None)
         return tuple(dict.fromkeys(each))
 
     def blocks(
         self, block: AbstractBlock, shapes: np.ndarray, gains: np.ndarray
     ) -> tuple[AbstractBlock, ...]:
-        """The block of every recording at values of the numbers."""
+        """The block of each recording at values of the shapes (S,) and gains (G,)."""
         maps = list(zip(self.shape_maps, self.gain_maps, strict=True))
-        found = [
+        blocks = [
             set_values(
                 block,
-                split(block, self.layout.shapes, of_shapes @ shapes)
-                | split(block, self.layout.gains, of_gains @ gains),
+                values_by_name(block, self.layout.shapes, of_shapes @ shapes)
+                | values_by_name(block, self.layout.gains, of_gains @ gains),
             )
             for of_shapes, of_gains in (maps[:1] if self.shared else maps)
         ]
-        return tuple(found * len(maps) if self.shared else found)
+        return tuple(blocks * len(maps) if self.shared else blocks)
 
     def gains_of(self, block: AbstractBlock) -> np.ndarray:
-        """The gains' present values (G,)."""
-        return np.array([_component(p.value, p, k) for p, k in _members(block, self.gains)])
+        """The present values (G,) of a block's gains."""
+        return np.array([_component(p.value, p, k) for p, k in _with_components(block, self.gains)])
 
     def position_of(self, block: AbstractBlock) -> np.ndarray:
-        """Where the shapes (S,) stand, as `_layout.position_of` has it."""
-        members = _members(block, self.shapes)
+        """The positions (S,) of a block's shapes, as `_layout.position_of` defines them."""
+        members = _with_components(block, self.shapes)
         return np.array([_component(p.to_share(p.value), p, k) for p, k in members])
 
     def values_at(self, position: np.ndarray) -> np.ndarray:
-        """The shapes' values (S,) at a position, as `Parameter.from_share` has them."""
+        """The shapes' values (S,) at a position (S,), as `Parameter.from_share` computes them."""
         bounded, logarithmic, low, high = self.scale
         values = np.where(bounded, low + (high - low) * position, position)
         return np.where(logarithmic, np.exp(np.where(logarithmic, values, 0.0)), values)
 
     def slopes(self, values: np.ndarray) -> np.ndarray:
-        """How fast each shape's value (S,) changes with its position."""
+        """The derivative (S,) of each shape's value with respect to its position."""
         bounded, logarithmic, low, high = self.scale
         return np.where(bounded, (high - low) * np.where(logarithmic, values, 1.0), 1.0)
 
     def bounds(self) -> tuple[np.ndarray, np.ndarray]:
-        """The positions' bounds (S,)."""
+        """The lower and upper bounds (S,) of the positions."""
         bounded = self.scale.bounded
         return np.where(bounded, 0.0, -np.inf), np.where(bounded, 1.0, np.inf)
 
 
-def _scale_of(block: AbstractBlock, shapes: Sequence[Number]) -> Scale:
-    members = list(_members(block, shapes))
+def _scale_of(block: AbstractBlock, shapes: Sequence[FreeParameter]) -> Scale:
+    """The scale of the shapes (S,) of a block."""
+    members = list(_with_components(block, shapes))
     bounded = np.array([p.bounded for p, _ in members], dtype=bool)
     logarithmic = np.array([p.logarithmic for p, _ in members], dtype=bool)
     low, high = (
@@ -158,79 +195,89 @@ def _scale_of(block: AbstractBlock, shapes: Sequence[Number]) -> Scale:
     return Scale(bounded, logarithmic, low, high)
 
 
-def _members(block: AbstractBlock, numbers: Sequence[Number]) -> Iterator[tuple[Parameter, int]]:
+def _with_components(
+    block: AbstractBlock, free: Sequence[FreeParameter]
+) -> Iterator[tuple[Parameter, int]]:
+    """Each free parameter's `Parameter` in the block, and its component."""
     parameters = named_parameters(block)
-    return ((parameters[number.name], number.component) for number in numbers)
+    return ((parameters[one.name], one.component) for one in free)
 
 
 def _component(values: object, parameter: Parameter, k: int) -> float:
+    """Component k of values that are broadcast to the parameter's shape."""
     shape = np.shape(parameter.value)
     return float(np.ravel(np.broadcast_to(np.asarray(values), shape))[k])
 
 
-def numbers_of(block: AbstractBlock, recordings: int, conditions: Conditions) -> Numbers:
-    """The numbers that a fit of the block to so many recordings moves.
+def free_parameters_of(
+    block: AbstractBlock, recordings: int, conditions: Conditions
+) -> FreeParameters:
+    """The free parameters of a fit of the block to this many recordings.
 
-    Of several recordings each has for itself what was asked for, and what begins anew with it.
+    With several recordings, each has its own value of the parameters in `conditions.own` and of
+    those that start anew with each recording.
     """
     layout, own = layout_of(block), {*conditions.own}
     if recordings > 1:
         parameters = named_parameters(block).items()
         own |= {name for name, p in parameters if p.per_recording and not p.fixed}
-    shapes, shape_maps = _mapped(layout.shapes, recordings, conditions.ties, own)
-    gains, gain_maps = _mapped(layout.gains, recordings, conditions.ties, own)
+    shapes, shape_maps = _parameters_and_maps(layout.shapes, recordings, conditions.ties, own)
+    gains, gain_maps = _parameters_and_maps(layout.gains, recordings, conditions.ties, own)
     scale = _scale_of(block, shapes)
-    return Numbers(layout, shapes, gains, scale, shape_maps, gain_maps, not own)
+    return FreeParameters(layout, shapes, gains, scale, shape_maps, gain_maps, not own)
 
 
-def _mapped(
+def _parameters_and_maps(
     sizes: tuple[tuple[str, int], ...],
     recordings: int,
     ties: Mapping[str, tuple[str, float]],
     own: Collection[str],
-) -> tuple[tuple[Number, ...], tuple[np.ndarray, ...]]:
+) -> tuple[tuple[FreeParameter, ...], tuple[np.ndarray, ...]]:
+    """The free shapes or gains, and per recording the map (components, parameters)."""
     places = {(name, k): at for at, (name, k) in enumerate(_components(sizes))}
-    numbers = []
+    free = []
     for name, size in sizes:
         if name in ties:
             continue
-        whose = range(recordings) if name in own else (None,)
+        owners = range(recordings) if name in own else (None,)
         for k in range(size):
             label = name if size == 1 else f"{name}[{k}]"
-            numbers += [
-                Number(label if r is None else f"{label}@{r + 1}", name, k, r) for r in whose
+            free += [
+                FreeParameter(label if r is None else f"{label}@{r + 1}", name, k, r)
+                for r in owners
             ]
-    maps = tuple(np.zeros((len(places), len(numbers))) for _ in range(recordings))
-    for column, number in enumerate(numbers):
-        rows = [(places[number.name, number.component], 1.0)]
+    maps = tuple(np.zeros((len(places), len(free))) for _ in range(recordings))
+    for column, one in enumerate(free):
+        rows = [(places[one.name, one.component], 1.0)]
         rows += [
-            (places[target, number.component], factor)
+            (places[target, one.component], factor)
             for target, (source, factor) in ties.items()
-            if source == number.name
+            if source == one.name
         ]
-        for r in range(recordings) if number.recording is None else (number.recording,):
+        for r in range(recordings) if one.recording is None else (one.recording,):
             for row, factor in rows:
                 maps[r][row, column] = factor
-    return tuple(numbers), maps
+    return tuple(free), maps
 
 
 def _components(sizes: tuple[tuple[str, int], ...]) -> Iterator[tuple[str, int]]:
+    """Names and components of parameters with these sizes, in order."""
     return ((name, k) for name, size in sizes for k in range(size))
 
 
-def prior_rows(numbers: Numbers, conditions: Conditions) -> PriorRows:
-    """The priors as rows over the numbers; of an own parameter a row for every recording."""
-    layout = numbers.layout
+def prior_rows(free: FreeParameters, conditions: Conditions) -> PriorRows:
+    """The priors as rows over the free parameters, one row per recording for an own parameter."""
+    layout = free.layout
     sizes = dict(layout.shapes + layout.gains)
     places = list(_components(layout.shapes)), list(_components(layout.gains))
     rows: list[tuple[np.ndarray, np.ndarray]] = []
     means, sds = [], []
     for name, prior in conditions.priors.items():
         source = conditions.ties.get(name, (name, 1.0))[0]
-        recordings = len(numbers.shape_maps) if source in numbers.own else 1
+        recordings = len(free.shape_maps) if source in free.own else 1
         for r in range(recordings):
             for k in range(sizes[name]):
-                of_shapes, of_gains = numbers.shape_maps[r], numbers.gain_maps[r]
+                of_shapes, of_gains = free.shape_maps[r], free.gain_maps[r]
                 member = (name, k)
                 rows.append(
                     (
@@ -240,12 +287,12 @@ def prior_rows(numbers: Numbers, conditions: Conditions) -> PriorRows:
                 )
                 means.append(float(np.ravel(prior.mean)[k % prior.mean.size]))
                 sds.append(float(np.ravel(prior.sd)[k % prior.sd.size]))
-    shapes = np.array([row[0] for row in rows]).reshape(len(rows), len(numbers.shapes))
-    gains = np.array([row[1] for row in rows]).reshape(len(rows), len(numbers.gains))
+    shapes = np.array([row[0] for row in rows]).reshape(len(rows), len(free.shapes))
+    gains = np.array([row[1] for row in rows]).reshape(len(rows), len(free.gains))
     return PriorRows(shapes, gains, np.array(means), np.array(sds))
 
 
-# What a call asks ---------------------------------------------------------------------------------
+# Conditions from the options of a call ------------------------------------------------------------
 
 
 def conditions_of(
@@ -255,11 +302,11 @@ def conditions_of(
     own: Sequence[str] = (),
     priors: Mapping[str, Normal] | None = None,
 ) -> tuple[AbstractBlock, Conditions]:
-    """The block made ready for its ties, and what was asked.
+    """The block adapted to its ties, and the conditions.
 
-    A parameter follows the one it is tied to, within the bounds of both.  Two that are not both
-    eliminated are both iterated.  Raises InputError for names that are unknown, fixed, or tied to
-    another that is tied.
+    A tied parameter follows its source within the bounds of both.  Two of which only one could be
+    eliminated are both iterated.  Raises InputError for names that are unknown, fixed, or tied to a
+    parameter that is itself tied.
     """
     ties = {
         name: (to, 1.0) if isinstance(to, str) else (to[0], float(to[1]))
@@ -273,8 +320,8 @@ def conditions_of(
         if source in ties or source == name or name in own:
             raise InputError.at(
                 f'parameter "{name}", tied to "{source}"',
-                "one that is neither tied itself nor given to every recording",
-                "such a one",
+                "a parameter that is neither tied itself nor own to each recording",
+                "one that is",
                 "tie all to one parameter",
             )
         if not (np.isfinite(factor) and factor != 0):
@@ -284,7 +331,7 @@ def conditions_of(
         if parameters[name].value.shape != parameters[source].value.shape:
             raise InputError.at(
                 f'parameter "{name}", tied to "{source}"',
-                "two of like size", "others", "tie others",
+                "two parameters of the same size", "different sizes", "tie parameters of one size",
             )  # fmt: skip
     for name, prior in priors.items():
         require_kind(prior, Normal, f'prior of "{name}"', "write Normal(mean, sd)")
@@ -293,15 +340,16 @@ def conditions_of(
         if not (fits and np.all(np.isfinite(prior.mean)) and np.all(prior.sd > 0)):
             raise InputError.at(
                 f'prior of "{name}"',
-                "a finite mean and a standard deviation above 0",
-                "another",
+                "finite means and standard deviations above 0, one or one per component",
+                f"mean {prior.mean.tolist()} and standard deviation {prior.sd.tolist()}",
                 "correct it",
             )
-    block = replace_parameters(block, _joined(block, ties))
+    block = replace_parameters(block, _tie_parameters(block, ties))
     return block, Conditions(ties, tuple(own), priors)
 
 
 def _require_free(name: str, parameters: Mapping[str, Parameter]) -> None:
+    """Raise InputError where no free parameter has this name."""
     free = [n for n, p in parameters.items() if not p.fixed]
     if name not in free:
         raise InputError.at(
@@ -312,8 +360,10 @@ def _require_free(name: str, parameters: Mapping[str, Parameter]) -> None:
         )
 
 
-def _joined(block: AbstractBlock, ties: Mapping[str, tuple[str, float]]) -> dict[str, Parameter]:
-    """Tied parameters and those they follow: within both bounds, eliminated only if both are."""
+def _tie_parameters(
+    block: AbstractBlock, ties: Mapping[str, tuple[str, float]]
+) -> dict[str, Parameter]:
+    """Tied parameters and their sources: within both bounds, eliminated only if both can be."""
     parameters, eliminated = named_parameters(block), linear_gains(block)
     changed: dict[str, Parameter] = {}
     for name, (source, factor) in ties.items():
@@ -322,15 +372,16 @@ def _joined(block: AbstractBlock, ties: Mapping[str, tuple[str, float]]) -> dict
         low, high = np.maximum(leader.lower, ends[0]), np.minimum(leader.upper, ends[1])
         gain = name in eliminated and source in eliminated and leader.gain
         try:
-            changed[source] = _within(leader, low, high, gain)
+            changed[source] = _narrowed(leader, low, high, gain)
         except ValueError as error:
             raise InputError(f'parameter "{name}", tied to "{source}": {error}.') from None
         follower = factor * changed[source].value
-        changed[name] = _within(target, target.lower, target.upper, gain).with_value(follower)
+        changed[name] = _narrowed(target, target.lower, target.upper, gain).with_value(follower)
     return changed
 
 
-def _within(p: Parameter, low: ArrayLike, high: ArrayLike, gain: bool) -> Parameter:
+def _narrowed(p: Parameter, low: ArrayLike, high: ArrayLike, gain: bool) -> Parameter:
+    """The parameter with bounds `low` and `high`, its value and plausible range clipped to them."""
     plausible = [np.clip(end, low, high) for end in p.plausible]
     return Parameter(
         np.clip(p.value, low, high),

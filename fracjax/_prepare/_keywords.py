@@ -1,4 +1,4 @@
-"""What may be asked of a fit: one set of keywords for `fit`, `crosscheck` and `fit_batch`."""
+"""The options of a fit: one set of keywords for `fit`, `crosscheck` and `fit_batch`."""
 
 from __future__ import annotations
 
@@ -18,42 +18,42 @@ from ._weights import Mask, Weights
 Bounds = Mapping[str, tuple[float, float]]
 
 
-class Narrowed(TypedDict, total=False):
-    """By name: values that parameters are held at, and narrower ranges."""
+class RangeOptions(TypedDict, total=False):
+    """Options by parameter name: fixed values, and narrower bounds, in the parameters' units."""
 
     fixed: Mapping[str, float] | None
     bounds: Bounds | None
 
 
-class OfModel(Narrowed, total=False):
-    """By name too: what was known before, and what equals another, or a multiple of it."""
+class ModelOptions(RangeOptions, total=False):
+    """`RangeOptions`, and by name: priors, and ties to another parameter or a multiple of it."""
 
     priors: Mapping[str, Normal] | None
     tied: Tied | None
 
 
-class OfParameters(OfModel, total=False):
-    """And the names of which every recording has its own value."""
+class ParameterOptions(ModelOptions, total=False):
+    """`ModelOptions`, and the names of the parameters of which each recording has its own value."""
 
     own: Sequence[str]
 
 
-class OfSamples(TypedDict, total=False):
-    """Weights (N,) of the squared residuals, per recording, and times [s] that are left out."""
+class SampleOptions(TypedDict, total=False):
+    """Weights (N,) of the squared residuals, per recording, and times [s] to leave out."""
 
     weights: Weights
     mask: Mask
 
 
-class Sought(Narrowed, OfSamples, total=False):
-    """What every search can be asked."""
+class SearchOptions(RangeOptions, SampleOptions, total=False):
+    """The options of every search."""
 
 
-class Asked(OfParameters, OfSamples, total=False):
-    """What `fit` can be asked."""
+class FitOptions(ParameterOptions, SampleOptions, total=False):
+    """The options of `fit`."""
 
 
-def conditioned(
+def apply_options(
     model: Model,
     *,
     fixed: Mapping[str, float] | None = None,
@@ -62,18 +62,18 @@ def conditioned(
     tied: Tied | None = None,
     own: Sequence[str] = (),
 ) -> tuple[AbstractBlock, Conditions]:
-    """The model's block as a call asks for it, and what else is asked.  Raises InputError."""
-    changed = constrained(model.parameters, fixed or {}, bounds or {})
+    """The model's block with the options applied, and the conditions.  Raises InputError."""
+    changed = constrain_parameters(model.parameters, fixed or {}, bounds or {})
     block = replace_parameters(model.block, changed)
     return conditions_of(block, tied=tied, own=own, priors=priors)
 
 
-def constrained(
+def constrain_parameters(
     parameters: dict[str, Parameter],
     fixed: Mapping[str, float],
     bounds: Bounds,
 ) -> dict[str, Parameter]:
-    """The parameters that a call fixes or bounds, as it wants them.  Raises InputError."""
+    """The parameters that a call fixes or bounds, changed accordingly.  Raises InputError."""
     for name in (*fixed, *bounds):
         if name not in parameters:
             raise InputError(

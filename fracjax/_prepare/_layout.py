@@ -1,4 +1,4 @@
-"""Which numbers a fit moves: shapes, which are iterated, and gains, which are eliminated."""
+"""The free parameters of a block: shapes, which are iterated, and gains, which are eliminated."""
 
 from __future__ import annotations
 
@@ -13,14 +13,20 @@ from .._parameters import named_parameters, set_values
 
 
 class Layout(NamedTuple):
-    """Names and sizes of the parameters a fit moves: shapes iterated, gains eliminated."""
+    """Names and sizes of a block's free parameters.
+
+    Attributes:
+        shapes: names and sizes of the parameters that are iterated.
+        gains: names and sizes of the parameters that are eliminated, because the response is linear
+            in them.
+    """
 
     shapes: tuple[tuple[str, int], ...]
     gains: tuple[tuple[str, int], ...]
 
     @property
     def labels(self) -> tuple[str, ...]:
-        """One name per number that is fitted: `name`, or `name[k]` of a vector."""
+        """One label per free component: `name`, or `name[k]` of a vector."""
         return tuple(
             name if size == 1 else f"{name}[{k}]"
             for name, size in self.shapes + self.gains
@@ -29,6 +35,7 @@ class Layout(NamedTuple):
 
 
 def layout_of(block: AbstractBlock) -> Layout:
+    """The free parameters of a block: its shapes, then its gains."""
     gains = linear_gains(block)
     free = {n: int(np.size(p.value)) for n, p in named_parameters(block).items() if not p.fixed}
     return Layout(
@@ -37,7 +44,8 @@ def layout_of(block: AbstractBlock) -> Layout:
     )
 
 
-def split(block: AbstractBlock, names: tuple[tuple[str, int], ...], vector: Any) -> dict:
+def values_by_name(block: AbstractBlock, names: tuple[tuple[str, int], ...], vector: Any) -> dict:
+    """A vector (Σ size,) cut into the parameters' values by name, each in its parameter's shape."""
     parameters = named_parameters(block)
     values, at = {}, 0
     for name, size in names:
@@ -47,14 +55,15 @@ def split(block: AbstractBlock, names: tuple[tuple[str, int], ...], vector: Any)
 
 
 def with_gains(block: AbstractBlock, gains: Any) -> AbstractBlock:
-    return set_values(block, split(block, layout_of(block).gains, gains))
+    """The block with its gains set to a vector (G,)."""
+    return set_values(block, values_by_name(block, layout_of(block).gains, gains))
 
 
 def own_columns(problems: Sequence[Any]) -> list[Any]:
-    """Per recording the columns (L, Σq) of all recordings' own terms, the others' being zero."""
+    """Per recording, the own terms of all recordings as columns (L, Σq), zero for the others'."""
     counts = [p.own.shape[1] for p in problems]
     ends = np.cumsum(counts)
-    # What NumPy holds stays there: a padding by JAX costs as much as a simulation.
+    # NumPy arrays stay in NumPy: padding them with JAX costs as much as a simulation.
     return [
         (np if isinstance(p.own, np.ndarray) else jnp).pad(
             p.own, ((0, 0), (end - count, ends[-1] - end))
@@ -64,16 +73,19 @@ def own_columns(problems: Sequence[Any]) -> list[Any]:
 
 
 def position_of(block: AbstractBlock) -> np.ndarray:
-    """Where a block's shapes (n,) stand between their bounds, each from 0 to 1 on its own scale;
-    one without bounds by its value."""
+    """The positions (n,) of a block's shapes between their bounds, from 0 to 1 on each shape's
+    scale.
+
+    The position of a shape without bounds is its value.
+    """
     parameters = named_parameters(block)
     free = [parameters[name] for name, _ in layout_of(block).shapes]
     places = [parameter.to_share(parameter.value) for parameter in free]
     return np.concatenate([np.ravel(place) for place in places]) if places else np.zeros(0)
 
 
-def placed(block: AbstractBlock, position: Any) -> AbstractBlock:
-    """The block with its shapes at a position (n,)."""
+def with_shapes_at(block: AbstractBlock, position: Any) -> AbstractBlock:
+    """The block with its shapes set to a position (n,)."""
     parameters = named_parameters(block)
-    shares = split(block, layout_of(block).shapes, position)
+    shares = values_by_name(block, layout_of(block).shapes, position)
     return set_values(block, {n: parameters[n].from_share(s) for n, s in shares.items()})

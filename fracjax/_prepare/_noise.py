@@ -11,27 +11,40 @@ from ._tone import Tone
 
 Method = Literal["repeats", "static", "specification", "residual"]
 _BARELY_MORE = 1.25
+"""Ratio of variances up to which a residual counts as little more than the specified noise, so that
+its colour is the noise's.  Chosen by judgement."""
 NONE = np.zeros(0), np.zeros(0)
-"""No frequencies and no power, no samples and no sizes."""
+"""No lines, or no profile over time."""
 
 
 @dataclass(frozen=True)
 class Noise:
     """Autoregressive noise: Σ_k filter[k] e_{t-k} = innovation · white, filter[0] = 1.
 
-    `sigma` is the rms of all that does not repeat, in `unit`, and of what went with slow terms that
-    were fitted to it; `method` says where it was read.  The
-    filter leaves lines of the mains out, so that they count as mismatch and can be named.
-    It was read from `effective` independent samples, of this `kurtosis`: a floor read from a short
-    rest, or from noise with heavy tails, is known less well than the recording's length suggests.
-    `lines`: frequencies [1/sample] and power (n,) of the whitened noise, 1 where the filter fits,
-    each as good as 2/`shared` degrees of freedom.
-    `is_leftover`: it was read from what a fit left over, so that a better fit tells it better; of
-    one that is specified, as a number, its colour.
-    `course`: sample numbers and the noise's size there (n,), of which it is 1 on average; none
-    where the noise is as large everywhere as far as can be seen.  `crest`: its rms over what the
-    median of its differences says, 1 for normal noise.  `tone`: one
-    that it surely holds.
+    The filter does not model lines of the mains, so that they count as mismatch and can be named.
+    A noise floor read from a short rest, or from noise with heavy tails, is less certain than the
+    recording's length suggests: `effective` and `kurtosis` describe this.
+
+    Attributes:
+        sigma: the rms of all that does not repeat, in `unit`, slow terms that were fitted to it
+            included.
+        unit: the response's unit.
+        method: where the noise was read: "repeats", "static" (a rest), "specification" or
+            "residual".
+        filter: (p+1,) coefficients of the autoregression, dimensionless.
+        innovation: the standard deviation of the autoregression's white input, in `unit`.
+        effective: the number of independent samples that it was read from.
+        kurtosis: of the whitened noise, dimensionless, 3 for normal noise.
+        lines: frequencies [1/sample] (n,) and power (n,) of the whitened noise, 1 where the filter
+            fits, each with 2/`shared` degrees of freedom.
+        shared: how many of the samples hold the same noise, 1 where all are independent.
+        is_leftover: whether it was read from a fit's residual, so that a better fit improves it;
+            with a specified level this concerns only its colour.
+        course: the level's profile over time: sample numbers (n,) and the level there relative to
+            its average (n,); empty where no change is significant.
+        crest: the rms divided by the estimate from the median of the differences, dimensionless, 1
+            for normal noise.
+        tone: a tone that is clearly present (see `_tone`), else None.
     """
 
     sigma: float
@@ -49,47 +62,80 @@ class Noise:
     tone: Tone | None = None
 
     def coloured_as(self, other: Noise) -> Noise:
-        """A noise of this size and origin with the colour of another; itself where that is clearly
-        larger, for then more than noise is in it."""
+        """A noise of this level and origin with the colour of another.
+
+        Args:
+            other: the noise whose colour is used.
+
+        Returns:
+            That noise at this level; this noise unchanged where the other is clearly larger, for
+            then the other contains more than noise.
+        """
         if other.sigma**2 > _BARELY_MORE * self.sigma**2:
             return self
         innovation = other.innovation * self.sigma / other.sigma
         return replace(other, sigma=self.sigma, method=self.method, innovation=innovation)
 
     def size_at(self, samples: int) -> np.ndarray | None:
-        """How large the noise is at each sample (N,), 1 on average; None where it does not vary."""
+        """The level of the noise at each sample (N,), dimensionless, 1 on average.
+
+        Args:
+            samples: the number N of samples.
+
+        Returns:
+            The relative levels (N,), None where the level does not vary.
+        """
         where, size = self.course
         if not where.size:
             return None
-        # Where none was seen, at either end, it is not taken for smaller than elsewhere.
+        # Before the first and after the last measurement the level is at least the average.
         ends = {"left": max(size[0], 1.0), "right": max(size[-1], 1.0)}
         return np.interp(np.arange(samples), where, size, **ends)
 
     def samples_to_average(self, error: float) -> float:
-        """How many samples in a row know a constant with a standard error of that share of sigma.
+        """How many successive samples determine a constant to a given standard error.
 
         The variance of their mean tends to (innovation / Σ_k filter[k])² / n, the spectrum at
-        frequency zero: where neighbours are alike, noise averages out more slowly.
+        frequency zero: where neighbouring samples are alike, noise averages out more slowly.
+
+        Args:
+            error: the standard error as a share of `sigma`, dimensionless.
+
+        Returns:
+            The number of samples n.
         """
         slow = self.innovation / (self.sigma * max(abs(float(np.sum(self.filter))), 1e-12))
         return (slow / error) ** 2
 
     def doubt(self, kurtosis: float = 3.0) -> float:
-        """The relative standard error of the variance, with the heavier of both tails."""
+        """The relative standard error of the variance, dimensionless.
+
+        Args:
+            kurtosis: another estimate of the kurtosis; the larger of both is used.
+
+        Returns:
+            √((kurtosis - 1)/effective).
+        """
         return float(np.sqrt((max(kurtosis, self.kurtosis) - 1) / self.effective))
 
     def without_lines(self) -> Noise:
-        """The same noise, with no more in any band than its filter says."""
+        """The same noise without measured lines.
+
+        Returns:
+            The noise whose power in every band is what its filter gives.
+        """
         return replace(self, lines=NONE)
 
     @property
     def whitened_square(self) -> float:
-        """The mean square of what it was read from, whitened: 1, unless that holds a line that the
-        filter leaves out."""
+        """The mean square of the whitened noise, dimensionless.
+
+        It is 1, or more where the noise holds a line that the filter leaves out.
+        """
         power = self.lines[1]
         return float(power.mean()) if power.size else 1.0
 
     @property
     def whitening(self) -> np.ndarray:
-        """The filter that turns this noise into white noise of unit variance."""
+        """The filter (p+1,) [1/unit] that turns this noise into white noise of unit variance."""
         return self.filter / self.innovation

@@ -1,4 +1,4 @@
-"""Where a recording's noise is read: repeats, rests, a specification, or what a fit leaves over."""
+"""Sources of a recording's noise: repeats, rests, a specification, or the residual of a fit."""
 
 from __future__ import annotations
 
@@ -10,49 +10,64 @@ from scipy.signal import fftconvolve, lfilter
 
 from .._recording import InputError, Recording
 from ._noise import NONE, Noise
-from ._noise_stretches import PIECES, Stretch, median_size, noise_in
+from ._noise_stretches import PIECES, Stretch, level_from_differences, noise_in
 from ._setting import resolution
 
 _REST_SECONDS = 0.2
-# Successive second differences have the correlations -2/3 and 1/6: 1 + 2 Σ ρ² ≈ 2.
+"""The shortest rest [s] from which noise is read.  Chosen by judgement."""
 _SHARED = 2.0
-_FEW, _SHORT = 3, 50
-_SAME, _SAME_RATE = 2e-3, 1e-6
-_CLEARER = 0.97
-_MUCH_MORE = 2.0
+"""Successive second differences have the correlations -2/3 and 1/6: 1 + 2 Σ ρ² ≈ 2."""
+_FEW_PERIODS = 3
+"""From this many differences of periods on, those before the response has settled are left out."""
+_SHORT_PERIOD = 50
+"""Shorter periods [samples] are too short to fit a relaxation.  Chosen by judgement."""
+_SAME_DRIVE = 2e-3
+"""Largest rms difference of a repeated drive, as a share of its standard deviation."""
+_SAME_RATE = 1e-6
+"""Largest relative difference of sampling rates that count as equal: rounding."""
+_LOWER = 0.97
+"""The noise reread from repeats of the residual replaces the first where its level or innovation is
+below this share of it.  Chosen by judgement."""
+_LARGEST_RATIO = 2.0
+"""Largest ratio of the variance of what does not repeat to that of the noise of rests, above which
+it is more than noise.  Chosen by judgement."""
 
 
-def cleared(noise: Noise, residual: np.ndarray, used: np.ndarray, recording: Recording) -> Noise:
-    """A measured noise, told better with what a fit leaves over (N,), where samples are `used`.
+def refine_noise(
+    noise: Noise, residual: np.ndarray, used: np.ndarray, recording: Recording
+) -> Noise:
+    """A measured noise, improved by the residual (N,) of a fit, where samples are `used`.
 
-    Repeats of a residual hold less of the actuator's memory of its start than those of a response.
-    And a drive that is given twice tells the noise all along, where rests tell that of a few
-    moments; unless much more than the noise of the rests does not repeat.
+    Repeats of a residual hold less of the slow decay from the start than repeats of the response.
+    If the drive occurs twice, the residual shows the noise over the whole recording, whereas rests
+    show it only for a few moments; it is used unless its variance is much larger than that of the
+    rests.
     """
     if noise.method == "repeats":
         stretches = _from_repeats(recording, used.astype(float), residual)
         if not stretches:
             return noise
-        again = noise_in(
+        reread = noise_in(
             stretches, noise.unit, "repeats", _SHARED, resolution=resolution(recording.response)
         )
-        # A decay that has not settled is in few slow lines, which the innovation hardly tells.
-        clearer = min(again.innovation / noise.innovation, again.sigma / noise.sigma) < _CLEARER
-        return again if clearer else noise
-    if noise.method == "static" and given_twice(recording.drive) is not None and used.all():
-        again = residual_noise(residual, used, recording)
-        of_noise = again.innovation**2 < _MUCH_MORE * noise.innovation**2
-        if of_noise and again.effective > noise.effective:
-            return replace(again, is_leftover=False)
-    return followed(noise, residual, used) if noise.course[0].size else noise
+        # A decay that has not settled has few slow lines, which hardly change the innovation.
+        clearer = min(reread.innovation / noise.innovation, reread.sigma / noise.sigma) < _LOWER
+        return reread if clearer else noise
+    if noise.method == "static" and repetition_lag(recording.drive) is not None and used.all():
+        reread = residual_noise(residual, used, recording)
+        of_noise = reread.innovation**2 < _LARGEST_RATIO * noise.innovation**2
+        if of_noise and reread.effective > noise.effective:
+            return replace(reread, is_leftover=False)
+    return with_level_profile(noise, residual, used) if noise.course[0].size else noise
 
 
-def followed(noise: Noise, residual: np.ndarray, used: np.ndarray) -> Noise:
-    """A noise whose size varies, followed all along a residual (N,) where samples are `used`.
+def with_level_profile(noise: Noise, residual: np.ndarray, used: np.ndarray) -> Noise:
+    """A noise of varying level, its level followed along a residual (N,) where samples are `used`.
 
-    Rests show how large it is in them, and the heights of its crests; between them the differences
-    of what a fit leaves over show its course, for a mismatch is smooth from sample to sample; none
-    where most samples are on their neighbours' codes.
+    Rests show the level during the rests, and the ratio of its rms to its typical size (`crest`).
+    Between rests the differences of a fit's residual show the profile over time, because a mismatch
+    is smooth from sample to sample.  The noise is unchanged where in some piece most samples have
+    the same code as their neighbours.
     """
     lost = noise.filter.size - 1
     whitened = np.asarray(lfilter(noise.whitening, 1.0, residual))[lost:]
@@ -60,11 +75,11 @@ def followed(noise: Noise, residual: np.ndarray, used: np.ndarray) -> Noise:
     where = lost + np.arange(differences.size)
     parts = np.array_split(np.flatnonzero(counted), PIECES)
     centres = np.array([where[part].mean() for part in parts])
-    sizes = noise.crest * np.array([median_size(differences[part]) for part in parts])
+    sizes = noise.crest * np.array([level_from_differences(differences[part]) for part in parts])
     if not sizes.all():
         return noise
     typical = np.sqrt(np.mean(sizes**2))
-    # There is no more noise than is left over, whatever the crests of a short rest say.
+    # The noise cannot exceed the residual, whatever `crest` a short rest gives.
     average = float(min(typical, np.sqrt(np.mean(whitened[1:][counted] ** 2))))
     return replace(
         noise,
@@ -77,11 +92,11 @@ def followed(noise: Noise, residual: np.ndarray, used: np.ndarray) -> Noise:
 def _from_repeats(
     recording: Recording, counts: np.ndarray | None, signal: np.ndarray | None = None
 ) -> list[Stretch]:
-    """Second differences over successive periods /√6, once the response has settled.
+    """Second differences over successive periods, divided by √6, after the response has settled.
 
-    A first difference would still hold the slow decay of the actuator's memory of its start; the
-    second keeps only what is new in each period.  Those with samples of weight 0 are left out.
-    `signal` (N,) takes the place of the response.
+    A first difference would still hold the slow decay from the start; the second difference keeps
+    only what is new in each period.  Periods with samples of weight 0 in `counts` (N,) are left
+    out.  `signal` (N,) replaces the response.
     """
     repeats = recording.drive_period()
     if repeats is None:
@@ -89,23 +104,23 @@ def _from_repeats(
     period = repeats.period
     y = (recording.response if signal is None else signal)[repeats.start : repeats.stop]
     difference = (y[2 * period :] - 2 * y[period:-period] + y[: -2 * period]) / np.sqrt(6)
-    # Period by period: across periods a difference has a comb for its spectrum, noise has none.
+    # Period by period: across periods the spectrum of a difference is a comb, that of noise is not.
     blocks = difference[: difference.size // period * period].reshape(-1, period)
-    # A difference of three periods is as large as they are on average: as the one in the middle.
+    # The noise of three periods is on average that of the middle one, to which it is assigned.
     starts = repeats.start + period * np.arange(1, len(blocks) + 1)
     if counts is not None:
-        good = counts[repeats.start : repeats.stop] > 0
-        clean = good[2 * period :] & good[period:-period] & good[: -2 * period]
-        whole = clean[: blocks.size].reshape(-1, period).all(axis=1)
-        blocks, starts = blocks[whole], starts[whole]
+        counted = counts[repeats.start : repeats.stop] > 0
+        complete = counted[2 * period :] & counted[period:-period] & counted[: -2 * period]
+        complete_periods = complete[: blocks.size].reshape(-1, period).all(axis=1)
+        blocks, starts = blocks[complete_periods], starts[complete_periods]
         if not len(blocks):
             return []
-    if len(blocks) >= _FEW:
+    if len(blocks) >= _FEW_PERIODS:
         spread = blocks.std(axis=1)
         settled = int(np.argmax(spread <= 1.2 * np.median(spread)))
         blocks, starts = blocks[settled:], starts[settled:]
-    if period > _SHORT:
-        # What has not settled still bends slowly.
+    if period > _SHORT_PERIOD:
+        # A response that has not settled still changes slowly.
         return [
             Stretch.without_relaxation(block, int(start))
             for block, start in zip(blocks, starts, strict=True)
@@ -116,18 +131,20 @@ def _from_repeats(
 
 
 def _from_static(recording: Recording, counts: np.ndarray | None, step: float) -> list[Stretch]:
-    """Rests without the actuator's slow relaxation: a parabola and logarithms of time taken off.
+    """Rests minus the actuator's slow relaxation, a fitted parabola and logarithms of time.
 
-    Those with samples of weight 0 are left out, and those that show less than what rounding to the
-    response's `step` makes of a recording that moves: on one or two codes noise is hidden."""
+    Rests with samples of weight 0 in `counts` (N,) are left out.  So are rests that show less than
+    the rounding error of the response's `step` [response unit]: on one or two codes the noise is
+    hidden.
+    """
     stretches = []
     for start, stop in recording.static_stretches(_REST_SECONDS):
         begin = start + (stop - start) // 10
         if counts is not None and not np.all(counts[begin:stop]):
             continue
         stretch = Stretch.without_relaxation(recording.response[begin:stop], begin)
-        still = np.ptp(recording.response[begin:stop]) == 0
-        if still or stretch.samples.std() < step / np.sqrt(12):
+        constant = np.ptp(recording.response[begin:stop]) == 0
+        if constant or stretch.samples.std() < step / np.sqrt(12):
             continue
         stretches.append(stretch)
     return stretches
@@ -138,15 +155,15 @@ def measured_noise(
     repeat: Recording | None = None,
     counts: np.ndarray | None = None,
 ) -> Noise | None:
-    """Noise from repeated periods, a repeat recording, or a rest.
+    """The noise from repeated periods, a repeat recording, or a rest.
 
-    Periods and rests where the weights `counts` (N,) are 0 are not looked at.  None where the
-    recording offers no source.
+    Periods and rests where the weights `counts` (N,) are 0 are ignored.  None where the recording
+    has no such source.
     """
     unit = recording.response_unit
     if repeat is not None:
-        if not _repeats(repeat, recording):
-            raise _no_repeat(repeat, [recording])
+        if not _has_same_drive(repeat, recording):
+            raise _repeat_error(repeat, [recording])
         difference = (repeat.response - recording.response) / np.sqrt(2)
         return noise_in([Stretch.untouched(difference - difference.mean(), 0)], unit, "repeats")
     step = resolution(recording.response)
@@ -163,53 +180,65 @@ def measured_noises(
     specification: float | None,
     counts: Sequence[np.ndarray | None],
 ) -> list[Noise | None]:
-    """Each recording's noise: its own, as `measured_noise` has it, a repeat being that of the
-    recording whose drive it has; where it shows none, what another of the same rate has shown of
-    the sensor, the longest; else the sensor's specification, or what another showed in its stead.
-    None where there is nothing of this; then only the residual of a fit is left.
+    """The noise of each recording.
 
-    Raises InputError for a repeat of none of them.
+    It is the recording's own (`measured_noise`, with the repeat that has its drive).  Otherwise it
+    is that of another recording at the same sampling rate, the one with most independent samples.
+    Otherwise it is white, of the sensor's `specification` [response unit, rms], or of the level
+    that another recording showed.  None where there is none of these; then only the residual of a
+    fit remains.
+
+    Raises InputError for a repeat whose drive is that of no recording.
     """
-    strangers = (r for r in repeats if not any(_repeats(r, each) for each in recordings))
-    if stranger := next(strangers, None):
-        raise _no_repeat(stranger, recordings)
+    unrelated = (r for r in repeats if not any(_has_same_drive(r, each) for each in recordings))
+    if other := next(unrelated, None):
+        raise _repeat_error(other, recordings)
     own = [
-        measured_noise(each, next((r for r in repeats if _repeats(r, each)), None), some)
-        for each, some in zip(recordings, counts, strict=True)
+        measured_noise(
+            each, next((r for r in repeats if _has_same_drive(r, each)), None), its_counts
+        )
+        for each, its_counts in zip(recordings, counts, strict=True)
     ]
     pairs = zip(own, recordings, strict=True)
-    shown = sorted(((n, r.rate) for n, r in pairs if n), key=lambda pair: -pair[0].effective)
+    measured = sorted(((n, r.rate) for n, r in pairs if n), key=lambda pair: -pair[0].effective)
     return [
-        noise or _shown_elsewhere(recording, shown, specification)
+        noise or _measured_elsewhere(recording, measured, specification)
         for noise, recording in zip(own, recordings, strict=True)
     ]
 
 
-def _shown_elsewhere(
-    recording: Recording, shown: Sequence[tuple[Noise, float]], specification: float | None
+def _measured_elsewhere(
+    recording: Recording, measured: Sequence[tuple[Noise, float]], specification: float | None
 ) -> Noise | None:
-    """The noise of a recording that shows none, by what others have shown, each with its rate."""
-    for noise, rate in shown:
+    """The noise of a recording that shows none itself, from the noises of others.
+
+    `measured` holds each noise with its recording's sampling rate [Hz].
+    """
+    for noise, rate in measured:
         if np.isclose(rate, recording.rate, rtol=_SAME_RATE):
-            # Its course is that of the recording which it was read from.
+            # The profile over time belongs to the recording that it was read from.
             return replace(noise, course=NONE)
-    # At another rate it has another colour.
-    sigma = specification or next((noise.sigma for noise, _ in shown), None)
+    # At another sampling rate the colour is different.
+    sigma = specification or next((noise.sigma for noise, _ in measured), None)
     return None if sigma is None else _specified(sigma, recording.response_unit)
 
 
 def _specified(sigma: float, unit: str) -> Noise:
+    """White noise of a specified level [unit, rms]."""
     white = Noise(sigma, unit, "specification", np.ones(1), sigma)
     return replace(white, is_leftover=True)
 
 
-def _repeats(again: Recording, recording: Recording) -> bool:
-    """Whether one recording has the drive of another."""
-    near = 1e-2 * np.ptp(recording.drive)
-    return len(again) == len(recording) and np.allclose(again.drive, recording.drive, atol=near)
+def _has_same_drive(other: Recording, recording: Recording) -> bool:
+    """Whether a recording has the drive of another, to 1 % of its range."""
+    tolerance = 1e-2 * np.ptp(recording.drive)
+    return len(other) == len(recording) and np.allclose(
+        other.drive, recording.drive, atol=tolerance
+    )
 
 
-def _no_repeat(repeat: Recording, recordings: Sequence[Recording]) -> InputError:
+def _repeat_error(repeat: Recording, recordings: Sequence[Recording]) -> InputError:
+    """The error of a repeat whose drive is that of none of the recordings."""
     named = " or ".join(f"{each.source} ({len(each)} samples)" for each in recordings)
     return InputError(
         f"{repeat.source}: expected a repeat with the drive of {named}, found another drive "
@@ -220,42 +249,52 @@ def _no_repeat(repeat: Recording, recordings: Sequence[Recording]) -> InputError
 def read_from_residual(
     noise: Noise | None, residual: np.ndarray, used: np.ndarray, recording: Recording
 ) -> Noise:
-    """The noise in what a fit left over (N,), where samples are `used`; of one that is specified
-    only the colour, for its size is told, and that where little else is in it."""
-    found = residual_noise(residual, used, recording)
-    return found if noise is None or noise.method != "specification" else noise.coloured_as(found)
+    """The noise in the residual (N,) of a fit, where samples are `used`.
+
+    The level of a specified noise is kept.  Only its colour is read, and only where the residual
+    holds little else.
+    """
+    estimate = residual_noise(residual, used, recording)
+    return (
+        estimate
+        if noise is None or noise.method != "specification"
+        else noise.coloured_as(estimate)
+    )
 
 
 def residual_noise(residual: np.ndarray, used: np.ndarray, recording: Recording) -> Noise:
-    """The noise in what a fit left over (N,), where samples are `used`.
+    """The noise in the residual (N,) of a fit, where samples are `used`.
 
-    Of a drive that is given twice, half the difference of both times: what repeats is mismatch, and
-    what the memory of the start makes of the first time is in the fit.  Otherwise all of it,
-    mismatch and all: the last resort.
+    If the drive occurs twice, the noise is the difference of both times divided by √2: what repeats
+    is mismatch, and the fit describes what the start adds to the first time.  Otherwise, as the
+    last resort, the whole residual counts as noise, mismatch included.
     """
-    period = given_twice(recording.drive)
+    period = repetition_lag(recording.drive)
     if period is not None and used.all():
-        # Of three times only two: what two differences share would be a comb in their spectrum.
-        again = residual[period : 2 * period]
-        difference = (again - residual[: again.size]) / np.sqrt(2)
+        # Only the first two of several times: differences that share noise have a comb as spectrum.
+        second = residual[period : 2 * period]
+        difference = (second - residual[: second.size]) / np.sqrt(2)
         stretch = Stretch.without_relaxation(difference, 0)
         noise = noise_in([stretch], recording.response_unit, "repeats")
     else:
-        left = residual[used] - residual[used].mean()
-        noise = noise_in([Stretch.untouched(left, 0)], recording.response_unit, "residual")
+        centred = residual[used] - residual[used].mean()
+        noise = noise_in([Stretch.untouched(centred, 0)], recording.response_unit, "residual")
     return replace(noise, is_leftover=True)
 
 
-def given_twice(drive: np.ndarray) -> int | None:
-    """After how many samples a drive (N,) comes a second time: at least a third of it, to 0.2 % of
-    its deviation and moving as much as the whole; None where it does not."""
-    moved = drive - drive.mean()
-    spread, size = moved.std(), drive.size
+def repetition_lag(drive: np.ndarray) -> int | None:
+    """The number of samples after which a drive (N,) repeats, None where it does not.
+
+    At least a third of the drive must repeat, to 0.2 % of the drive's standard deviation, and the
+    repeated part must vary at least half as much as the whole.
+    """
+    centred = drive - drive.mean()
+    spread, size = centred.std(), drive.size
     lags = np.arange(size // 3, size - size // 3)
-    squares = np.concatenate([[0.0], np.cumsum(moved**2)])
-    products = fftconvolve(moved, moved[::-1])[size - 1 :]
+    squares = np.concatenate([[0.0], np.cumsum(centred**2)])
+    products = fftconvolve(centred, centred[::-1])[size - 1 :]
     differ = squares[size - lags] + squares[-1] - squares[lags] - 2 * products[lags]
     best = int(lags[np.argmin(differ / (size - lags))])
-    again, once = drive[best:], drive[: size - best]
-    same = np.sqrt(np.mean((again - once) ** 2)) <= _SAME * spread
-    return best if same and once.std() > 0.5 * spread else None
+    second, first = drive[best:], drive[: size - best]
+    same = np.sqrt(np.mean((second - first) ** 2)) <= _SAME_DRIVE * spread
+    return best if same and first.std() > 0.5 * spread else None

@@ -1,4 +1,4 @@
-"""What is assumed about recordings before they are fitted: history, memory, noise, grid."""
+"""The assumptions about recordings before they are fitted: history, settling, noise, grid."""
 
 from __future__ import annotations
 
@@ -14,28 +14,45 @@ from .._operators import History
 from .._recording import MINIMUM_SAMPLES, InputError, Recording, parse_quantity
 from ._conditions import PLAIN, Conditions
 from ._noise import Noise
-from ._noise_sources import given_twice
+from ._noise_sources import repetition_lag
 from ._problem import Problem, make_problem
 from ._setting import moving, setting_of, top_frequency
 
-Past = History | Literal["estimated"]
-_STEADY_FROM = 8
-_STEADY, _DRIFTING = 1.5, 2.0
-_LEAST_BASELINE, _BASELINE_ERROR, _BASELINE_SHARE = 20, 0.1, 0.1
+HistoryOption = History | Literal["estimated"]
+_MANY_PERIODS = 8
+"""From this many periods on the first can be spared for settling.  Chosen by judgement."""
+_STEADY = 1.5
+"""Largest rms of the first change or oscillation, over the median of all, in steady cycles.  Chosen
+by judgement."""
+_STEADY_WITH_DRIFT = 2.0
+"""The same for changes that include the drift of the noise, which is allowed more."""
+_LEAST_BASELINE = 20
+"""Fewest samples from which a zero is read."""
+_BASELINE_ERROR = 0.1
+"""Standard error of that zero, as a share of the noise: it raises a held-out error by 0.5 %."""
+_BASELINE_SHARE = 0.1
+"""Largest share of the recording that is spent on it.  Chosen by judgement."""
 
 
 @dataclass(frozen=True)
 class Take:
-    """One recording with its history, the samples that count and its noise, as yet perhaps unknown.
+    """One recording with its history, the samples that count, and its noise.
 
-    `settling`: the first samples, whose memory is unknown; they do not count.  The history
-    "estimated" is the constant one plus what another drive before t = 0 would still add.
-    `weights` (N,) are those that were given, of the squared residual; `trust` (N,) those that a
-    robust loss gives it.  `jumps` are the samples from which on the response may be displaced.
+    Attributes:
+        recording: drive and response.
+        history: the drive before t = 0; "estimated" is the constant one, plus the fitted effect of
+            another drive before t = 0.
+        settling: the number of first samples that do not count, because their prior history is
+            unknown.
+        used: (N,) whether a sample counts.
+        noise: the noise of the response, None where it is not yet known.
+        weights: (N,) weights of the squared residual from the call, dimensionless.
+        trust: (N,) weights of the squared residual from a robust loss, dimensionless.
+        jumps: samples from which on the response may be displaced.
     """
 
     recording: Recording
-    history: Past
+    history: HistoryOption
     settling: int
     used: np.ndarray
     noise: Noise | None
@@ -45,36 +62,49 @@ class Take:
 
     @cached_property
     def period(self) -> int | None:
-        """After how many samples the drive comes again: in repeats, or as the recording's second
-        half; None where it does not."""
+        """The number of samples after which the drive repeats, None where it does not.
+
+        The drive repeats periodically, or the recording's second half repeats the first.
+        """
         repeats = self.recording.drive_period()
         if repeats is not None:
             return repeats.period
-        again = given_twice(self.recording.drive)
-        return again if again is not None and 2 * again == len(self.recording) else None
+        lag = repetition_lag(self.recording.drive)
+        return lag if lag is not None and 2 * lag == len(self.recording) else None
 
     @property
     def roots(self) -> np.ndarray | None:
-        """What multiplies the whitened residual (N,): the square roots of all weights, and one over
-        the size of a noise that varies; None where there is neither."""
-        given = [np.sqrt(w) for w in (self.weights, self.trust) if w is not None]
-        size = None if self.noise is None else self.noise.size_at(len(self.recording))
-        if size is not None:
-            given.append(1 / size)
-        return np.prod(given, axis=0) if given else None
+        """The factors (N,) of the whitened residual, None where all are 1.
+
+        They are the square roots of all weights, divided by the relative level of a noise that
+        varies.
+        """
+        factors = [np.sqrt(w) for w in (self.weights, self.trust) if w is not None]
+        level = None if self.noise is None else self.noise.size_at(len(self.recording))
+        if level is not None:
+            factors.append(1 / level)
+        return np.prod(factors, axis=0) if factors else None
 
     @property
     def baseline(self) -> slice:
-        """The first samples, from which a prediction's zero is read: to a tenth of the noise, if a
-        tenth of the recording is as long as that takes."""
+        """The first samples, from which the zero of a prediction is read.
+
+        They are enough to know it to a tenth of the noise, but at most a tenth of the recording.
+        """
         enough = 0.0 if self.noise is None else self.noise.samples_to_average(_BASELINE_ERROR)
-        known = int(min(enough, _BASELINE_SHARE * len(self.recording)))
-        return slice(0, max(self.settling, _LEAST_BASELINE, known))
+        samples = int(min(enough, _BASELINE_SHARE * len(self.recording)))
+        return slice(0, max(self.settling, _LEAST_BASELINE, samples))
 
 
 @dataclass(frozen=True)
 class Preparation:
-    """Recordings made ready to be fitted together, and what is asked of their parameters."""
+    """Recordings prepared to be fitted together, and the conditions on the parameters.
+
+    Attributes:
+        takes: the recordings with their assumptions.
+        oversampling: steps of the simulation per sample.
+        conditions: ties, own parameters and priors.
+    """
 
     takes: tuple[Take, ...]
     oversampling: int
@@ -82,25 +112,27 @@ class Preparation:
 
     @property
     def setting(self) -> Setting:
+        """The magnitudes that the recordings suggest: spans, rates, frequencies."""
         return setting_of([take.recording for take in self.takes])
 
     def problems(self, oversampling: int | None = None) -> tuple[Problem, ...]:
-        """One problem per recording, on its own grid or on another."""
+        """One problem per recording, on this grid or with another oversampling."""
         if oversampling is None or oversampling == self.oversampling:
-            return self._own
-        return self._on(oversampling)
+            return self._default_problems
+        return self._problems_at(oversampling)
 
     @cached_property
-    def _own(self) -> tuple[Problem, ...]:
-        """Made once: a fit asks for them at every stage."""
-        return self._on(self.oversampling)
+    def _default_problems(self) -> tuple[Problem, ...]:
+        """The problems on this grid, made once because every stage of a fit uses them."""
+        return self._problems_at(self.oversampling)
 
-    def _on(self, oversampling: int) -> tuple[Problem, ...]:
+    def _problems_at(self, oversampling: int) -> tuple[Problem, ...]:
+        """The problems with this many steps per sample."""
         return tuple(
             make_problem(
                 take.recording,
                 history="constant" if take.history == "estimated" else take.history,
-                past=take.history == "estimated",
+                prior_history=take.history == "estimated",
                 oversampling=oversampling,
                 used=take.used,
                 whitening=np.ones(1) if take.noise is None else take.noise.whitening,
@@ -111,34 +143,38 @@ class Preparation:
         )
 
     def with_noises(self, noises: Sequence[Noise]) -> Preparation:
+        """The same with another noise for each recording."""
         return self._with("noise", noises)
 
     def with_trust(self, trust: Sequence[np.ndarray | None]) -> Preparation:
+        """The same with another `trust` (N,) for each recording."""
         return self._with("trust", trust)
 
     def with_jumps(self, jumps: Sequence[tuple[int, ...]]) -> Preparation:
+        """The same with other jumps for each recording."""
         return self._with("jumps", jumps)
 
     def _with(self, field: str, values: Sequence[Any]) -> Preparation:
-        """One value of a take's field for each."""
+        """The same with one value per recording for a field of its take."""
         takes = zip(self.takes, values, strict=True)
         return replace(self, takes=tuple(replace(take, **{field: v}) for take, v in takes))
 
     def with_oversampling(self, oversampling: int) -> Preparation:
+        """The same with another number of steps per sample."""
         return replace(self, oversampling=oversampling)
 
 
 def settling_samples(settling: str, recording: Recording) -> int:
     """A settling time such as "1 s" in samples of the recording.
 
-    Raises InputError where too few samples, or none, would be left.
+    Raises InputError where too few samples would remain.
     """
     where = f"{recording.source}, --settle"
     samples = round(parse_quantity(settling, "s", where) / recording.dt)
-    most = len(recording) - MINIMUM_SAMPLES
-    if not 0 <= samples <= most:
+    largest = len(recording) - MINIMUM_SAMPLES
+    if not 0 <= samples <= largest:
         raise InputError.at(
-            where, f"a time from 0 to {most * recording.dt:.4g} s", f'"{settling}"', "shorten it"
+            where, f"a time from 0 to {largest * recording.dt:.4g} s", f'"{settling}"', "shorten it"
         )
     return samples
 
@@ -146,58 +182,62 @@ def settling_samples(settling: str, recording: Recording) -> int:
 def take_of(
     recording: Recording,
     noise: Noise | None,
-    history: Past | None,
+    history: HistoryOption | None,
     settling: int | None,
     weights: np.ndarray | None = None,
 ) -> Take:
-    """A recording under the given history (`constant` where none is given).
+    """A recording with the given history, "constant" where none is given.
 
-    `periodic` cuts it to whole periods, or takes all of it for one whose drive ends where it began.
-    Of a drive with many periods the first does not count, unless `settling` [samples] says
-    otherwise; nor do samples of weight 0.
+    "periodic" cuts the recording to whole periods, or keeps all of it where the drive ends where it
+    began.  If the drive has many periods, the first period does not count unless `settling`
+    [samples] says otherwise.  Samples of weight 0 do not count either.
     """
     repeats = recording.drive_period()
     if history == "periodic":
         if repeats is not None and repeats.start < repeats.period:
-            whole = repeats.whole
-        elif _closes(recording.drive):
-            whole = len(recording)
+            samples = repeats.whole
+        elif _ends_where_it_began(recording.drive):
+            samples = len(recording)
         else:
             raise InputError(
                 f"{recording.source}: expected a drive that repeats from the start, or one period "
                 'that ends where it began, for the history "periodic", found neither; choose '
                 '"constant" or "rest"'
             )
-        return _steady_take(recording, whole, noise, weights)
+        return _steady_take(recording, samples, noise, weights)
     if settling is None:
-        many = repeats is not None and repeats.stop - repeats.start >= _STEADY_FROM * repeats.period
-        moving = repeats is not None and repeats.start < repeats.period
-        settling = repeats.period if repeats is not None and many and moving else 0
+        repeats_often = (
+            repeats is not None and repeats.stop - repeats.start >= _MANY_PERIODS * repeats.period
+        )
+        from_start = repeats is not None and repeats.start < repeats.period
+        settling = repeats.period if repeats is not None and repeats_often and from_start else 0
     used = np.arange(len(recording)) >= settling
     if weights is not None:
         used &= weights > 0
     return Take(recording, history or "constant", settling, used, noise, weights)
 
 
-def _closes(signal: np.ndarray) -> bool:
-    """Whether the last of (N,) leads to the first as one leads to the next."""
+def _ends_where_it_began(signal: np.ndarray) -> bool:
+    """Whether the step from a signal's (N,) last sample to its first is at most its largest
+    step.
+    """
     return bool(abs(signal[0] - signal[-1]) <= np.abs(np.diff(signal)).max())
 
 
 def _steady_take(
-    recording: Recording, whole: int, noise: Noise | None, weights: np.ndarray | None
+    recording: Recording, samples: int, noise: Noise | None, weights: np.ndarray | None
 ) -> Take:
-    """The first `whole` samples, as steady cycles."""
-    weights = None if weights is None else weights[:whole]
-    used = np.ones(whole, bool) if weights is None else weights > 0
-    return Take(recording.window(0, whole), "periodic", 0, used, noise, weights)
+    """The first `samples` samples, as steady cycles."""
+    weights = None if weights is None else weights[:samples]
+    used = np.ones(samples, bool) if weights is None else weights > 0
+    return Take(recording.window(0, samples), "periodic", 0, used, noise, weights)
 
 
-def other_histories(take: Take) -> Take | None:
-    """The other way the recording may have begun, for the fit to choose between; None if clear.
+def alternative_history(take: Take) -> Take | None:
+    """The recording with the other possible history, None where there is none; the fit chooses.
 
-    It may have run before (`steady_of`); a drive that jumps to its first value may have been
-    switched on with it (`rest`).
+    The recording may show steady cycles (`steady_of`).  A drive that jumps to its first value may
+    have been switched on at that moment (`rest`).
     """
     if take.history != "constant":
         return None
@@ -211,22 +251,28 @@ def other_histories(take: Take) -> Take | None:
 
 
 def steady_of(take: Take) -> Take | None:
-    """The recording as steady cycles (`periodic`), where it may be some.
+    """The recording as steady cycles (`periodic`), None where it cannot be.
 
-    Its drive repeats from the first sample on, and the first period of the response is like the
-    second; or it is one period, or two that are alike, that begin in motion and end, drive and
-    response, where they began.
+    Either the drive repeats from the first sample on and the first period of the response is like
+    the second.  Or the recording is one period, or two that are alike, which begins in motion and
+    whose drive and response end where they began.
     """
     recording = take.recording
     repeats = recording.drive_period()
     if repeats is None:
-        closed = _closes(recording.drive) and _closes(recording.response)
+        closed = _ends_where_it_began(recording.drive) and _ends_where_it_began(recording.response)
         steady = closed and (take.period is None or _is_steady(recording, take.period))
-        whole = len(recording) if steady and begins_in_motion(recording) else 0
+        steady_samples = len(recording) if steady and begins_in_motion(recording) else 0
     else:
-        kept = repeats.start == 0 and repeats.stop > 0.8 * len(recording)
-        whole = repeats.whole if kept and _is_steady(recording, repeats.period) else 0
-    return _steady_take(recording, whole, take.noise, take.weights) if whole else None
+        repeats_throughout = repeats.start == 0 and repeats.stop > 0.8 * len(recording)
+        steady_samples = (
+            repeats.whole if repeats_throughout and _is_steady(recording, repeats.period) else 0
+        )
+    return (
+        _steady_take(recording, steady_samples, take.noise, take.weights)
+        if steady_samples
+        else None
+    )
 
 
 def begins_in_motion(recording: Recording) -> bool:
@@ -236,25 +282,30 @@ def begins_in_motion(recording: Recording) -> bool:
 
 
 def _is_steady(recording: Recording, period: int) -> bool:
-    """Whether the first period of the response is like the second: as far as the later ones are,
-    or, of two, at its beginning as far as later on."""
+    """Whether the first period of the response is like the second.
+
+    Of more than two periods, the first may differ from the second as much as the later ones from
+    one another.  Of two, they may differ at the beginning as much as later on.
+    """
     count = len(recording) // period
     changes = np.diff(recording.response[: count * period].reshape(count, period), axis=0)
     if count > 2:
-        return _begins_like_the_rest(changes, _STEADY)
-    # A start rings, or creeps; so does noise that drifts, which is given more.
+        return _starts_like_the_others(changes, _STEADY)
+    # A start from rest oscillates or creeps.  Drifting noise creeps too, hence the larger ratio.
     eighths = changes[0, : period // 8 * 8].reshape(8, -1)
-    rings = np.diff(eighths, axis=1)
-    return _begins_like_the_rest(rings, _STEADY) and _begins_like_the_rest(eighths, _DRIFTING)
+    oscillation = np.diff(eighths, axis=1)
+    return _starts_like_the_others(oscillation, _STEADY) and _starts_like_the_others(
+        eighths, _STEADY_WITH_DRIFT
+    )
 
 
-def _begins_like_the_rest(parts: np.ndarray, most: float) -> bool:
-    """Whether the first of the parts (n, L) is at most so many times as large as the median."""
-    sizes = np.sqrt(np.mean(parts**2, axis=1))
-    return bool(sizes[0] <= most * np.median(sizes))
+def _starts_like_the_others(parts: np.ndarray, largest_ratio: float) -> bool:
+    """Whether the rms of the first of the parts (n, L) is at most this multiple of the median."""
+    levels = np.sqrt(np.mean(parts**2, axis=1))
+    return bool(levels[0] <= largest_ratio * np.median(levels))
 
 
 def coarse_oversampling(recordings: list[Recording]) -> int:
-    """A first grid: at least 16 samples per period of the fastest drive."""
+    """The oversampling of the first grid: at least 16 samples per period of the fastest drive."""
     samples = min(1 / (top_frequency(r) * r.dt) for r in moving(recordings))
     return int(np.clip(2 ** np.ceil(np.log2(max(16 / samples, 1))), 1, 8))

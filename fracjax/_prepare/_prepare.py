@@ -1,4 +1,4 @@
-"""Recordings made ready for a fit, as a call asks for them."""
+"""Recordings prepared for a fit according to the options of a call."""
 
 from __future__ import annotations
 
@@ -8,12 +8,12 @@ from typing import Unpack
 from .._blocks import AbstractBlock
 from .._models import Model
 from .._recording import InputError, Recording, require_units_of
-from ._border import past_of, settling_of, sigma_of
+from ._border import history_of, settling_of, sigma_of
 from ._conditions import PLAIN, Conditions
-from ._keywords import OfParameters, conditioned
+from ._keywords import ParameterOptions, apply_options
 from ._noise import Noise
 from ._noise_sources import measured_noises
-from ._preparation import Past, Preparation, coarse_oversampling, take_of
+from ._preparation import HistoryOption, Preparation, coarse_oversampling, take_of
 from ._weights import Mask, Weights, weights_of
 
 
@@ -23,18 +23,21 @@ def prepare(
     noise: Noise | None = None,
     repeats: Sequence[Recording] = (),
     specification: float | str | None = None,
-    history: Past | None = None,
+    history: HistoryOption | None = None,
     settling: int | str | None = None,
     weights: Weights = None,
     mask: Mask = (),
     conditions: Conditions = PLAIN,
 ) -> Preparation:
-    """Decide noise, history, settling and grid for recordings that are to be fitted together."""
+    """Decide noise, history, settling and grid of recordings that are fitted together.
+
+    Raises InputError where an argument does not fit.
+    """
     if not recordings:
         raise InputError("expected at least one recording, found none; give one")
     for other in recordings[1:]:
         require_units_of(recordings[0], other)
-    past_of(history)
+    history_of(history)
     sigma = sigma_of(specification, recordings[0].response_unit)
     counts = weights_of(recordings, weights, mask)
     noises = [noise] * len(recordings)
@@ -47,19 +50,22 @@ def prepare(
     return Preparation(takes, coarse_oversampling(list(recordings)), conditions)
 
 
-def ready(
+def prepare_fit(
     model: Model,
     recordings: Sequence[Recording],
     *,
     noise: Noise | float | str | None = None,
-    history: Past | None = None,
+    history: HistoryOption | None = None,
     settling: int | str | None = None,
     weights: Weights = None,
     mask: Mask = (),
-    **asked: Unpack[OfParameters],
+    **options: Unpack[ParameterOptions],
 ) -> tuple[AbstractBlock, Preparation]:
-    """The block and the recordings as a call asks for them.  Raises InputError."""
-    block, conditions = conditioned(model, **asked)
+    """The block and the recordings, prepared according to the options of a call.
+
+    Raises InputError where an option does not fit.
+    """
+    block, conditions = apply_options(model, **options)
     return block, prepare(
         recordings,
         noise=noise if isinstance(noise, Noise) else None,

@@ -1,4 +1,4 @@
-"""A recording made ready for fitting: fine grid, history, padding, weights, whitening."""
+"""A recording prepared for fitting: fine grid, history, padding, weights, whitening."""
 
 from __future__ import annotations
 
@@ -17,12 +17,19 @@ from .._operators import Grid, History, ahead, refine
 from .._recording import Recording
 
 _FILTER_TAPS = 13
+"""Length of every whitening filter, for one compiled program: an autoregression of order 12."""
 _DECAYS_PER_DECADE = 2
+"""Exponentials per decade of decay times.  Chosen by judgement."""
 
 
 class AbstractProblem(eqx.Module):
-    """What a recording asks of a block, in samples or in other rows whose inner products tell as
-    much: response (L,), own terms (L, q), and the noise's whitening filter (taps,)."""
+    """The data of a fit to one recording, in samples or in other rows with the same inner products.
+
+    Attributes:
+        response: (L,) in the response's unit.
+        own: (L, q) terms that only this recording has.
+        whitening: (taps,) the noise's whitening filter.
+    """
 
     __getattribute__ = object.__getattribute__  # as in a block
 
@@ -33,7 +40,7 @@ class AbstractProblem(eqx.Module):
     @property
     @abc.abstractmethod
     def count(self) -> Any:
-        """How many samples count."""
+        """The number of samples that count."""
 
     @abc.abstractmethod
     def simulate(self, block: AbstractBlock) -> Any:
@@ -41,17 +48,24 @@ class AbstractProblem(eqx.Module):
 
     @abc.abstractmethod
     def whiten(self, signals: Any) -> Any:
-        """Signals (L, …) through the whitening filter, unit variance where they count."""
+        """Signals (L, …) after the whitening filter, of unit variance where they count."""
 
 
 class Problem(AbstractProblem):
     """One recording on the block's grid.
 
-    drive (M,) on the fine grid, response (L,) and weights (L,) on the recording's own, padded to
-    a common length L so that recordings of similar length share one compiled program; whitening
-    (taps,) the noise's whitening filter, zero-padded.  Weight 0 leaves a sample out.  `own` (L, q)
-    are the terms that only this recording has: a constant, what an unknown past still adds, and
-    steps where it may have jumped.
+    Recordings are padded to a common length L, so that recordings of similar length share one
+    compiled program.
+
+    Attributes:
+        drive: (M,) on the fine grid, in the drive's unit.
+        response: (L,) at the recording's samples, in its unit.
+        weights: (L,) factors of the whitened residual, 0 for a sample that does not count.
+        whitening: (taps,) the noise's whitening filter, zero-padded.
+        own: (L, q) terms that only this recording has: a constant, the effect of an unknown prior
+            history, and steps where it may have jumped.
+        grid: step [s] and history of the simulation.
+        oversampling: steps per sample.
     """
 
     drive: np.ndarray | Array
@@ -64,6 +78,7 @@ class Problem(AbstractProblem):
 
     @property
     def count(self) -> Any:
+        """The number of samples that count."""
         return self.weights.sum()
 
     def simulate(self, block: AbstractBlock) -> Array:
@@ -101,7 +116,7 @@ class Problem(AbstractProblem):
 
 
 def bucket(samples: int) -> int:
-    """The next of the lengths 2^k · {1, 1.25, 1.5, 1.75}."""
+    """The smallest length of the form 2^k · {1, 1.25, 1.5, 1.75} that holds this many samples."""
     power = 2 ** int(np.floor(np.log2(samples)))
     return int(next(power * q // 4 for q in (4, 5, 6, 7, 8) if power * q // 4 >= samples))
 
@@ -113,26 +128,30 @@ def make_problem(
     oversampling: int,
     used: np.ndarray,
     whitening: np.ndarray,
-    past: bool,
+    prior_history: bool,
     weights: np.ndarray | None = None,
     jumps: Sequence[int] = (),
 ) -> Problem:
-    """Assemble a problem; `used` (N,) is true where a sample counts, `past` fits a prehistory and
-    `jumps` a step at each of these samples; `weights` (N,) multiply the whitened residual."""
+    """The problem of a recording.
+
+    `used` (N,) is true where a sample counts, and `weights` (N,) multiply the whitened residual.
+    With `prior_history` the effect of an unknown drive before t = 0 is fitted, and with `jumps` a
+    step at each of these samples.
+    """
     samples = len(recording)
     drive, response = recording.drive, recording.response
     taps = np.zeros(_FILTER_TAPS)
     taps[: whitening.size] = whitening
     # A whitened sample mixes its predecessors: it counts only if all of them do.
     support = np.ones(whitening.size)
-    left_out = np.asarray(lfilter(support, 1.0, np.where(used, 0.0, 1.0)))
-    counts = (left_out < 0.5).astype(float)
-    counts[: whitening.size - 1] = 0.0
-    weights = counts if weights is None else counts * weights
+    uncounted = np.asarray(lfilter(support, 1.0, np.where(used, 0.0, 1.0)))
+    counted = (uncounted < 0.5).astype(float)
+    counted[: whitening.size - 1] = 0.0
+    weights = counted if weights is None else counted * weights
     length = samples if history == "periodic" else bucket(samples)
     fine = refine(drive, oversampling, history)
     if history != "periodic":
-        fine = _padded(fine, (length - samples) * oversampling)
+        fine = _extended(fine, (length - samples) * oversampling)
     padding = (0, length - samples)
     steps = np.arange(length)[:, None] >= np.array(jumps, dtype=int)
     return Problem(
@@ -140,29 +159,34 @@ def make_problem(
         response=np.pad(response, padding, mode="edge"),
         weights=np.pad(weights, padding),
         whitening=taps,
-        own=np.concatenate([own_terms(length, samples if past else 0), steps], axis=1),
+        own=np.concatenate([own_terms(length, samples if prior_history else 0), steps], axis=1),
         grid=Grid(np.asarray(recording.dt / oversampling), history),
         oversampling=oversampling,
     )
 
 
-def _padded(drive: np.ndarray, count: int) -> np.ndarray:
-    """A drive and `count` samples more, the first two such that the rate at the drive's last sample
-    is what it would be without them."""
+def _extended(drive: np.ndarray, count: int) -> np.ndarray:
+    """A drive (M,) with `count` more samples.
+
+    The first two are chosen so that the rate at the drive's last sample is the same as without
+    them.
+    """
     if not count:
         return drive
     longer = np.concatenate([drive, ahead(drive)])[: drive.size + count]
-    left = (0, drive.size + count - longer.size)
-    return np.pad(longer, left, mode="reflect", reflect_type="odd")
+    padding = (0, drive.size + count - longer.size)
+    return np.pad(longer, padding, mode="reflect", reflect_type="odd")
 
 
 def own_terms(length: int, remembered: int) -> np.ndarray:
     """Columns (length, q): a constant, and exponentials that decay over 1 … `remembered` samples.
 
-    What a drive before t = 0 still adds to the response of a law with its singularities on the
-    negative real axis (powers, lags, creep) is ∫ e^(-λt) dμ(λ), whatever that drive was (the
-    diffusive representation, Montseny, ESAIM Proc. 5 (1998) 159): a few λ per decade span it.
-    A mode that still rings is not among them, nor a memory multiplied by the rate (FOH's k_p).
+    The effect of a drive before t = 0 on the response of a block with its singularities on the
+    negative real axis (powers, lags, creep) is ∫ e^(-λt) dμ(λ), whatever that drive was: a few λ
+    per decade span it.  A mode that still oscillates is not among them, nor a memory multiplied by
+    the rate (FOH's k_p).
+
+    Source: diffusive representation, Montseny, ESAIM Proc. 5 (1998) 159.
     """
     decades = np.log10(max(remembered, 1))
     rates = np.logspace(0, -decades, round(_DECAYS_PER_DECADE * decades))

@@ -1,4 +1,4 @@
-"""What recordings say about the size of things: spans, rates, frequencies, resolution."""
+"""The magnitudes that recordings suggest: spans, rates, frequencies, resolution."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ _REST = 1e-2
 
 
 def setting_of(recordings: list[Recording]) -> Setting:
-    """What the recordings say about the size of things."""
+    """The magnitudes that the recordings suggest.  Raises InputError where no drive varies."""
     driven = moving(recordings)
     return Setting(
         drive_low=float(min(r.drive.min() for r in recordings)),
@@ -31,8 +31,11 @@ def setting_of(recordings: list[Recording]) -> Setting:
 
 
 def moving(recordings: Sequence[Recording]) -> list[Recording]:
-    """Those that are no rest beside the others, whose drive, if it is measured, is noise.  Raises
-    InputError where all are."""
+    """The recordings whose drive varies.
+
+    Next to them a recording whose drive spans less than 1 % of the widest is a rest, whose measured
+    drive is noise.  Raises InputError where no drive varies.
+    """
     spans = [np.ptp(recording.drive) for recording in recordings]
     if not any(spans):
         varying(recordings[0].drive, f"{recordings[0].source}, drive")
@@ -40,11 +43,12 @@ def moving(recordings: Sequence[Recording]) -> list[Recording]:
 
 
 def resolution(response: np.ndarray) -> float:
-    """The step of the grid that all values of a response (N,) lie on, 0 where there is none.
+    """The step [response unit] of the grid of a response's (N,) values, 0 where there is none.
 
-    Neighbouring values must be whole steps apart, to a tenth of a step, and the smallest gap one
-    step: a converter's codes that were scaled and rounded to a few digits still pass, and noise of
-    many digits does not, nor do codes so fine that none has its neighbour in the recording.
+    Neighbouring values must be whole steps apart, to a tenth of a step, and the smallest gap must
+    be one step.  A converter's codes that were scaled and rounded to a few digits still qualify.
+    Noise of many digits does not, nor do codes so fine that no code has its neighbour in the
+    recording.
     """
     gaps = np.diff(np.unique(response))
     gaps = gaps[gaps > 1e-9 * np.ptp(response)]  # equal but for rounding in the last place

@@ -1,4 +1,4 @@
-"""A tone in what was taken for noise: interference or a vibration that no drive causes."""
+"""A tone in what counts as noise: interference, or a vibration that the drive does not cause."""
 
 from __future__ import annotations
 
@@ -9,16 +9,24 @@ import numpy as np
 from scipy.ndimage import median_filter
 from scipy.stats import gamma
 
-_SURELY = 1e-7
-_WORTH_TELLING = 0.2
+_SIGNIFICANT = 1e-7
+"""Largest p-value of a tone, all frequencies counted.  Chosen by judgement."""
+_LEAST_SHARE = 0.2
+"""Least rms of a tone that is reported, as a share of the noise's.  Chosen by judgement."""
 _SLOWEST = 6.0
-"""Periods within the longest stretch: what is slower is drift."""
+"""Fewest periods within the longest stretch: what is slower is drift."""
 _LEAST_NEIGHBOURS = 8
+"""Fewest frequencies on either side that a frequency is compared with.  Chosen by judgement."""
 
 
 @dataclass(frozen=True)
 class Tone:
-    """About at `frequency` [1/sample], of about `rms` in the response's unit."""
+    """A tone.
+
+    Attributes:
+        frequency: [1/sample].
+        rms: in the response's unit.
+    """
 
     frequency: float
     rms: float
@@ -27,31 +35,36 @@ class Tone:
 def tone_in(
     whitened: Sequence[np.ndarray], taps: np.ndarray, sigma: float, shared: float
 ) -> Tone | None:
-    """The strongest tone of whitened stretches (n,), `taps` being the filter that whitened them;
-    None where noise might well show as much, or it is less than a fifth of the noise's `sigma`.
+    """The strongest tone of whitened stretches (n,), None where none is significant.
 
-    By the periodogram of all stretches together (Fisher, Proc. R. Soc. A 125, 1929): noise gives
-    each frequency a gamma distribution.  `shared`: how many samples hold the same noise.
+    `taps` (p+1,) is the filter that whitened them.  A tone is None where noise alone shows as much
+    with a chance above `_SIGNIFICANT`, or where it is less than a fifth of the noise's `sigma`.
+    `shared` says how many samples hold the same noise.
+
+    The test uses the periodogram of all stretches together, in which noise gives each frequency a
+    gamma distribution.
+
+    Source: Fisher, Proc. R. Soc. A 125 (1929) 54.
     """
     sizes = np.array([w.size for w in whitened])
     longest = 2 * int(sizes.max())
-    # Stretch by stretch, for phases from one to the next are not known.
+    # Stretch by stretch, because the phase from one to the next is unknown.
     power = sum(np.abs(np.fft.rfft(w, longest)) ** 2 for w in whitened) / sizes.sum()
     frequencies = np.fft.rfftfreq(longest)
     freedom = sizes.sum() ** 2 / np.sum(sizes**2) / shared
-    # Beside its neighbours, for a filter of few taps does not whiten a steep slope wholly.
+    # Compared with the neighbours, because a short filter does not fully whiten a steep slope.
     width = 2 * max(power.size // 40, _LEAST_NEIGHBOURS) + 1
-    middle = median_filter(power, width, mode="nearest")
-    levels = middle * freedom / gamma.median(freedom)
-    asked = (frequencies * sizes.max() >= _SLOWEST) & (levels > 0)
-    standing_out = np.divide(power, levels, out=np.zeros_like(power), where=asked)
-    top = int(np.argmax(standing_out))
+    neighbours = median_filter(power, width, mode="nearest")
+    levels = neighbours * freedom / gamma.median(freedom)
+    eligible = (frequencies * sizes.max() >= _SLOWEST) & (levels > 0)
+    ratio = np.divide(power, levels, out=np.zeros_like(power), where=eligible)
+    top = int(np.argmax(ratio))
     level = levels[top]
-    chance = longest / 2 * gamma.sf(standing_out[top] * freedom, freedom)
+    chance = longest / 2 * gamma.sf(ratio[top] * freedom, freedom)
     phases = 2j * np.pi * frequencies[top] * np.arange(taps.size)
     response = np.abs(taps @ np.exp(-phases))
     variance = 2 * max(power[top] - level, 0.0) * sizes.sum() / np.sum(sizes**2)
     rms = float(np.sqrt(variance) / response)
-    if chance > _SURELY or rms < _WORTH_TELLING * sigma:
+    if chance > _SIGNIFICANT or rms < _LEAST_SHARE * sigma:
         return None
     return Tone(float(frequencies[top]), rms)

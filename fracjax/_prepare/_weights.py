@@ -1,4 +1,4 @@
-"""Which samples count, and how much: weights that a call gives, and times it leaves out."""
+"""The samples that count: weights of a call, and times to leave out."""
 
 from __future__ import annotations
 
@@ -18,36 +18,40 @@ def weights_of(
 ) -> list[np.ndarray | None]:
     """Weights (N,) per recording, 0 where the mask leaves a sample out; None where all are 1.
 
-    `weights` multiply the squared residuals: an array (N,), or one per recording; the noise's
-    level is that of a sample of weight 1.  `mask` are times [s] from the first sample, ends
-    included, of every recording.
-    Raises InputError where they do not fit, are negative or leave too few samples.
+    `weights` multiply the squared residuals: an array (N,), or one per recording.  The noise's
+    level is that of a sample of weight 1.  `mask` holds times [s] from the first sample, ends
+    included, of every recording.  Raises InputError where they do not fit, are negative or leave
+    too few samples.
     """
-    given: list[ArrayLike | None] = [None] * len(recordings)
+    per_recording: list[ArrayLike | None] = [None] * len(recordings)
     if weights is not None:
         alone = len(recordings) == 1 and np.ndim(weights[0]) == 0  # type: ignore[index]
-        given = [weights] if alone else list(weights)  # type: ignore[arg-type, list-item]
-        if len(given) != len(recordings):
+        per_recording = [weights] if alone else list(weights)  # type: ignore[arg-type, list-item]
+        if len(per_recording) != len(recordings):
             raise InputError.at(
-                "weights", f"an array for each of {len(recordings)} recordings", f"{len(given)}",
+                "weights",
+                f"an array for each of {len(recordings)} recordings",
+                f"{len(per_recording)}",
                 "give one for each",
-            )  # fmt: skip
-    found = []
-    for recording, one in zip(recordings, given, strict=True):
+            )
+    result = []
+    for recording, one in zip(recordings, per_recording, strict=True):
         if one is None and not mask:
-            found.append(None)
+            result.append(None)
             continue
         values = np.ones(len(recording)) if one is None else np.array(one, dtype=float)
         if values.shape != (len(recording),) or not np.all((values >= 0) & np.isfinite(values)):
             raise InputError.at(
                 f"{recording.source}, weights",
                 f"{len(recording)} numbers, none below 0",
-                f"shape {values.shape}" if values.shape != (len(recording),) else "others",
+                f"shape {values.shape}"
+                if values.shape != (len(recording),)
+                else "values below 0 or not finite",
                 "correct them",
             )
         for times in mask:
             start, stop = pair_of(times, "mask", "pairs of times [s]", "write [(3.0, 4.0), ...]")
-            slack = 1e-6 * recording.dt  # for the rounding of k·dt
+            slack = 1e-6 * recording.dt  # allows for the rounding of k·dt
             inside = (recording.times >= start - slack) & (recording.times <= stop + slack)
             if not start <= stop or not inside.any():
                 raise InputError.at(
@@ -64,5 +68,5 @@ def weights_of(
                 f"{np.count_nonzero(values)}",
                 "leave out less",
             )
-        found.append(values)
-    return found
+        result.append(values)
+    return result

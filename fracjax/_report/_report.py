@@ -40,7 +40,7 @@ from ._text import (
     parameter_rows,
     percent,
     quantity,
-    ranked,
+    rank_fits,
     sources,
 )
 
@@ -102,7 +102,7 @@ def _environment() -> jinja2.Environment:
 
 
 def _of_fits(fits: Sequence[Fit]) -> dict[str, Any]:
-    best_first = [fit for fit, _ in ranked(fits)]
+    best_first = [fit for fit, _ in rank_fits(fits)]
     downloads = [
         download(f"fit_{file_name(fit.model.name)}.json", fit.to_dict()) for fit in best_first
     ]

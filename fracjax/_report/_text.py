@@ -14,7 +14,7 @@ from markupsafe import Markup
 
 from .._crosscheck import Crosscheck
 from .._diagnose import Diagnosis
-from .._fit import Combination, Comparison, Estimate, Fit, ranked
+from .._fit import Combination, Comparison, Estimate, Fit, rank_fits
 from .._frequency import FrequencyFit
 from .._prepare import Noise
 
@@ -165,7 +165,7 @@ def key_figures(
         bics = [row.bic for row in result.rows]
     else:
         fits, held_out = list(result), []
-        bics = [bic for _, bic in ranked(fits)]
+        bics = [bic for _, bic in rank_fits(fits)]
     noise = noise_of(fits[0])
     unit = noise.unit
     scores = [fit.scores for fit in fits]

@@ -1,4 +1,4 @@
-"""A block as a sum of chains of linear laws, the form in which its response can be compressed."""
+"""A block as a sum of chains of linear blocks, the form in which its response can be compressed."""
 
 from __future__ import annotations
 
@@ -20,14 +20,17 @@ from .._blocks import (
 from .._operators import Grid, Laplace, quadrature_symbol
 from .._parameters import Parameter, replace_parameters
 
-# Made once: a search takes a block apart thousands of times.
+# Made once, because a search separates a block into chains thousands of times.
 _LINEAR, _OPERATOR = FOHLinear(), SingleOperator()
 
 
 class Chain(NamedTuple):
     """One summand of a response: `after`(|u̇| · `before`(u)), or `before`(u) where nothing follows.
 
-    Both are linear laws, or such in series.
+    Attributes:
+        before: a linear block, or linear blocks in series.
+        rated: whether the response of `before` is multiplied by the drive's speed |u̇|.
+        after: a linear block, or linear blocks in series, that follows the multiplication.
     """
 
     before: AbstractBlock
@@ -36,7 +39,7 @@ class Chain(NamedTuple):
 
 
 def chains_of(block: AbstractBlock) -> tuple[Chain, ...] | None:
-    """The chains whose sum a block is, up to a constant; None where it has another structure."""
+    """The chains whose sum a block is, up to a constant; None where its structure is another."""
     match block:
         case AbstractLinearBlock():
             return (Chain(block),)
@@ -50,9 +53,9 @@ def chains_of(block: AbstractBlock) -> tuple[Chain, ...] | None:
             return None if first is None or second is None else first + second
         case Series():
             first = chains_of(block.first)
-            if first is None or not _is_law(block.second):
+            if first is None or not _is_linear(block.second):
                 return None
-            return tuple(_followed(chain, block.second) for chain in first)
+            return tuple(_append(chain, block.second) for chain in first)
     return None
 
 
@@ -61,30 +64,32 @@ def _rated(gain: Parameter, order: Parameter) -> Chain:
     return Chain(replace_parameters(_OPERATOR, {"k": gain, "mu": order}), rated=True)
 
 
-def _is_law(block: AbstractBlock) -> bool:
-    """Whether a block is linear laws in series, each with its own quadrature."""
+def _is_linear(block: AbstractBlock) -> bool:
+    """Whether a block is linear blocks in series, each with its own quadrature."""
     if isinstance(block, Series):
-        return _is_law(block.first) and _is_law(block.second)
+        return _is_linear(block.first) and _is_linear(block.second)
     return isinstance(block, AbstractLinearBlock)
 
 
-def _followed(chain: Chain, law: AbstractBlock) -> Chain:
-    # Not by >>: one law of both would run on the coarser one's quadrature.
+def _append(chain: Chain, block: AbstractBlock) -> Chain:
+    """The chain with a linear block after it."""
+    # Not by >>, which would compute both with the coarser of their quadratures.
     if not chain.rated:
-        return chain._replace(before=Series(chain.before, law))
-    return chain._replace(after=law if chain.after is None else Series(chain.after, law))
+        return chain._replace(before=Series(chain.before, block))
+    return chain._replace(after=block if chain.after is None else Series(chain.after, block))
 
 
-def transfer(law: AbstractBlock, zeta: Any, grid: Grid) -> Any:
-    """What a law multiplies a signal's transform by at ζ (F,), as it is discretised on the grid.
+def transfer(block: AbstractBlock, zeta: Any, grid: Grid) -> Any:
+    """The factor by which a linear block, discretised on the grid, multiplies transforms at ζ (F,).
 
-    Of a law whose parameters are arrays (…, 1) the values (…, F), in NumPy where all is NumPy.
+    If the block's parameters are arrays (…, 1), the factors are (…, F).  The computation is in
+    NumPy where all arguments are.
     """
-    if isinstance(law, Series):
-        return transfer(law.first, zeta, grid) * transfer(law.second, zeta, grid)
-    assert isinstance(law, AbstractLinearBlock)
+    if isinstance(block, Series):
+        return transfer(block.first, zeta, grid) * transfer(block.second, zeta, grid)
+    assert isinstance(block, AbstractLinearBlock)
     if grid.history == "periodic":
         steady = -np.log(zeta) if isinstance(zeta, np.ndarray) else -jnp.log(zeta)
         s: Any = Laplace(steady, grid.step)
-        return law.symbol(s)
-    return quadrature_symbol(law.symbol, zeta, grid, law.accuracy)
+        return block.symbol(s)
+    return quadrature_symbol(block.symbol, zeta, grid, block.accuracy)

@@ -1,4 +1,4 @@
-r"""Gains and own terms, which enter linearly, eliminated by one QR.
+"""Elimination of gains and own terms, which enter linearly, by one QR.
 
     c = argmin ‖y - Φ c‖² + ρ² ‖diag(‖Φ_k‖) c‖²
 
@@ -12,14 +12,17 @@ from typing import Any
 import numpy as np
 
 _RIDGE = 1e-9
-"""ρ: far below any noise, so that columns which coincide still have a solution."""
+"""ρ: far below any noise, so that columns that coincide still have a solution."""
 _DEPENDENT = 1e-9
-"""Of the largest singular value: what is smaller than this share is rounding."""
+"""Singular values below this share of the largest are rounding."""
 
 
-def eliminated(columns: Any, target: Any, xp: Any = np) -> tuple[Any, Any, Any]:
-    """The least-squares coefficients (…, g) of columns (…, m, g) for a target (…, m), what they
-    leave (…, m), and an orthonormal basis (…, m, g) of the columns.  `xp`: numpy or jax.numpy."""
+def eliminate(columns: Any, target: Any, xp: Any = np) -> tuple[Any, Any, Any]:
+    """The least-squares coefficients of columns, the residual, and an orthonormal basis of them.
+
+    `columns` are (…, m, g) and `target` is (…, m).  The coefficients are (…, g), the residual (…,
+    m) and the basis of the columns (…, m, g).  `xp` is numpy or jax.numpy.
+    """
     count = columns.shape[-1]
     lengths = xp.sqrt(xp.sum(columns**2, axis=-2)) + 1e-300
     ridge = xp.broadcast_to(_RIDGE * xp.eye(count), (*columns.shape[:-2], count, count))
@@ -30,9 +33,9 @@ def eliminated(columns: Any, target: Any, xp: Any = np) -> tuple[Any, Any, Any]:
     return coefficients, target - (columns @ coefficients[..., None])[..., 0], basis
 
 
-def orthonormal(jacobian: np.ndarray) -> np.ndarray:
-    """An orthonormal basis (N, r) of what the fitted parameters can produce to first order."""
+def orthonormal_basis(jacobian: np.ndarray) -> np.ndarray:
+    """An orthonormal basis (N, r) of the columns of a Jacobian (N, p): what the fit can absorb."""
     lengths = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian[:, lengths > 0] / lengths[lengths > 0]
-    left, singular, _ = np.linalg.svd(scaled, full_matrices=False)
-    return left[:, singular > _DEPENDENT * singular.max(initial=0.0)]
+    directions, singular, _ = np.linalg.svd(scaled, full_matrices=False)
+    return directions[:, singular > _DEPENDENT * singular.max(initial=0.0)]

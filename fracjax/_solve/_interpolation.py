@@ -1,20 +1,22 @@
-r"""Linear laws as combinations of themselves at a few chosen shapes.
+"""Linear blocks as combinations of themselves at a few chosen shapes.
 
-The transfer functions of a law, its parameters θ anywhere within their bounds, are all but a space
-of few dimensions where the drive has its power.  Shapes θ_1 … θ_J are chosen greedily so that
+The transfer functions of a linear block, its parameters θ anywhere within their bounds, nearly span
+a space of few dimensions at the frequencies where the drive has its power.  Shapes θ_1 … θ_J are
+chosen greedily so that
 
     G(ζ; θ) ≈ Σ_j c_j(θ) G(ζ; θ_j),     hence     G(θ) u ≈ Σ_j c_j(θ) G(θ_j) u :
 
-the law's own responses at those shapes are a basis of its responses, and the coefficients are found
-by least squares from the values of G at some eighty points ζ, whatever the recording's length.
-Points are weighed by the power of what the law is driven by, on the circle |ζ| = r, r^M = e^-2: the
+the block's responses at those shapes are a basis of its responses.  The coefficients are computed
+by least squares from the values of G at some eighty points ζ, whatever the recording's length.  The
+points are weighted by the power of the block's drive and lie on the circle |ζ| = r, r^M = e^-2: the
 error there bounds that of the response in time, up to the factor e².
 
-Of a law with one shape the coefficients are analytic in that.  Where its Chebyshev series ends
-before degree 64, it takes the place of the values at ζ, whose complex powers cost far more.
+If the block has one shape, the coefficients are analytic functions of it.  Where their Chebyshev
+series ends before degree 64, it replaces the values at ζ, whose complex powers take far longer.
+
 Sources: Quarteroni, Manzoni & Negri, Reduced Basis Methods for Partial Differential Equations
-(2016), ch. 6 and 7 (reduced bases and greedy choice); Trefethen, Approximation Theory and
-Approximation Practice (2013), ch. 3 and 4.
+    (2016), ch. 6 and 7 (reduced bases and greedy choice); Trefethen, Approximation Theory and
+    Approximation Practice (2013), ch. 3 and 4.
 """
 
 from __future__ import annotations
@@ -37,48 +39,71 @@ from .._prepare import Layout, layout_of
 from ._chains import transfer
 
 _POINTS = 80
+"""Points ζ at which transfer functions are compared.  Chosen by judgement."""
 _CANDIDATES = {0: 1, 1: 65, 2: 256}
+"""Candidates by the number of shapes; 65 are the nodes of a series of degree 64."""
 _MOST_CANDIDATES = 512
-_EXACT, _ROUGH = 1e-11, 1e-6
+"""Candidates for three shapes and more.  Chosen by judgement."""
+_SPANNED = 1e-11
+"""The choice ends when no unit row has a larger part outside the span: near rounding."""
+_ROUGH = 1e-6
+"""With a larger part outside, the block has no compressed form.  Chosen by judgement."""
 _LARGEST_RANK = 80
-_STEP = 8
-_ENDED = 1e-13
+"""At most so many shapes, above which compression does not pay.  Chosen by judgement."""
+_MULTIPLE = 8
+"""Sizes are padded to a multiple of this, so that few programs are compiled."""
+_NEGLIGIBLE = 1e-13
+"""Coefficients below this share of the largest are rounding."""
 _BASE, _LARGEST_DEGREE = 8, 60
+"""T_8 is the inner polynomial of a series, whose coefficients from degree 60 on must vanish."""
 _LARGEST_TABLE = 2**20
+"""At most so many transfer function values at once, which limits memory."""
 
 
 def _forward(signals: np.ndarray, length: int) -> np.ndarray:
-    """Transforms (d, F) of signals (M, d)."""
+    """Fourier transforms (d, F) of signals (M, d)."""
     return np.asarray(scipy.fft.rfft(signals.T, length, axis=1))
 
 
 class Interpolation(eqx.Module):
-    """Coordinates (J,) of a law among its transfer functions, from their values at ζ (F,).
+    """Coordinates (J,) of a block among chosen transfer functions, from its values at ζ (F,).
 
-    `real`, `imaginary` (F, J) project the values on an orthonormal basis, filled up with zeros.
+    Attributes:
+        zeta: (F,) points, dimensionless.
+        real: (F, J) projects the real parts on an orthonormal basis, padded with zeros.
+        imaginary: (F, J) projects the imaginary parts.
     """
 
     zeta: np.ndarray | Array
     real: np.ndarray | Array
     imaginary: np.ndarray | Array
 
-    def __call__(self, law: AbstractBlock, grid: Grid) -> Any:
-        values = transfer(law, self.zeta, grid)
+    def __call__(self, block: AbstractBlock, grid: Grid) -> Any:
+        values = transfer(block, self.zeta, grid)
         return values.real @ self.real + values.imag @ self.imaginary
 
 
 class ChebyshevSeries(eqx.Module):
-    r"""The same of a law with one shape at most, by Chebyshev series in its place x between the
-    bounds, from 1 to -1:
+    """Coordinates (J,) of a block with at most one shape, by Chebyshev series.
+
+    The argument x is the shape's position between its bounds, mapped to 1 … -1:
 
         Σ_r k_r exp(b_r x) T_l(r)(x) T_h(r)(T_8(x)) table_r,
 
-    each term with a gain k, or with 1 where the law has a part without gain.  The exponentials hold
-    the most of how the law's size changes with the shape, so that it is as exact where small.
-    As T_h(T_8) = T_8h, the products span the polynomials below degree 64, and few steps make them.
-    `part` (1 + g, R), `low` and `high` (8, R) say by ones which gain and polynomials: a product
-    with them makes every number once, a choice by index would have XLA make it for each term anew.
-    `growth` (1 + g,) are the b.
+    each term with a gain k, or with 1 where the block has a part without gain.  The exponentials
+    describe most of the change of the block's magnitude with the shape, so that the series is
+    equally accurate where it is small.  Because T_h(T_8) = T_8h, the products span the polynomials
+    below degree 64 in few operations.  Selection matrices replace an index, for which XLA would
+    recompute every number for each term.
+
+    Attributes:
+        part: (1 + g, R) selects each term's gain by ones.
+        low: (8, R) selects each term's T_l by ones.
+        high: (8, R) selects each term's T_h by ones.
+        growth: (1 + g,) the b.
+        table: (R, J) coefficients.
+        shape: the shape's name, None where there is none.
+        gains: the gains' names.
     """
 
     part: np.ndarray | Array
@@ -89,11 +114,11 @@ class ChebyshevSeries(eqx.Module):
     shape: str | None = eqx.field(static=True)
     gains: tuple[str, ...] = eqx.field(static=True)
 
-    def __call__(self, law: AbstractBlock, grid: Grid) -> Any:
-        values = [attrgetter(name)(law).value for name in self.gains]
+    def __call__(self, block: AbstractBlock, grid: Grid) -> Any:
+        values = [attrgetter(name)(block).value for name in self.gains]
         place: Any = 1.0
         if self.shape is not None:
-            parameter = attrgetter(self.shape)(law)
+            parameter = attrgetter(self.shape)(block)
             place = 1 - 2 * parameter.to_share(parameter.value)
             if isinstance(parameter.value, np.ndarray):
                 place = np.asarray(place)
@@ -108,28 +133,35 @@ class ChebyshevSeries(eqx.Module):
 
 def _polynomials(x: Any) -> list[Any]:
     """Chebyshev's T_0 … T_8 of x."""
-    found = [x**0, x]
-    while len(found) <= _BASE:
-        found.append(2 * x * found[-1] - found[-2])
-    return found
+    polynomials = [x**0, x]
+    while len(polynomials) <= _BASE:
+        polynomials.append(2 * x * polynomials[-1] - polynomials[-2])
+    return polynomials
 
 
-class Chosen(NamedTuple):
-    """Laws (n) in one, each parameter an array (n, 1) of their values; the triangle (n, n) makes an
-    orthonormal basis of their transfer functions: theirs = basis @ triangle."""
+class ChosenShapes(NamedTuple):
+    """A linear block at n chosen shapes.
+
+    Attributes:
+        coordinates: computes the coordinates (J,) of the block at any shapes.
+        blocks: the block, each parameter an array (n, 1) of its chosen values.
+        triangle: (n, n), which gives an orthonormal basis of the transfer functions: theirs = basis
+            @ triangle.
+    """
 
     coordinates: Interpolation | ChebyshevSeries
-    laws: AbstractBlock
+    blocks: AbstractBlock
     triangle: np.ndarray
 
     @property
     def size(self) -> int:
+        """The number n of chosen shapes."""
         return len(self.triangle)
 
     def responses(self, drives: np.ndarray, grid: Grid) -> np.ndarray:
-        """The laws' responses (M, d, n) to drives (M, d), but for what a held value adds.
+        """The blocks' responses (M, d, n) to drives (M, d), without the effect of a constant.
 
-        As `convolve` gives them, without anything to compile.
+        They equal those of `convolve`, without compilation.
         """
         samples = len(drives)
         if grid.history == "periodic":
@@ -143,28 +175,28 @@ class Chosen(NamedTuple):
             moved = drives - (drives[0] if grid.history == "constant" else 0.0)
             transform = _forward((moved.T * damping).T, length)
         missing = np.zeros((drives.shape[1], int(grid.history == "periodic")))
-        found = np.empty((*drives.shape, self.size))
-        at_once = max(_LARGEST_TABLE // zeta.size, 1)
-        for k in range(0, self.size, at_once):
-            some = _some_of(self.laws, slice(k, k + at_once))
-            for law, values in enumerate(np.atleast_2d(transfer(some, zeta, grid)), k):
+        responses = np.empty((*drives.shape, self.size))
+        chunk = max(_LARGEST_TABLE // zeta.size, 1)
+        for k in range(0, self.size, chunk):
+            part = _select(self.blocks, slice(k, k + chunk))
+            for index, values in enumerate(np.atleast_2d(transfer(part, zeta, grid)), k):
                 whole = np.concatenate([missing, values * transform], axis=1)
                 response = np.asarray(scipy.fft.irfft(whole, length, axis=1))[:, :samples] / damping
-                found[:, :, law] = response.T
-        return found
+                responses[:, :, index] = response.T
+        return responses
 
     def in_coordinates(self, rows: np.ndarray) -> np.ndarray:
-        """What coordinates (J,) are multiplied by, given the laws' (n), along the last axis."""
+        """Factors of the coordinates (J,) from those of the blocks (n,), along the last axis."""
         flat = np.moveaxis(rows, -1, 0).reshape(self.size, int(np.prod(rows.shape[:-1])))
         flat = solve_triangular(self.triangle.T, flat, lower=True)
         solved = np.moveaxis(flat.reshape(self.size, *rows.shape[:-1]), 0, -1)
-        return np.pad(solved, [(0, 0)] * (rows.ndim - 1) + [(0, -self.size % _STEP)])
+        return np.pad(solved, [(0, 0)] * (rows.ndim - 1) + [(0, -self.size % _MULTIPLE)])
 
 
-def is_bounded(law: AbstractBlock) -> bool:
-    """Whether all shapes of a law are single numbers with bounds, between which to choose."""
-    parameters = named_parameters(law)
-    return all(parameters[name].bounded and size == 1 for name, size in layout_of(law).shapes)
+def is_bounded(block: AbstractBlock) -> bool:
+    """Whether all shapes of a block are single numbers with bounds."""
+    parameters = named_parameters(block)
+    return all(parameters[name].bounded and size == 1 for name, size in layout_of(block).shapes)
 
 
 def shapes_at(block: AbstractBlock, layout: Layout, positions: np.ndarray) -> dict[str, np.ndarray]:
@@ -177,54 +209,56 @@ def shapes_at(block: AbstractBlock, layout: Layout, positions: np.ndarray) -> di
 
 
 def unit_gains(layout: Layout) -> list[dict[str, float]]:
-    """All gains zero, then each in turn one."""
+    """The gains by name: all zero, then each in turn one."""
     names = [name for name, _ in layout.gains]
     return [{name: float(name == one) for name in names} for one in ("", *names)]
 
 
-def choose(law: AbstractBlock, driven_by: np.ndarray, grid: Grid) -> Chosen | None:
-    """Shapes for a law with bounds, driven by signals (M, n); None where they would be too many."""
+def choose_shapes(block: AbstractBlock, driven_by: np.ndarray, grid: Grid) -> ChosenShapes | None:
+    """Shapes of a bounded block that signals (M, n) drive; None where too many would be needed."""
     zeta, weights = _points(driven_by, grid)
-    layout = layout_of(law)
+    layout = layout_of(block)
     count = len(layout.shapes)
     candidates = _CANDIDATES.get(count, _MOST_CANDIDATES)
-    # Denser towards the bounds, as Chebyshev's nodes are; of one shape they are those.
+    # Denser towards the bounds, as Chebyshev's nodes are; for one shape they are these nodes.
     if count > 1:
-        even = qmc.Sobol(count, scramble=False).random(candidates)
+        uniform = qmc.Sobol(count, scramble=False).random(candidates)
     else:
-        even = np.linspace(0, 1, candidates)[:, None][:, :count]
-    together = set_values(law, shapes_at(law, layout, (1 - np.cos(np.pi * even)) / 2))
+        uniform = np.linspace(0, 1, candidates)[:, None][:, :count]
+    all_blocks = set_values(block, shapes_at(block, layout, (1 - np.cos(np.pi * uniform)) / 2))
     units = unit_gains(layout)
     values = np.zeros((len(units), candidates, zeta.size), complex)
     for at, gains in enumerate(units):
-        values[at] = transfer(set_values(together, gains), zeta, grid)
+        values[at] = transfer(set_values(all_blocks, gains), zeta, grid)
     weighted = (values * weights).reshape(-1, zeta.size)
     columns = np.concatenate([np.real(weighted), np.imag(weighted)], axis=1)
     lengths = np.linalg.norm(columns, axis=1)
     usable = np.flatnonzero(lengths > 0)
-    picked, basis, left = _greedy(columns[usable] / lengths[usable, None])
-    if left > _ROUGH:
+    selected, basis, remainder = _greedy(columns[usable] / lengths[usable, None])
+    if remainder > _ROUGH:
         return None
-    picked = usable[picked]
+    selected = usable[selected]
     chosen = {
-        name: np.broadcast_to(parameter.value, (candidates, 1))[picked % candidates]
-        for name, parameter in named_parameters(together).items()
+        name: np.broadcast_to(parameter.value, (candidates, 1))[selected % candidates]
+        for name, parameter in named_parameters(all_blocks).items()
     }
     for name, _ in layout.gains:
-        chosen[name] = np.array([units[at][name] for at in picked // candidates])[:, None]
-    projector = np.pad(basis, ((0, -len(picked) % _STEP), (0, 0))).T
-    found = None
+        chosen[name] = np.array([units[at][name] for at in selected // candidates])[:, None]
+    projector = np.pad(basis, ((0, -len(selected) % _MULTIPLE), (0, 0))).T
+    coordinates = None
     if count <= 1:
-        found = _series(layout, (columns @ projector).reshape(len(units), candidates, -1))
-    if found is None:
+        coordinates = _series(layout, (columns @ projector).reshape(len(units), candidates, -1))
+    if coordinates is None:
         real, imaginary = (half * weights[:, None] for half in np.split(projector, 2))
-        found = Interpolation(zeta, real, imaginary)
-    return Chosen(found, set_values(together, chosen), basis @ columns[picked].T)
+        coordinates = Interpolation(zeta, real, imaginary)
+    return ChosenShapes(coordinates, set_values(all_blocks, chosen), basis @ columns[selected].T)
 
 
 def _series(layout: Layout, coordinates: np.ndarray) -> ChebyshevSeries | None:
-    """The series of coordinates (1 + g, C, J) at Chebyshev's nodes, with gains of zero and each one
-    in turn; None where it does not end."""
+    """The series of coordinates (1 + g, C, J) at Chebyshev's nodes, None where it does not end.
+
+    The coordinates are with gains of zero, and with each in turn one.
+    """
     parts = coordinates - coordinates[:1] * (np.arange(len(coordinates)) > 0)[:, None, None]
     nodes = np.cos(np.linspace(0, np.pi, parts.shape[1]))
     ends = np.linalg.norm(parts, axis=2)[:, [0, -1]]
@@ -236,16 +270,16 @@ def _series(layout: Layout, coordinates: np.ndarray) -> ChebyshevSeries | None:
         level[:, [0, -1]] /= 2
     sizes = np.abs(level).max(axis=2, initial=0.0)
     sizes = sizes / np.maximum(sizes.max(axis=1, keepdims=True), 1e-300)
-    if np.any(sizes[:, _LARGEST_DEGREE:] > _ENDED):
+    if np.any(sizes[:, _LARGEST_DEGREE:] > _NEGLIGIBLE):
         return None
-    level[sizes <= _ENDED] = 0.0
-    # T_8h+l = 2 T_8h T_l - T_8h-l, from the highest on.
+    level[sizes <= _NEGLIGIBLE] = 0.0
+    # T_8h+l = 2 T_8h T_l - T_8h-l, from the highest degree down.
     for degree in range(min(_LARGEST_DEGREE, level.shape[1]) - 1, _BASE, -1):
         if degree % _BASE:
             level[:, degree - 2 * (degree % _BASE)] -= level[:, degree]
             level[:, degree] *= 2
     part, degree = np.nonzero(np.any(level, axis=2))
-    padding = -len(part) % _STEP
+    padding = -len(part) % _MULTIPLE
     part, degree = np.pad(part, (0, padding)), np.pad(degree, (0, padding))
     table = level[part, degree]
     table[len(part) - padding :] = 0.0
@@ -260,12 +294,16 @@ def _series(layout: Layout, coordinates: np.ndarray) -> ChebyshevSeries | None:
     )
 
 
-def _some_of(laws: AbstractBlock, which: slice) -> AbstractBlock:
-    return set_values(laws, {n: p.value[which] for n, p in named_parameters(laws).items()})
+def _select(blocks: AbstractBlock, which: slice) -> AbstractBlock:
+    """The block at some of the chosen values of its parameters."""
+    return set_values(blocks, {n: p.value[which] for n, p in named_parameters(blocks).items()})
 
 
 def _points(signals: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
-    """Points ζ (F,) and the root of the signals' power about each, that of all being 1."""
+    """Points ζ (F,), and the square root of the signals' power near each.
+
+    The total power is scaled to 1.
+    """
     samples = len(signals)
     if grid.history == "periodic":
         power = np.abs(_forward(signals, samples)[:, 1 : samples // 2 + 1]) ** 2
@@ -279,32 +317,35 @@ def _points(signals: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
         at = _spread(power.shape[1])
         zeta = radius * np.exp(-1j * np.pi * at / samples)
     middles = (at[1:] + at[:-1] + 1) // 2
-    # At rest every point is as good as another.
+    # If the signals are zero, all points have the same weight.
     spectrum = power.sum(axis=0) if power.any() else np.ones(power.shape[1])
     gathered = np.add.reduceat(spectrum, np.concatenate([[0], middles]))
-    # Filled up to one size, for which one program is compiled.
-    left = _POINTS - at.size
-    zeta, gathered = np.pad(zeta, (0, left), mode="edge"), np.pad(gathered, (0, left))
+    # Padded to one size, for which one program is compiled.
+    padding = _POINTS - at.size
+    zeta, gathered = np.pad(zeta, (0, padding), mode="edge"), np.pad(gathered, (0, padding))
     return zeta, np.sqrt(gathered / gathered.sum())
 
 
 def _spread(count: int) -> np.ndarray:
-    """Up to F numbers below `count`, evenly in their logarithm."""
+    """Up to `_POINTS` integers below `count`, evenly spaced in their logarithm."""
     return np.unique(np.round(np.geomspace(1, count, _POINTS)).astype(int)) - 1
 
 
 def _greedy(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Which rows (C, F) of unit length span the others, an orthonormal basis (J, F) of them, and
-    the largest part of a row that lies outside."""
-    outside, basis, picked = rows.copy(), np.zeros((0, rows.shape[1])), []
+    """Rows (C, F) of unit length that span the others.
+
+    Returned are their indices, an orthonormal basis (J, F) of them, and the largest part of a row
+    that lies outside their span.
+    """
+    outside, basis, selected = rows.copy(), np.zeros((0, rows.shape[1])), []
     while True:
-        sizes = np.sqrt(np.einsum("cf,cf->c", outside, outside))
-        largest = float(sizes.max(initial=0.0))
-        if largest < _EXACT or len(picked) == _LARGEST_RANK:
-            return np.array(picked, int), basis, largest
-        picked.append(int(np.argmax(sizes)))
-        # Once more, for rounding has left something along the others.
-        following = outside[picked[-1]] - basis.T @ (basis @ outside[picked[-1]])
+        lengths = np.sqrt(np.einsum("cf,cf->c", outside, outside))
+        largest = float(lengths.max(initial=0.0))
+        if largest < _SPANNED or len(selected) == _LARGEST_RANK:
+            return np.array(selected, int), basis, largest
+        selected.append(int(np.argmax(lengths)))
+        # Orthogonalised a second time, because of rounding.
+        following = outside[selected[-1]] - basis.T @ (basis @ outside[selected[-1]])
         following /= np.linalg.norm(following)
         basis = np.concatenate([basis, following[None]])
         outside -= np.outer(outside @ following, following)

@@ -1,4 +1,4 @@
-"""Whether the simulation is exact enough to be held against the recordings."""
+"""Whether the simulation is accurate enough to be compared with the recordings."""
 
 from __future__ import annotations
 
@@ -8,44 +8,60 @@ import numpy as np
 
 from .._blocks import AbstractBlock
 from .._prepare import Preparation, Problem
-from ._elimination import orthonormal
+from ._elimination import orthonormal_basis
 from ._least_squares import simulate
 from ._result import Progress, Solved
 from ._solve import solve_from
 
-FINEST, _MOST_SAMPLES = 32, 2**18
-TARGET, LIMIT = 0.5, 1.0
-_NEARLY = 1.5
+FINEST = 32
+"""Most steps per sample."""
+_MOST_SAMPLES = 2**18
+"""Most steps of a simulation, which limits time and memory."""
+TARGET = 0.5
+"""Numerical error [noise units] at which refinement ends: it adds at most 0.25 to χ²."""
+LIMIT = 1.0
+"""Numerical error [noise units] above which a fit is not compared with others.  Chosen by
+judgement."""
+_NEARLY_BEST = 1.5
+"""Largest ratio of an error to that of the best grid, where no grid reaches the target.  Chosen by
+judgement."""
 
 
 def numerical_error(solved: Solved) -> float:
-    """√λ_num: what halving the step changes beyond what the fit can absorb, in noise units.
+    """√λ_num: the change when the step is halved, minus what the fit can absorb, in noise units.
 
-    The order of the quadrature is four, so that the change is the coarser grid's error to 7 %.
+    The quadrature is of order four, so that this change is the coarser grid's error to 7 %.
     """
     return _halved_until(np.inf, solved)[1]
 
 
-def tolerated(limit: float, solved: Solved, share: float) -> float:
-    """The numerical error that is let be: a limit in noise units, or a share of what the fit leaves
-    beyond the noise, where that is more."""
+def tolerated_error(limit: float, solved: Solved, share: float) -> float:
+    """The largest numerical error that is accepted, in noise units.
+
+    It is `limit`, or, if that is more, a share of the residual's norm beyond the noise.
+    """
     return max(limit, share * float(np.sqrt(max(0.0, solved.cost - solved.samples))))
 
 
-def fine_enough(solved: Solved, progress: Progress, share: float = 0.0) -> tuple[Solved, float]:
-    """Refine the grid until the numerical error is far under the noise, or under a share of what
-    the fit leaves beyond it, or the grid is finest; the fit there, and that error."""
+def refine_until_accurate(
+    solved: Solved, progress: Progress, share: float = 0.0
+) -> tuple[Solved, float]:
+    """The fit on a grid that is fine enough, and its numerical error in noise units.
+
+    The grid is refined until the error is far below the noise, or below a share of the residual
+    beyond the noise, or the grid is the finest.
+    """
     while True:
         steps = solved.preparation.oversampling
         progress(f"checking the numerics with {steps} steps per sample")
-        finer, error = _halved_until(tolerated(TARGET, solved, share), solved)
+        finer, error = _halved_until(tolerated_error(TARGET, solved, share), solved)
         if finer is solved.preparation:
             return solved, error
         solved = solve_from([solved.block], finer)
 
 
-def too_coarse(error: float) -> tuple[str, ...]:
-    """What a numerical error says against a fit on the finest grid that was tried."""
+def discretisation_warnings(error: float) -> tuple[str, ...]:
+    """Warnings about a numerical error that remains on the finest grid that was tried."""
     if error <= TARGET:
         return ()
     return (
@@ -55,15 +71,15 @@ def too_coarse(error: float) -> tuple[str, ...]:
 
 
 def _halved_until(target: float, solved: Solved) -> tuple[Preparation, float]:
-    """The coarsest grid, from the one at hand on, whose numerical error is at most the target; and
-    that error, of the solved blocks as they are.
+    """The coarsest grid, from the present one on, that reaches the target, and its numerical error.
 
-    Where no grid is so fine, the coarsest that is nearly as good as any: at a kink that meets a
-    sample a fractional derivative hardly converges, and many small steps would gain nothing.
+    The error is that of the solved blocks, without a new fit.  If no grid reaches the target, it is
+    the coarsest that is nearly as accurate as any: a fractional derivative hardly converges at a
+    kink that meets a sample, and many small steps would not help.
     """
     preparation = solved.preparation
     problems = preparation.problems()
-    basis = orthonormal(solved.sensitivity().whitened)
+    basis = orthonormal_basis(solved.sensitivity().whitened)
     longest = max(len(take.recording) for take in preparation.takes)
     coarse = _whitened(solved.blocks, problems)
     grids: list[tuple[Preparation, float]] = []
@@ -79,7 +95,7 @@ def _halved_until(target: float, solved: Solved) -> tuple[Preparation, float]:
             return preparation, error
         if doubled > FINEST or doubled * longest > _MOST_SAMPLES:
             least = min(error for _, error in grids)
-            enough = least * _NEARLY if least > LIMIT else min(LIMIT, least * _NEARLY)
+            enough = least * _NEARLY_BEST if least > LIMIT else min(LIMIT, least * _NEARLY_BEST)
             return next(grid for grid in grids if grid[1] <= enough)
         preparation, coarse = finer, halved
 

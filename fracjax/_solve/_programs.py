@@ -1,4 +1,4 @@
-"""Compiled programs are forgotten before a process runs out of memory maps."""
+"""Compiled programs are discarded before a process runs out of memory maps."""
 
 from __future__ import annotations
 
@@ -9,20 +9,22 @@ from pathlib import Path
 import jax
 
 _MAPS, _LIMIT = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count")
+"""The memory maps of this process, and the largest number that Linux allows."""
 
 
-def make_room() -> None:
-    """Forget compiled programs once they fill half of what Linux grants a process.
+def limit_compiled_programs() -> None:
+    """Discard compiled programs once they fill half of the memory maps that Linux grants a process.
 
-    XLA maps every compiled program into memory some fifty times; past the limit its compiler ends
-    the process.  A diagnosis takes about 10,000 of the usual 65,530 maps.  Looked at once a second
-    at most: to look takes as long as a simulation.
+    XLA maps each compiled program into memory about fifty times; above the limit its compiler ends
+    the process.  A diagnosis takes about 10,000 of the usual 65,530 maps.  The maps are counted at
+    most once a second, because counting takes as long as a simulation.
     """
-    _look(int(time.monotonic()))
+    _clear_when_full(int(time.monotonic()))
 
 
 @lru_cache(maxsize=1)
-def _look(second: int) -> None:
+def _clear_when_full(second: int) -> None:
+    """Discard compiled programs if they fill half of the maps; computed once per `second`."""
     if not (_MAPS.exists() and _LIMIT.exists()):
         return
     used = _MAPS.read_bytes().count(b"\n")

@@ -1,4 +1,4 @@
-"""What solving ends with."""
+"""The result of solving."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import kurtosis
 
 from .._blocks import AbstractBlock
-from .._prepare import Number, Preparation, numbers_of
+from .._prepare import FreeParameter, Preparation, free_parameters_of
 from ._least_squares import sensitivity
 
 Progress = Callable[[str], None]
@@ -21,21 +21,36 @@ def silent(message: str) -> None:
 
 
 class Sensitivity(NamedTuple):
-    """Derivative (ΣL, numbers + own) of a simulation in a fit's numbers, and whitened."""
+    """The derivative of the simulations with respect to a fit's free parameters.
 
-    numbers: tuple[Number, ...]
+    Attributes:
+        parameters: the free parameters, shapes and then gains.
+        raw: (ΣL, parameters + own).
+        whitened: (ΣL, parameters + own), in units of the noise.
+    """
+
+    parameters: tuple[FreeParameter, ...]
     raw: np.ndarray
     whitened: np.ndarray
 
 
 @dataclass(frozen=True)
 class Solved:
-    """A block at its optimum on the recordings that it was fitted to, χ² and convergence.
+    """A block at its optimum on the recordings that it was fitted to.
 
-    `own`: each recording's own coefficients (q,), its offset first; `simulations` (N,) hold them.
-    `evaluations` counts how often the objective was computed, over all starts.  `blocks` are every
-    recording's own (`block` the first's), `whitened` residuals (L,), `free` how many numbers were
-    fitted.
+    Attributes:
+        preparation: the recordings with noise, weights and conditions.
+        block: the first recording's block.
+        own: per recording (q,) coefficients of its own terms, its offset first.
+        simulations: per recording (N,) the response, own terms included.
+        cost: χ².
+        converged: whether the fit has converged.
+        start_costs: χ² at the end of each start.
+        samples: the number of samples that count.
+        evaluations: how often the objective was computed, over all starts.
+        blocks: each recording's block.
+        whitened: per recording (L,) the whitened residual.
+        free: the number of free parameters, own terms included.
     """
 
     preparation: Preparation
@@ -53,27 +68,27 @@ class Solved:
 
     @property
     def kurtosis(self) -> float:
-        """Of the whitened residual: 3 where it is normal."""
+        """The kurtosis of the whitened residual, 3 where it is normal."""
         residual = np.concatenate(self.whitened)
         return float(kurtosis(residual[residual != 0], fisher=False))
 
     @property
-    def left(self) -> float:
-        """χ² per sample where something is left beyond the noise, else 1."""
+    def excess_ratio(self) -> float:
+        """χ² per sample, at least 1: the ratio of the residual's variance to the noise's."""
         return max(1.0, self.cost / self.samples)
 
     @property
     def bic(self) -> float:
-        """χ² + k ln n, the noise known."""
+        """χ² + k ln n, the noise being known."""
         return self.cost + self.free * float(np.log(self.samples))
 
     def on(self, preparation: Preparation) -> Solved:
-        """The same optimum beside other recordings, or the same under other weights."""
+        """The same optimum with other recordings, or with the same under other weights."""
         return replace(self, preparation=preparation)
 
     def sensitivity(self) -> Sensitivity:
-        """What a small change of each fitted parameter makes of the simulations."""
+        """The derivative of the simulations with respect to each free parameter."""
         problems = self.preparation.problems()
-        numbers = numbers_of(self.block, len(problems), self.preparation.conditions)
-        raw, whitened = sensitivity(self.blocks, problems, numbers)
-        return Sensitivity(numbers.shapes + numbers.gains, raw, whitened)
+        parameters = free_parameters_of(self.block, len(problems), self.preparation.conditions)
+        raw, whitened = sensitivity(self.blocks, problems, parameters)
+        return Sensitivity(parameters.shapes + parameters.gains, raw, whitened)

@@ -12,17 +12,20 @@ from .._computing import side_by_side
 from .._parameters import named_parameters, set_values
 from .._prepare import Preparation, Problem, layout_of
 from ._least_squares import Descent, Objective, begin, descend, simulate
-from ._programs import make_room
+from ._programs import limit_compiled_programs
 from ._result import Solved
 from ._search import search
 
 _ROUNDS = 20
-_FIRST_LOOKS, _LOOKS = 5, 12
-_AGREED = 1e-3
+"""Most rounds of further descents.  Chosen by judgement."""
+_FIRST_EVALUATIONS, _EVALUATIONS = 5, 12
+"""Evaluations of each start at first, and of a descent in each round.  Chosen by judgement."""
+_AGREEMENT = 1e-3
+"""Largest relative excess of the full model's χ² over the compressed problem's."""
 
 
 def starts_of(block: AbstractBlock, count: int, seed: int) -> list[AbstractBlock]:
-    """The block as it stands, and draws of its shapes from their plausible ranges."""
+    """The block as it is, and draws of its shapes from their plausible ranges."""
     generator = np.random.default_rng(seed)
     parameters = named_parameters(block)
     names = [n for n, _ in layout_of(block).shapes]
@@ -36,47 +39,50 @@ def starts_of(block: AbstractBlock, count: int, seed: int) -> list[AbstractBlock
 def solve_from(
     starts: list[AbstractBlock], preparation: Preparation, hopeless: float = np.inf
 ) -> Solved:
-    """A few looks from every start, some more from the better half, then on to convergence with the
-    two best and with those that would overtake them at their pace; the best of them finished.
+    """The best optimum of descents from several starts.
 
-    A fit counts as converged too when twelve looks gain less than a tenth in χ², or less than 1e-4
-    of what is left beyond the noise; of a noise that is not known yet, what is left is the measure.
-    Above `hopeless` in χ² the first looks are all that is spent.
+    Each start gets a few evaluations, and the better half some more.  Then the two best descents
+    continue to convergence, together with those that would overtake the best at their present rate.
+
+    A descent also counts as converged when twelve evaluations reduce χ² by less than a tenth, or by
+    less than 1e-4 of the residual beyond the noise.  If the noise is not known yet, the reference
+    is the variance of the residual.  Where the best χ² is above `hopeless`, only the first
+    evaluations are made.
     """
-    make_room()
-    problems, asked = preparation.problems(), preparation.conditions
-    samples = _counted(problems)
+    limit_compiled_programs()
+    problems, conditions = preparation.problems(), preparation.conditions
+    samples = _counted_samples(problems)
 
-    def begun(start: AbstractBlock) -> Descent:
-        return descend(begin(start, problems, asked), _FIRST_LOOKS)
+    def first_descent(start: AbstractBlock) -> Descent:
+        return descend(begin(start, problems, conditions), _FIRST_EVALUATIONS)
 
-    # One alone first, so that what all have in common is compiled once.
-    descents = [begun(starts[0]), *side_by_side(begun, starts[1:])]
+    # The first alone, so that what all have in common is compiled once.
+    descents = [first_descent(starts[0]), *side_by_side(first_descent, starts[1:])]
     descents.sort(key=lambda d: d.cost)
     descents = [
-        d._replace(converged=d.converged or _has_come_to(descents[:k], d, samples, preparation))
+        d._replace(converged=d.converged or _joins_better(descents[:k], d, samples, preparation))
         for k, d in enumerate(descents)
     ]
-    gains = np.zeros(len(starts))
+    decreases = np.zeros(len(starts))
 
-    def further(which: list[int]) -> None:
-        found = side_by_side(lambda k: descend(descents[k], _LOOKS), which)
-        for k, descent in zip(which, found, strict=True):
-            gains[k], descents[k] = descents[k].cost - descent.cost, descent
+    def continue_descents(which: list[int]) -> None:
+        continued = side_by_side(lambda k: descend(descents[k], _EVALUATIONS), which)
+        for k, descent in zip(which, continued, strict=True):
+            decreases[k], descents[k] = descents[k].cost - descent.cost, descent
 
     half = descents[: -(-len(starts) // 2)]
-    further([k for k, d in enumerate(half) if not d.converged and d.cost <= hopeless])
+    continue_descents([k for k, d in enumerate(half) if not d.converged and d.cost <= hopeless])
     for _ in range(_ROUNDS):
         costs = np.array([d.cost for d in descents])
         best = descents[int(np.argmin(costs))]
         leading = [] if best.converged else np.argsort(costs)[:2]
-        overtaking = np.flatnonzero((gains > 0) & (costs - gains < best.cost))
-        todo = [k for k in {*leading, *overtaking} if not descents[k].converged]
-        if not todo or not best.cost <= hopeless:
+        overtaking = np.flatnonzero((decreases > 0) & (costs - decreases < best.cost))
+        unfinished = [k for k in {*leading, *overtaking} if not descents[k].converged]
+        if not unfinished or not best.cost <= hopeless:
             break
-        further(todo)
+        continue_descents(unfinished)
         least = int(np.argmin([d.cost for d in descents]))
-        if best.cost - descents[least].cost < _negligible(best.cost, samples, preparation):
+        if best.cost - descents[least].cost < _negligible_decrease(best.cost, samples, preparation):
             descents[least] = descents[least]._replace(converged=True)
     best = min(descents, key=lambda d: d.cost)
     return solved_at(
@@ -89,10 +95,10 @@ def solve_from(
     )
 
 
-def _has_come_to(
+def _joins_better(
     better: list[Descent], descent: Descent, samples: int, preparation: Preparation
 ) -> bool:
-    """Whether a descent has come to where a better one is: from there on their ways are one."""
+    """Whether a descent has reached a better one's position, so that both would continue alike."""
 
     def residual(d: Descent) -> np.ndarray:
         return d.objective.at(d.position).residual
@@ -103,14 +109,16 @@ def _has_come_to(
 
 
 def _tenth_of_noise(cost: float, samples: int, preparation: Preparation) -> float:
-    """A tenth of the noise's variance, in which χ² is counted; where no noise is known, of what is
-    left."""
+    """A tenth of the noise's variance, in the unit of χ².
+
+    Where the noise is unknown it is a tenth of the residual's variance.
+    """
     unknown = any(take.noise is None for take in preparation.takes)
     return 0.1 * cost / samples if unknown else 0.1
 
 
-def _negligible(cost: float, samples: int, preparation: Preparation) -> float:
-    """A gain in χ² that is none."""
+def _negligible_decrease(cost: float, samples: int, preparation: Preparation) -> float:
+    """The decrease in χ² below which a descent has converged."""
     tenth = _tenth_of_noise(cost, samples, preparation)
     if any(take.noise is None for take in preparation.takes):
         return tenth
@@ -126,7 +134,7 @@ def solved_at(
     costs: tuple[float, ...],
     evaluations: int,
 ) -> Solved:
-    """The block at the best position that was found, finished; `costs` (S,) of all starts."""
+    """The result at the best position (n,) of the shapes; `costs` (S,) are χ² of all starts."""
     problems = preparation.problems()
     point = objective.at(position)
     counts = [p.own.shape[1] for p in problems]
@@ -138,7 +146,7 @@ def solved_at(
             preparation.takes, problems, blocks, own, strict=True
         )
     ]
-    # After the data's rows come those of the priors, which are no part of χ².
+    # The last rows are those of the priors, which are not part of χ².
     *whitened, _ = np.split(point.residual, np.cumsum([len(p.response) for p in problems]))
     return Solved(
         preparation=preparation,
@@ -148,27 +156,31 @@ def solved_at(
         cost=float(np.nan_to_num(sum(r @ r for r in whitened), nan=np.inf, posinf=np.inf)),
         converged=bool(converged),
         start_costs=costs,
-        samples=_counted(problems),
+        samples=_counted_samples(problems),
         evaluations=evaluations,
         blocks=blocks,
         whitened=tuple(whitened),
-        free=len(objective.numbers.labels) + sum(counts),
+        free=len(objective.parameters.labels) + sum(counts),
     )
 
 
-def _counted(problems: tuple[Problem, ...]) -> int:
-    """How many samples count."""
+def _counted_samples(problems: tuple[Problem, ...]) -> int:
+    """The number of samples that count."""
     return int(sum(np.count_nonzero(p.weights) for p in problems))
 
 
 def fit_block(block: AbstractBlock, preparation: Preparation, starts: int, seed: int) -> Solved:
-    """Multi-start fit: on the compressed problem where that is cheaper, the full model having the
-    last word; else, or where the two disagree, from every start on the full model."""
+    """The optimum of a block from several starts.
+
+    Where that takes less time, the search runs on the compressed problem, and the full model
+    confirms its optimum.  Otherwise, or where the two disagree, the full model is fitted from every
+    start.
+    """
     blocks = starts_of(block, starts, seed)
     searched = None if preparation.conditions else search(blocks, preparation.problems())
     if searched is not None:
         solved = solve_from([searched.best], preparation)
-        if solved.converged and solved.cost <= searched.cost * (1 + _AGREED):
+        if solved.converged and solved.cost <= searched.cost * (1 + _AGREEMENT):
             costs = np.where(searched.costs > searched.cost, searched.costs, solved.cost)
             return replace(
                 solved,

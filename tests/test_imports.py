@@ -96,7 +96,7 @@ def imports_of(path: Path) -> set[str]:
     ],
 )
 def test_import_statements_are_understood(line: str, found: str | None) -> None:
-    assert list(imported(line, "fracjax._fit._fit", False)) == ([found] if found else [])
+    assert list(imported(line, "fracjax._prepare._weights", False)) == ([found] if found else [])
 
 
 def test_relative_imports_of_a_package_start_at_itself() -> None:

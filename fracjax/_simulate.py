@@ -8,8 +8,7 @@ import jax
 import numpy as np
 
 from ._models import Model, understood
-from ._operators import Grid, refine
-from ._operators import HISTORIES, History
+from ._operators import HISTORIES, Grid, History, refine
 from ._recording import InputError
 
 _ERROR = 1e-4

@@ -104,7 +104,7 @@ def _expected_power(noise: Autoregression, terms: np.ndarray) -> tuple[np.ndarra
     (taps, innovation), size = noise, len(terms)
     covariance = _covariance(noise, size)
     of_lag = covariance * (1 - np.arange(size) / size) - _removed(covariance, terms) / size
-    # At the periodogram's frequencies a lag of -k is one of n - k.
+    # At the periodogram's frequencies a lag of -k equals one of n - k.
     of_lag[1:] += of_lag[:0:-1]
     return np.fft.rfft(of_lag).real, innovation**2 / np.abs(np.fft.rfft(taps, size)) ** 2
 

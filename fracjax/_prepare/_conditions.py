@@ -45,7 +45,7 @@ class Conditions:
         return bool(self.ties or self.own or self.priors)
 
     def to_dict(self) -> dict:
-        """Plain data."""
+        """The conditions as plain data, as in fit.json."""
         return {
             "tied": {name: {"to": s, "factor": f} for name, (s, f) in self.ties.items()},
             "own": list(self.own),

@@ -16,7 +16,7 @@ from ._conditions import PLAIN, Conditions
 from ._noise import Noise
 from ._noise_sources import repetition_lag
 from ._problem import Problem, make_problem
-from ._setting import moving, setting_of, top_frequency
+from ._setting import driven_recordings, setting_of, top_frequency
 
 HistoryOption = History | Literal["estimated"]
 _MANY_PERIODS = 8
@@ -307,5 +307,5 @@ def _starts_like_the_others(parts: np.ndarray, largest_ratio: float) -> bool:
 
 def coarse_oversampling(recordings: list[Recording]) -> int:
     """The oversampling of the first grid: at least 16 samples per period of the fastest drive."""
-    samples = min(1 / (top_frequency(r) * r.dt) for r in moving(recordings))
+    samples = min(1 / (top_frequency(r) * r.dt) for r in driven_recordings(recordings))
     return int(np.clip(2 ** np.ceil(np.log2(max(16 / samples, 1))), 1, 8))

@@ -88,7 +88,7 @@ class Problem(AbstractProblem):
     def linearised(
         self, block: AbstractBlock, names: Sequence[str]
     ) -> tuple[np.ndarray, np.ndarray]:
-        """Response (L,) and its derivatives (L, Σ size) with respect to the named parameters."""
+        """The response (L,) and its derivatives (L, Σ size) by the named parameters."""
         response, columns, _ = block.linearise(np.asarray(self.drive), self.grid, names, ())
         pieces = [columns[name][:: self.oversampling] for name in names]
         response = response[:: self.oversampling]
@@ -96,11 +96,11 @@ class Problem(AbstractProblem):
 
     @property
     def size(self) -> float:
-        """Length of the whitened response about its mean."""
+        """The norm of the whitened response about its mean."""
         return float(np.linalg.norm(self.whiten(self.response - self.response.mean())))
 
     def whiten(self, signals: Any) -> Any:
-        """Signals (L, …) through the whitening filter, unit variance where the weight is 1."""
+        """Signals (L, …) after the whitening filter, of unit variance where the weight is 1."""
         if isinstance(signals, np.ndarray) and isinstance(self.weights, np.ndarray):
             taps = np.asarray(self.whitening)
             taps = taps[: 1 + np.flatnonzero(taps)[-1]]
@@ -115,7 +115,7 @@ class Problem(AbstractProblem):
         return filtered * self.weights.reshape(-1, *([1] * (signals.ndim - 1)))
 
 
-def bucket(samples: int) -> int:
+def padded_length(samples: int) -> int:
     """The smallest length of the form 2^k · {1, 1.25, 1.5, 1.75} that holds this many samples."""
     power = 2 ** int(np.floor(np.log2(samples)))
     return int(next(power * q // 4 for q in (4, 5, 6, 7, 8) if power * q // 4 >= samples))
@@ -148,7 +148,7 @@ def make_problem(
     counted = (uncounted < 0.5).astype(float)
     counted[: whitening.size - 1] = 0.0
     weights = counted if weights is None else counted * weights
-    length = samples if history == "periodic" else bucket(samples)
+    length = samples if history == "periodic" else padded_length(samples)
     fine = refine(drive, oversampling, history)
     if history != "periodic":
         fine = _extended(fine, (length - samples) * oversampling)

@@ -15,7 +15,7 @@ _REST = 1e-2
 
 def setting_of(recordings: list[Recording]) -> Setting:
     """The magnitudes that the recordings suggest.  Raises InputError where no drive varies."""
-    driven = moving(recordings)
+    driven = driven_recordings(recordings)
     return Setting(
         drive_low=float(min(r.drive.min() for r in recordings)),
         drive_high=float(max(r.drive.max() for r in recordings)),
@@ -30,7 +30,7 @@ def setting_of(recordings: list[Recording]) -> Setting:
     )
 
 
-def moving(recordings: Sequence[Recording]) -> list[Recording]:
+def driven_recordings(recordings: Sequence[Recording]) -> list[Recording]:
     """The recordings whose drive varies.
 
     Next to them a recording whose drive spans less than 1 % of the widest is a rest, whose measured
@@ -51,7 +51,7 @@ def resolution(response: np.ndarray) -> float:
     recording.
     """
     gaps = np.diff(np.unique(response))
-    gaps = gaps[gaps > 1e-9 * np.ptp(response)]  # equal but for rounding in the last place
+    gaps = gaps[gaps > 1e-9 * np.ptp(response)]  # smaller gaps are rounding errors
     codes = np.round(gaps / gaps.min())
     step = float(gaps.sum() / codes.sum())
     return step if np.all(np.abs(gaps / step - codes) < 0.1) else 0.0

@@ -53,7 +53,7 @@ def refine_until_accurate(
     """
     while True:
         steps = solved.preparation.oversampling
-        progress(f"checking the numerics with {steps} steps per sample")
+        progress(f"checking the numerical error with {steps} steps per sample")
         finer, error = _halved_until(tolerated_error(TARGET, solved, share), solved)
         if finer is solved.preparation:
             return solved, error

@@ -10,7 +10,7 @@ from pathlib import Path
 
 import pytest
 
-PACKAGE = Path(__file__).resolve().parents[1] / "fracjax"
+PACKAGE = Path(__file__).resolve().parents[2] / "fracjax"
 FILES = sorted(PACKAGE.rglob("*.py"))
 ROOT = ""  # fracjax/__init__.py, which may gather anything but the command line
 

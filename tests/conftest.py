@@ -34,3 +34,11 @@ def data_folder() -> Path:
     if not folder.is_dir():
         pytest.skip("No real recordings here: set FRACJAX_DATA to a folder that holds them.")
     return folder
+
+
+@pytest.fixture
+def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
+    """An empty working directory, and no cache of compiled programs in the user's."""
+    monkeypatch.chdir(tmp_path)
+    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "")
+    return tmp_path

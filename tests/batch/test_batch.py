@@ -34,9 +34,11 @@ from fracjax._batch._rows import Work, row_of
 from fracjax._cli import run
 from fracjax._io import write_text
 from fracjax._parameters import replace_parameters
+from tests.helpers import failure
 
 STEP = 0.01
 OUT = Path("results")
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 def signals(seed: int, samples: int = 250) -> tuple[np.ndarray, np.ndarray]:
@@ -75,13 +77,6 @@ def cheap_model() -> fj.Model:
     """Creep of a known order, which is quick to compile."""
     order = fj.Parameter(0.0072, fixed=True)
     return fj.Model(replace_parameters(fj.blocks.Creep(), {"mu": order}))
-
-
-@pytest.fixture(autouse=True)
-def elsewhere(tmp_path, monkeypatch):
-    """Every test in an empty folder, with no cache of compiled programs."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "")
 
 
 @pytest.fixture(scope="module")
@@ -763,14 +758,6 @@ def test_results_that_went_with_the_last_worker_are_not_waited_for(quick_cluster
 
 
 # The command line ---------------------------------------------------------------------------------
-
-
-def failure(capsys) -> str:
-    """The one sentence on stderr."""
-    err = capsys.readouterr().err
-    assert err.count("\n") == 1
-    assert err.endswith(".\n")
-    return err
 
 
 def test_the_command(data, quick, capsys):

@@ -4,7 +4,6 @@ from functools import reduce
 from itertools import pairwise
 from typing import get_args
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -63,15 +62,11 @@ from fracjax._blocks.viscoelastic_layer import MaxwellLayer
 from fracjax._fit import prepare
 from fracjax._operators import Grid, direct_convolution, kernel
 from fracjax._parameters import named_parameters, set_values
+from tests.helpers import close, respond, smooth
 
 HISTORIES = ("rest", "constant", "periodic")
 STEP = 4.6e-3  # no line of the mains falls on half the sampling rate
 SAMPLES = 161
-
-
-def smooth(times):
-    """A drive [V] that leaves 40 V slowly and turns several times between 40 and 85 V."""
-    return 40 + 20 * (1 - np.cos(5 * np.pi * times)) + 5 * np.sin(11 * times) ** 4
 
 
 TIMES = np.arange(SAMPLES) * STEP
@@ -161,19 +156,6 @@ LOOK_AHEAD = {
 }
 
 each_block = pytest.mark.parametrize("name", BLOCKS)
-_respond = eqx.filter_jit(lambda block, drive, grid: block(drive, grid))
-
-
-def respond(block: AbstractBlock, drive, grid: Grid):
-    """The block's response, compiled once per structure: the step is an argument of the program."""
-    return _respond(block, jnp.asarray(drive), Grid(np.asarray(grid.step), grid.history))
-
-
-def close(found, wanted, share: float, scale=None) -> None:
-    """Equal to a share of the peak of `scale`, or of what is wanted."""
-    found, wanted = np.asarray(found), np.asarray(wanted)
-    peak = np.abs(wanted if scale is None else np.asarray(scale)).max()
-    np.testing.assert_allclose(found, wanted, rtol=0, atol=share * peak)
 
 
 def free_values(block: AbstractBlock) -> dict[str, np.ndarray]:

@@ -6,7 +6,6 @@ What all blocks have in common is tested in test_blocks.py.
 from itertools import pairwise
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -38,6 +37,7 @@ from fracjax._blocks import (
 from fracjax._operators import Grid
 from fracjax._operators._grid import History
 from fracjax._parameters import named_parameters, set_values
+from tests.helpers import respond
 
 NAMES = (
     "sensor_lag",
@@ -47,13 +47,9 @@ NAMES = (
     "backlash",
     "sensor_nonlinearity",
 )
+GRID = Grid(1e-3, "constant")
 STARTS: tuple[History, ...] = ("rest", "constant")
 each_effect = pytest.mark.parametrize("name", NAMES)
-_respond = eqx.filter_jit(lambda block, drive, grid: block(drive, grid))
-
-
-def respond(block, drive, step=1e-3, history: History = "constant") -> np.ndarray:
-    return np.asarray(_respond(block, jnp.asarray(drive), Grid(np.asarray(step), history)))
 
 
 def smooth(times):
@@ -82,7 +78,7 @@ def order_of(block, numerator, denominator, samples: int) -> tuple[float, float]
     errors = []
     for steps in (samples, 2 * samples, 4 * samples):
         times = np.linspace(0, 1, steps + 1)
-        found = respond(block, smooth(times), 1 / steps)
+        found = respond(block, smooth(times), Grid(1 / steps, "constant"))
         errors.append(np.abs(found - solved(numerator, denominator, times)).max())
     return errors[-1], float(np.log2(errors[-2] / errors[-1]))
 
@@ -178,8 +174,8 @@ def test_a_step_through_a_sensor_of_any_order_is_a_gamma_distribution(order):
 
 def test_a_sensor_of_first_order_is_a_lag_of_the_drive():
     drive = smooth(np.arange(500) * 1e-3)
-    wanted = respond(DriveLag(1 / (2 * np.pi * 7)), drive)
-    np.testing.assert_allclose(respond(SensorLag(7.0, 1.0), drive), wanted, rtol=1e-12)
+    wanted = respond(DriveLag(1 / (2 * np.pi * 7)), drive, GRID)
+    np.testing.assert_allclose(respond(SensorLag(7.0, 1.0), drive, GRID), wanted, rtol=1e-12)
 
 
 # Second mode --------------------------------------------------------------------------------------
@@ -235,10 +231,12 @@ def test_the_notch_lies_where_the_modes_cancel():
 def test_second_mode_without_participation_is_one_mode():
     drive = smooth(np.arange(500) * 1e-3)
     alone = SecondMode(30.0, 2.5, 0.0, 0.04)
-    np.testing.assert_allclose(respond(alone, drive), respond(Resonance(30.0, 0.04), drive), 1e-12)
+    np.testing.assert_allclose(
+        respond(alone, drive, GRID), respond(Resonance(30.0, 0.04), drive, GRID), 1e-12
+    )
     beyond = SecondMode(30.0, 100.0, 0.2, 0.04, 0.7)
-    wanted = 0.8 * respond(Resonance(30.0, 0.04), drive) + 0.2 * drive
-    np.testing.assert_allclose(respond(beyond, drive), wanted, atol=2e-2)
+    wanted = 0.8 * respond(Resonance(30.0, 0.04), drive, GRID) + 0.2 * drive
+    np.testing.assert_allclose(respond(beyond, drive, GRID), wanted, atol=2e-2)
 
 
 @pytest.mark.parametrize("block", [SensorLag(9.0), *BOTH_SIGNS])
@@ -246,7 +244,7 @@ def test_steady_periods_have_the_gain_of_each_harmonic(block):
     times = np.arange(400) / 400
     for harmonic in (2, 11):
         gain = frequency_response(block, harmonic)[0]
-        found = respond(block, 1 + np.cos(2 * np.pi * harmonic * times), 1 / 400, "periodic")
+        found = respond(block, 1 + np.cos(2 * np.pi * harmonic * times), Grid(1 / 400, "periodic"))
         wanted = 1 + np.real(gain * np.exp(2j * np.pi * harmonic * times))
         np.testing.assert_allclose(found, wanted, atol=1e-10)
 
@@ -264,19 +262,21 @@ def test_cubic_nonlinearity_makes_the_harmonics_of_a_cube():
     cosine = np.cos(2 * np.pi * np.arange(64) / 64)
     block = CubicNonlinearity(0.4, low=20.0, high=100.0)
     for amplitude in (10.0, 40.0):
-        found = harmonics(respond(block, 60 + amplitude * cosine))
+        found = harmonics(respond(block, 60 + amplitude * cosine, GRID))
         size = 0.4 * amplitude**3 / 80**2
         np.testing.assert_allclose(found[1:5], [amplitude + 0.75 * size, 0, size / 4, 0], atol=1e-9)
     moved = set_values(block, {"centre": 48.0})
-    found = harmonics(respond(moved, 60 + 40 * cosine))
+    found = harmonics(respond(moved, 60 + 40 * cosine, GRID))
     assert found[2] == pytest.approx(0.5 * 3 * 0.4 * 12 * 40**2 / 80**2, rel=1e-9)
-    assert respond(block, np.array([100.0]))[0] == pytest.approx(100 + 0.4 * 80 / 8, rel=1e-14)
+    assert respond(block, np.array([100.0]), GRID)[0] == pytest.approx(
+        100 + 0.4 * 80 / 8, rel=1e-14
+    )
 
 
 def test_cubic_nonlinearity_rises_within_its_bounds():
     drive = np.linspace(20, 100, 200)
     for q in (-1.0, 1.0):
-        assert np.all(np.diff(respond(CubicNonlinearity(q, low=20.0, high=100.0), drive)) > 0)
+        assert np.all(np.diff(respond(CubicNonlinearity(q, low=20.0, high=100.0), drive, GRID)) > 0)
 
 
 # Rayleigh -----------------------------------------------------------------------------------------
@@ -315,7 +315,7 @@ levels = st.floats(0, SPAN, width=32)
 @given(levels, st.lists(levels, min_size=1, max_size=15))
 def test_rayleigh_remembers_turning_points_as_a_chain_of_parabolas(start, path):
     drive = np.array([start, *path] + [path[-1]] * (15 - len(path)))
-    found = respond(rayleigh, drive) - drive - 4 * ALPHA * start
+    found = respond(rayleigh, drive, GRID) - drive - 4 * ALPHA * start
     for count, response in enumerate(found[1 : len(path) + 1], start=1):
         assert abs(response - parabolas(path[:count], start)) <= count * GRAIN
 
@@ -323,7 +323,7 @@ def test_rayleigh_remembers_turning_points_as_a_chain_of_parabolas(start, path):
 def test_rayleigh_starts_on_the_virgin_parabola():
     drive = np.linspace(0, SPAN, 300)
     for history in STARTS:
-        found = respond(rayleigh, drive, history=history) - drive
+        found = respond(rayleigh, drive, Grid(1e-3, history)) - drive
         np.testing.assert_allclose(found, 2 * ALPHA * drive**2 / SPAN, atol=GRAIN)
 
 
@@ -334,7 +334,7 @@ def test_rayleigh_of_an_exercised_actuator_starts_on_a_later_branch(exercised, s
     rise = np.linspace(0, SPAN, 300)
     drive = np.concatenate([rise, rise[::-1], rise])
     block = AmplitudeDependence(ALPHA, exercised, span=SPAN)
-    found = respond(block, drive) - drive
+    found = respond(block, drive, GRID) - drive
     first = found[:300] - found[0]
     np.testing.assert_allclose(first, 2 * share * ALPHA * rise**2 / SPAN, atol=2 * GRAIN)
     again = found[600:] - found[600]
@@ -346,7 +346,7 @@ def test_rayleigh_loops_are_parabolas_with_area_as_the_cube(width):
     rise = np.linspace(0, width, 400, endpoint=False)
     low = 40 - width / 2
     drive = low + np.concatenate([rise, width - rise])
-    found = respond(rayleigh, drive, history="periodic") - drive
+    found = respond(rayleigh, drive, Grid(1e-3, "periodic")) - drive
     up, down = found[:400], found[400:]
     np.testing.assert_allclose(up - up[0], ALPHA * rise**2 / SPAN, atol=2 * GRAIN)
     np.testing.assert_allclose(down - down[0], -ALPHA * rise**2 / SPAN, atol=2 * GRAIN)
@@ -365,7 +365,10 @@ def test_laws_of_plays_and_powers_do_not_see_the_clock():
         CubicNonlinearity(0.2, low=3.0, high=8.0),
         SensorNonlinearity(0.02, 0.01, centre=5.0, span=8.0),
     ):
-        np.testing.assert_array_equal(respond(block, drive, 1.0), respond(block, drive, 1e-5))
+        np.testing.assert_array_equal(
+            respond(block, drive, Grid(1.0, "constant")),
+            respond(block, drive, Grid(1e-5, "constant")),
+        )
 
 
 # Backlash -----------------------------------------------------------------------------------------
@@ -382,7 +385,7 @@ def test_backlash_is_a_plain_loop(start):
         elif joint - y > radius:
             joint = y + radius
         wanted.append((1 - weight) * y + weight * joint)
-    found = respond(Backlash(weight, radius, span=100.0), motion, history=start)
+    found = respond(Backlash(weight, radius, span=100.0), motion, Grid(1e-3, start))
     np.testing.assert_allclose(found, wanted, atol=1e-12)
 
 
@@ -390,7 +393,7 @@ def test_backlash_is_a_plain_loop(start):
 def test_backlash_has_one_opening_at_all_amplitudes(width):
     rise = np.linspace(0, width, 600, endpoint=False)
     block = Backlash(0.6, 1.0, span=20.0)
-    found = respond(block, np.concatenate([rise, width - rise]), history="periodic")
+    found = respond(block, np.concatenate([rise, width - rise]), Grid(1e-3, "periodic"))
     up, down = found[:600], np.concatenate([found[600:], found[:1]])[::-1][:600]
     crossing = rise <= 2.0
     np.testing.assert_allclose((up - up[0])[crossing], 0.4 * rise[crossing], atol=1e-12)
@@ -402,16 +405,18 @@ def test_backlash_passes_a_constant_on():
     motion = 5 * np.sin(np.arange(300) / 20)
     block = Backlash(0.6, 1.0, span=10.0)
     for history in ("constant", "periodic"):
-        shifted = respond(block, motion + 7, history=history)
-        np.testing.assert_allclose(shifted, respond(block, motion, history=history) + 7, atol=1e-12)
+        shifted = respond(block, motion + 7, Grid(1e-3, history))
+        np.testing.assert_allclose(
+            shifted, respond(block, motion, Grid(1e-3, history)) + 7, atol=1e-12
+        )
 
 
 def test_radius_moves_the_reading_by_the_weight_while_the_joint_is_closed():
     motion = 5 * np.sin(np.arange(300) / 20)
     block = Backlash(0.6, 1.0, span=10.0)
-    ends = [respond(set_values(block, {"radius": 1.0 + e}), motion) for e in (1e-6, -1e-6)]
+    ends = [respond(set_values(block, {"radius": 1.0 + e}), motion, GRID) for e in (1e-6, -1e-6)]
     slope = (ends[0] - ends[1]) / 2e-6
-    behind = motion - respond(set_values(block, {"weight": 1.0}), motion)
+    behind = motion - respond(set_values(block, {"weight": 1.0}), motion, GRID)
     closed = np.abs(behind) > 1 - 1e-9
     assert 0.5 < closed.mean() < 1
     np.testing.assert_allclose(slope[closed], -0.6 * np.sign(behind[closed]), atol=1e-6)
@@ -433,7 +438,7 @@ def test_sensor_nonlinearity_is_that_of_the_data_sheet():
     reach = np.linspace(-30, 50, 401)
     for s_2, s_3, share in ((0.02, 0.0, 0.01), (0.0, -0.04, 0.01)):
         block = SensorNonlinearity(s_2, s_3, centre=10.0, span=80.0)
-        reading = respond(block, reach)
+        reading = respond(block, reach, GRID)
         np.testing.assert_allclose(
             reading[[0, 200, 400]],
             [-30 + 80 * (s_2 - s_3), 10.0, 50 + 80 * (s_2 + s_3)],
@@ -446,7 +451,7 @@ def test_another_centre_is_the_same_law_at_another_gain_and_offset():
     reach, move = np.linspace(-30, 50, 101), 0.3
     one = SensorNonlinearity(0.02, 0.03, centre=10.0, span=80.0)
     other = SensorNonlinearity(0.02 - 3 * 0.03 * move, 0.03, centre=10.0 - move * 40.0, span=80.0)
-    difference = respond(one, reach) - respond(other, reach)
+    difference = respond(one, reach, GRID) - respond(other, reach, GRID)
     assert np.ptp(difference) > 0.5
     np.testing.assert_allclose(np.diff(difference, 2), 0, atol=1e-10)
 
@@ -456,7 +461,7 @@ def test_sensor_nonlinearity_rises_within_its_bounds():
     for s_2 in (-0.1, 0.1):
         for s_3 in (-0.1, 0.1):
             block = SensorNonlinearity(s_2, s_3, centre=10.0, span=80.0)
-            assert np.all(np.diff(respond(block, reach)) > 0)
+            assert np.all(np.diff(respond(block, reach, GRID)) > 0)
 
 
 # The catalogue ------------------------------------------------------------------------------------
@@ -482,10 +487,10 @@ def driven(setting: Setting) -> tuple[np.ndarray, FOH]:
 def test_every_trial_is_of_a_sensible_size(name, setting):
     effect = EFFECTS[name]
     drive, base = driven(setting)
-    plain = respond(base, drive, setting.step)
+    plain = respond(base, drive, Grid(setting.step, "constant"))
     assert np.ptp(plain) == pytest.approx(setting.response_span, rel=0.5)
     for trial in effect.trials(setting):
-        change = respond(effect.insert(base, trial), drive, setting.step) - plain
+        change = respond(effect.insert(base, trial), drive, Grid(setting.step, "constant")) - plain
         assert 1e-4 < np.std(change) / np.ptp(plain) < 0.3
 
 
@@ -521,11 +526,11 @@ def test_trials_lie_where_the_literature_has_them(name):
 def test_an_effect_is_no_other(name):
     """What the base's gain and offset leave of one trial is nowhere that of a look-alike."""
     drive, base = driven(SETTINGS["common"])
-    plain = respond(base, drive)
+    plain = respond(base, drive, GRID)
     absorbed = np.linalg.qr(np.column_stack([plain, drive, np.ones_like(plain)]))[0]
 
     def direction(effect, trial) -> np.ndarray:
-        change = respond(effect.insert(base, trial), drive) - plain
+        change = respond(effect.insert(base, trial), drive, GRID) - plain
         change = change - absorbed @ (absorbed.T @ change)
         # What a recording gives no scale for, such as a converter's steps, moves nothing here.
         return change / max(float(np.linalg.norm(change)), 1e-9)

@@ -4,7 +4,6 @@ each against an oracle of its own, and what a recording says about their sizes."
 from itertools import pairwise
 from typing import Any
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -34,14 +33,14 @@ from fracjax._blocks import (
 from fracjax._diagnose._residual import residual_of
 from fracjax._diagnose._score import EffectScore, Scorer
 from fracjax._fit import prepare, solve_from
-from fracjax._fit._noise import Noise
 from fracjax._fit._problem import resolution, setting_of
 from fracjax._operators import Grid
-from fracjax._operators._grid import History
 from fracjax._parameters import named_parameters, set_values
+from tests.helpers import respond, specified
 
 STEP = 2e-3
 TIMES = np.arange(601) * STEP
+GRID = Grid(STEP, "constant")
 NAMES = (
     "coulomb_friction",
     "LuGre's friction",
@@ -54,14 +53,6 @@ NAMES = (
     "quantisation",
 )
 EFFECTS_HERE = [name for name in NAMES if name in EFFECTS]
-_respond = eqx.filter_jit(lambda block, drive, grid: block(drive, grid))
-
-
-def respond(
-    block: AbstractBlock, drive, step: float = STEP, history: History = "constant"
-) -> np.ndarray:
-    """The block's response, compiled once per structure."""
-    return np.asarray(_respond(block, jnp.asarray(drive), Grid(np.asarray(step), history)))
 
 
 def motion(times):
@@ -93,7 +84,7 @@ def test_friction_is_dahls_differential_equation():
         slope, (0, 1.2), [0.0], t_eval=TIMES, rtol=1e-10, atol=1e-12, max_step=STEP
     )
     wanted = motion(TIMES) - 0.4 * solution.y[0]
-    np.testing.assert_allclose(respond(friction, motion(TIMES)), wanted, rtol=0, atol=2e-5)
+    np.testing.assert_allclose(respond(friction, motion(TIMES), GRID), wanted, rtol=0, atol=2e-5)
 
 
 def test_friction_is_exact_where_the_motion_turns_at_samples():
@@ -105,20 +96,20 @@ def test_friction_is_exact_where_the_motion_turns_at_samples():
         sign = np.sign(b - a)
         z = sign + (z - sign) * np.exp(-abs(b - a) / 0.7)
         ends.append(b - 0.4 * z)
-    found = respond(friction, np.append(path, turns[-1]))
+    found = respond(friction, np.append(path, turns[-1]), GRID)
     np.testing.assert_allclose(found[7::7], ends, rtol=0, atol=1e-14)
 
 
 def test_friction_widens_a_large_loop_by_twice_its_deflection():
     angle = np.linspace(0, 6 * np.pi, 1201)
-    loop = respond(friction, 20 * np.sin(angle)) - 20 * np.sin(angle)
+    loop = respond(friction, 20 * np.sin(angle), GRID) - 20 * np.sin(angle)
     rising, falling = loop[800], loop[1000]  # both through the middle
     assert falling - rising == pytest.approx(0.8, abs=1e-9)
 
 
 def test_friction_after_a_reversal_has_turned_round_after_its_presliding_length():
     """From 1 to -1: at the presliding length z = 2/e - 1."""
-    found = respond(friction, np.array([0.0, 50.0, 50.0 - 0.7]))
+    found = respond(friction, np.array([0.0, 50.0, 50.0 - 0.7]), GRID)
     assert found[2] == pytest.approx(50 - 0.7 - 0.4 * (2 / np.e - 1), abs=1e-12)
 
 
@@ -140,7 +131,7 @@ def test_lugres_friction_is_its_differential_equation():
     errors = []
     for finer in (1, 4, 16):
         fine = np.arange(600 * finer + 1) * STEP / finer
-        found = respond(lubricated, motion(fine), STEP / finer)[::finer]
+        found = respond(lubricated, motion(fine), Grid(STEP / finer, "constant"))[::finer]
         errors.append(np.abs(found - wanted).max())
     assert errors[0] < 5e-5
     assert errors[1] < 0.4 * errors[0]
@@ -151,23 +142,23 @@ def test_lugres_friction_of_stiff_guides_is_dahls_and_of_sticking_ones_a_play():
     plain = {"excess": 0.0, "presliding": 0.7}
     stiff = set_values(lubricated, plain | {"amplitude": 1e-5})
     dahl = set_values(friction, {"amplitude": 1e-5})
-    held = motion(TIMES) - respond(dahl, motion(TIMES))
+    held = motion(TIMES) - respond(dahl, motion(TIMES), GRID)
     np.testing.assert_allclose(
-        motion(TIMES) - respond(stiff, motion(TIMES)), held, rtol=0, atol=1e-9
+        motion(TIMES) - respond(stiff, motion(TIMES), GRID), held, rtol=0, atol=1e-9
     )
     sticking = set_values(lubricated, {"excess": 0.0, "presliding": 1.6e-3, "amplitude": 0.4})
     play, wanted = 0.0, []
     for y in motion(TIMES):
         play = np.clip(play, y - 0.4, y + 0.4)
         wanted.append(play)
-    np.testing.assert_allclose(respond(sticking, motion(TIMES)), wanted, rtol=0, atol=0.02)
+    np.testing.assert_allclose(respond(sticking, motion(TIMES), GRID), wanted, rtol=0, atol=0.02)
 
 
 def test_lugres_friction_is_larger_in_slow_motion():
     """Pulled steadily it holds back by a g, and a once the pull is fast."""
     for speed, force in ((0.02, 1.5), (200.0, 1.0)):
         pulled = speed * TIMES * 1e3
-        found = pulled - respond(lubricated, pulled, STEP * 1e3)
+        found = pulled - respond(lubricated, pulled, Grid(STEP * 1e3, "constant"))
         assert found[-1] == pytest.approx(0.4 * force, rel=1e-3)
 
 
@@ -192,7 +183,7 @@ def test_a_thrown_load_falls_freely_until_it_lands_and_rides_on():
     # SciPy's types know not which of its two answers this is.
     lands: Any = brentq(lambda t: flown(t) - ridden(t), leaves + 0.2, leaves + 0.4)
     times = np.arange(0, 1.2, step)
-    found = respond(block, ridden(times), step)
+    found = respond(block, ridden(times), Grid(step, "constant"))
     in_flight, riding = (
         (low + step < times) & (times < high - step)
         for low, high in ((leaves, lands), (lands, leaves + 0.5))
@@ -208,12 +199,12 @@ def test_lost_contact_has_one_kink_wherever_the_zero_lies():
         wanted = zero + np.where(
             motion(TIMES) >= 1.5, motion(TIMES), 1.5 + 0.4 * (motion(TIMES) - 1.5)
         )
-        np.testing.assert_allclose(respond(block, lifted), wanted, rtol=0, atol=1e-13)
+        np.testing.assert_allclose(respond(block, lifted, GRID), wanted, rtol=0, atol=1e-13)
 
 
 def test_a_load_that_is_left_behind_stands_still():
     block = LostContact(1.0, 1.5, low=0.0, span=8.0)
-    found = respond(block, motion(TIMES))
+    found = respond(block, motion(TIMES), GRID)
     assert found.min() == pytest.approx(1.5, abs=1e-13)
 
 
@@ -226,7 +217,7 @@ def test_a_slew_limit_is_the_plain_recursion():
     for command in drive:
         voltage += np.clip(command - voltage, -1.5, 1.5)
         wanted.append(voltage)
-    found = respond(SlewRateLimit(1.5 / STEP, top=1e4), drive)
+    found = respond(SlewRateLimit(1.5 / STEP, top=1e4), drive, GRID)
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-12)
 
 
@@ -263,7 +254,7 @@ def test_a_slew_limit_on_a_sine_is_its_closed_form_to_second_order():
     block = SlewRateLimit(limit, top=10.0)
 
     def simulate(t):
-        return respond(block, np.sin(2 * np.pi * t), t[1])
+        return respond(block, np.sin(2 * np.pi * t), Grid(t[1], "constant"))
 
     errors = errors_of(simulate, lambda t: limited_sine(limit, t), (150, 600, 2400))
     assert errors[0] < 2e-3
@@ -273,7 +264,7 @@ def test_a_slew_limit_on_a_sine_is_its_closed_form_to_second_order():
 
 def test_a_slew_limit_never_reached_is_exactly_nothing():
     drive = motion(TIMES)
-    np.testing.assert_array_equal(respond(SlewRateLimit(100.0, top=100.0), drive), drive)
+    np.testing.assert_array_equal(respond(SlewRateLimit(100.0, top=100.0), drive, GRID), drive)
 
 
 # Gain drift ---------------------------------------------------------------------------------------
@@ -295,14 +286,14 @@ def test_gain_drift_is_its_thermal_equation_to_second_order(losses):
         return motion(t) + (0.2 * motion(t) + 0.5) * solution.y[0]
 
     # The motion counts from its first value, wherever that lies.
-    errors = errors_of(lambda t: respond(block, motion(t) + 5, t[1]) - 5, exact)
+    errors = errors_of(lambda t: respond(block, motion(t) + 5, Grid(t[1], "constant")) - 5, exact)
     assert errors[2] < 3e-4
     assert errors[1] < errors[0] / 3.5
     assert errors[2] < errors[1] / 3.5
 
 
 def test_a_ramp_warms_exactly_as_an_exponential():
-    found = respond(GainDrift(1.0, 0.0, 0.4, speed=3.0, size=1.0), 3 * TIMES) - 3 * TIMES
+    found = respond(GainDrift(1.0, 0.0, 0.4, speed=3.0, size=1.0), 3 * TIMES, GRID) - 3 * TIMES
     # No power has come before the first sample.
     np.testing.assert_allclose(found, -3 * TIMES * np.expm1(-TIMES / 0.4), rtol=0, atol=1e-12)
 
@@ -312,7 +303,7 @@ def test_a_gain_changes_by_its_share_in_the_long_run():
     angle = 2 * np.pi * np.arange(100) / 100
     power = float(np.mean(np.diff(np.sin(angle), append=0.0) ** 2)) / STEP**2
     block = GainDrift(0.1, 0.0, 20.0, speed=np.sqrt(power), size=1.0)
-    steady = respond(block, np.sin(angle), history="periodic")
+    steady = respond(block, np.sin(angle), Grid(STEP, "periodic"))
     np.testing.assert_allclose(steady, 1.1 * np.sin(angle), rtol=0, atol=1e-3)
 
 
@@ -333,7 +324,7 @@ def test_a_gain_that_begins_at_rest_forgets_its_first_response():
     drive = np.sin(9 * TIMES)
     jumped = np.concatenate([[100.0], drive[1:]])
     late = TIMES > 0.5
-    found, other = (respond(block, d, history="rest")[late] for d in (drive, jumped))
+    found, other = (respond(block, d, Grid(STEP, "rest"))[late] for d in (drive, jumped))
     np.testing.assert_allclose(other, found, rtol=0, atol=1e-12)
 
 
@@ -371,13 +362,13 @@ def test_a_layer_stiffens_from_one_to_the_share_that_is_left():
 
 @pytest.mark.parametrize("skew", [-8e-4, 8e-4])
 def test_a_skewed_clock_reads_the_drive_at_other_times(skew):
-    found = respond(ClockSkew(skew), motion(TIMES))
+    found = respond(ClockSkew(skew), motion(TIMES), GRID)
     np.testing.assert_allclose(found[:-3], motion(TIMES * (1 + skew))[:-3], rtol=0, atol=2e-5)
 
 
 def test_a_skewed_clock_in_a_periodic_record_reads_on_into_the_next_period():
     times = np.arange(500) * STEP  # motion has the period 1 s
-    found = respond(ClockSkew(9e-4), motion(times), history="periodic")
+    found = respond(ClockSkew(9e-4), motion(times), Grid(STEP, "periodic"))
     np.testing.assert_allclose(found, motion(times * (1 + 9e-4)), rtol=0, atol=2e-5)
 
 
@@ -386,7 +377,7 @@ def test_a_skewed_clock_in_a_periodic_record_reads_on_into_the_next_period():
 
 def test_sharp_quantisation_is_rounding():
     block, values = Quantisation(0.3, 0.02, step=0.5), np.linspace(-7.3, 9.1, 2001)
-    found = respond(block, values)
+    found = respond(block, values, GRID)
     wanted = 0.5 * (np.round(values / 0.5 - 0.3) + 0.3)
     corners = np.abs((values / 0.5 - 0.3) % 1 - 0.5) < 0.12
     np.testing.assert_allclose(found[~corners], wanted[~corners], rtol=0, atol=1e-8)
@@ -400,14 +391,14 @@ def test_quantisation_is_the_mean_of_rounding_over_the_noise(noise):
     place = values[:, None] / 0.5 - 0.3
     chance = norm.cdf((codes + 0.5 - place) / noise) - norm.cdf((codes - 0.5 - place) / noise)
     wanted = 0.5 * (chance @ codes + 0.3)
-    found = respond(Quantisation(0.3, noise, step=0.5), values)
+    found = respond(Quantisation(0.3, noise, step=0.5), values, GRID)
     np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-6)
 
 
 def test_noise_of_a_third_of_a_step_hides_the_steps():
     values = np.linspace(0, 5, 501)
     errors = [
-        np.ptp(respond(Quantisation(0.0, noise, step=0.5), values) - values) / 0.5
+        np.ptp(respond(Quantisation(0.0, noise, step=0.5), values, GRID) - values) / 0.5
         for noise in (0.02, 1 / 3, 0.5)
     ]
     assert errors[0] > 0.8
@@ -426,8 +417,8 @@ CYCLE = 30 + 20 * np.sin(2 * np.pi * np.arange(200) / 200)
     ids=["coulomb_friction", "slew_rate_limit", "gain_drift"],
 )
 def test_periodic_history_is_the_last_of_many_cycles(block):
-    steady = respond(block, CYCLE, history="periodic")
-    many = respond(block, np.tile(CYCLE, 20))
+    steady = respond(block, CYCLE, Grid(STEP, "periodic"))
+    many = respond(block, np.tile(CYCLE, 20), GRID)
     # Of the first cycle gain_drift sees another start: y is counted from the same first value.
     np.testing.assert_allclose(steady, many[-200:], rtol=0, atol=1e-6)
 
@@ -457,11 +448,11 @@ def test_without_amplitude_the_signal_passes_as_it_is(name, history):
     """To the last bit, but for the layer, whose convolution rounds, and where no amplitude is 0."""
     block, nothing = ALL[name]
     signal = motion(TIMES[:500])
-    error = respond(set_values(block, nothing), signal, history=history) - signal
+    error = respond(set_values(block, nothing), signal, Grid(STEP, history)) - signal
     assert np.abs(error).max() <= {"viscoelastic_layer": 1e-11, "LuGre's friction": 1e-16}.get(
         name, 0
     )
-    assert np.abs(respond(block, signal, history=history) - signal).max() > 1e-3
+    assert np.abs(respond(block, signal, Grid(STEP, history)) - signal).max() > 1e-3
 
 
 @pytest.mark.parametrize("history", ["rest", "constant", "periodic"])
@@ -496,13 +487,13 @@ def test_reverse_mode_is_the_finite_difference(name, history):
 
 def test_from_rest_the_first_sample_is_already_a_motion():
     drive = np.full(50, 5.0)
-    moved = respond(friction, drive, history="rest")
+    moved = respond(friction, drive, Grid(STEP, "rest"))
     np.testing.assert_allclose(moved, 5 + 0.4 * np.expm1(-5 / 0.7), rtol=0, atol=1e-13)
-    np.testing.assert_array_equal(respond(friction, drive), drive)
-    climbing = respond(SlewRateLimit(1 / STEP, top=1e3), drive, history="rest")
+    np.testing.assert_array_equal(respond(friction, drive, GRID), drive)
+    climbing = respond(SlewRateLimit(1 / STEP, top=1e3), drive, Grid(STEP, "rest"))
     np.testing.assert_allclose(climbing, np.minimum(np.arange(1, 51), 5.0), rtol=0, atol=1e-12)
     np.testing.assert_array_equal(
-        respond(GainDrift(0.1, 1.0, 0.4, speed=1.0, size=1.0), drive, history="rest"), drive
+        respond(GainDrift(0.1, 1.0, 0.4, speed=1.0, size=1.0), drive, Grid(STEP, "rest")), drive
     )
 
 
@@ -549,7 +540,7 @@ def rich_drive(times):
 
 BASE = FOH(k_l=0.07, k_h=0.04, k_p=1.5e-6, alpha=0.14, beta=-0.13)
 DRIVE = rich_drive(SECONDS)
-PLAIN = respond(BASE, DRIVE, 1 / RATE)
+PLAIN = respond(BASE, DRIVE, Grid(1 / RATE, "constant"))
 
 
 def recorded(response) -> fj.Recording:
@@ -573,7 +564,7 @@ def test_every_trial_is_of_a_sensible_size(name):
     setting, effect = setting_of([recorded(0.05 * np.round(PLAIN / 0.05))]), EFFECTS[name]
     sizes: dict[bool, list[float]] = {False: [], True: []}
     for trial in effect.trials(setting):
-        changed = respond(effect.insert(BASE, trial), DRIVE, 1 / RATE)
+        changed = respond(effect.insert(BASE, trial), DRIVE, Grid(1 / RATE, "constant"))
         change = (changed - changed.mean()) - (PLAIN - PLAIN.mean())
         size = float(np.abs(change).max() / np.ptp(PLAIN))
         sizes[isinstance(trial, ThrownLoad)].append(size)
@@ -603,7 +594,7 @@ def test_a_program_of_the_derivatives_compiles_quickly(name):
 
 def scored(name: str, response: np.ndarray, sigma: float) -> EffectScore:
     """The effect's score after FOH has been fitted to the response."""
-    white = Noise(sigma, "um", "specification", np.ones(1), sigma)
+    white = specified(sigma)
     preparation = prepare([recorded(response)], noise=white, history="constant")
     solved = solve_from([BASE], preparation)
     residual = residual_of(solved, preparation)

@@ -24,10 +24,12 @@ from fracjax._io import read, write_text
 from fracjax._models import MODELS
 from fracjax._operators import Grid
 from fracjax._report._text import noise_of
+from tests.helpers import failure
 
 PACKAGE = Path(fracjax.__file__).parent
 STEP = 0.01
 FOLDER = Path("results")
+pytestmark = pytest.mark.usefixtures("empty_folder")
 
 
 @pytest.fixture(scope="module")
@@ -47,13 +49,6 @@ def loop(tmp_path_factory) -> str:
 def fitted(loop) -> Fit:
     """A real fit, quick: the fractional integral alone."""
     return fracjax._fit.fit(fracjax.parse_model("creep"), read(loop), starts=1)
-
-
-@pytest.fixture(autouse=True)
-def elsewhere(tmp_path, monkeypatch):
-    """Every test in an empty folder, with no cache of compiled programs."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "")
 
 
 @pytest.fixture
@@ -95,16 +90,6 @@ def diagnosis_of(fitted: Fit) -> Diagnosis:
         next_experiment=None,
         warnings=(),
     )
-
-
-def failure(capsys, status: int = 2) -> str:
-    """The one sentence on stderr, nothing being on stdout."""
-    out, err = capsys.readouterr()
-    assert out == "" or status != 2
-    assert err.count("\n") == 1
-    assert err.endswith(".\n")
-    assert "Traceback" not in err
-    return err.strip()
 
 
 def written() -> set[str]:

@@ -543,10 +543,8 @@ def fitted(tmp_path_factory) -> Path:
 
 
 @pytest.fixture
-def call(tmp_path, monkeypatch, fitted):
+def call(empty_folder, fitted):
     """The command in an empty folder with a trajectory, want.csv, in nanometres."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "")
     fj.write("want.csv", {"time_s": TIMES, "displacement_nm": 1000 * (SINE - 29)})
 
     def command(*words: str) -> int:

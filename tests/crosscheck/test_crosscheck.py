@@ -32,6 +32,7 @@ from fracjax._fit._swarm import ParticleSwarm
 from fracjax._parameters import named_parameters, set_values
 from fracjax._report import write_report
 from fracjax._report._text import crosscheck_figures
+from tests.helpers import specified
 
 STEP, SAMPLES, SIGMA = 2e-3, 400, 5e-3
 LAW = {"alpha": 0.45, "beta": -0.1, "k_l": 0.07, "k_h": 0.02, "k_p": 0.0}
@@ -39,7 +40,7 @@ HELD = {"k_p": 0.0, "beta": -0.1}
 # Of negative orders the best, with k_h below 0, is a minimum of its own: it can catch a search that
 # moves gains too.
 KEPT = {"alpha": (0.0, 0.9)}
-NOISE = fj.Noise(SIGMA, "um", "specification", np.ones(1), SIGMA)
+NOISE = specified(SIGMA)
 SEARCHES = (ParticleSwarm(40, 300), DifferentialEvolution(40, 300))
 SIZE = 3
 
@@ -338,10 +339,8 @@ def test_saved_as_plain_data(checked, tmp_path):
 
 
 @pytest.fixture
-def loop(tmp_path, monkeypatch) -> str:
+def loop(empty_folder) -> str:
     """A recording's file, in an empty folder."""
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "")
     taken = recording()
     signals = {"voltage_V": taken.drive, "displacement_um": taken.response}
     fj.write("loop.csv", {"time_s": taken.times} | signals)

@@ -19,12 +19,13 @@ from fracjax._diagnose._stage import Layer, Stage
 from fracjax._fit import prepare, silent, solve_from
 from fracjax._operators import Grid
 from fracjax._parameters import set_values
+from tests.helpers import specified
 
 STEP, SIGMA = 5e-3, 0.003
 TIMES = STEP * np.arange(800)
 DRIVE = 50 - 40 * np.cos(2 * np.pi * TIMES)
 AT = np.array([22.0, 41.0, 60.0, 79.0])
-TOLD = fj.Noise(SIGMA, "um", "specification", np.ones(1), SIGMA)
+TOLD = specified(SIGMA)
 
 
 def bent(values: np.ndarray, turns: list[float] | np.ndarray, at: np.ndarray = AT) -> np.ndarray:

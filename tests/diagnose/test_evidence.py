@@ -14,6 +14,7 @@ from fracjax._diagnose._evidence import spared, strain
 from fracjax._diagnose._stage import Layer
 from fracjax._fit import Preparation, Solved, jacobian, layout_of, prepare, solve_from
 from fracjax._parameters import named_parameters, replace_parameters, set_values
+from tests.helpers import specified
 
 STEP, SAMPLES = 5e-3, 1200
 
@@ -28,7 +29,7 @@ def solved_with(
     response = fj.simulate(fj.Model(base), drive, STEP, "constant").response
     sigma = noise * float(np.ptp(response))
     blank = fj.Recording(drive, response, STEP)
-    told = fj.Noise(sigma, "um", "specification", np.ones(1), sigma)
+    told = specified(sigma)
     layer = Layer(effect, effect.trials(prepare([blank], noise=told).setting)[0])
     truth: AbstractBlock = effect.insert(base, layer.trial)
     truth = set_values(truth, {f"{layer.place}.{n}": v for n, v in values.items()})

@@ -23,6 +23,7 @@ from fracjax._diagnose._held_out import (
 from fracjax._fit import Noise, Preparation, Solved, prepare, settle, solve_from, take_of
 from fracjax._operators._grid import History
 from fracjax._parameters import set_values
+from tests.helpers import specified
 
 STEP, SAMPLES = 1e-3, 2000
 TIMES = STEP * np.arange(SAMPLES)
@@ -43,10 +44,6 @@ def response(drive: np.ndarray) -> np.ndarray:
     return np.asarray(fj.simulate(CREEP.with_values(values), drive, STEP, "constant").response)
 
 
-def white(sigma: float = SIGMA) -> Noise:
-    return Noise(sigma, "um", "specification", np.ones(1), sigma)
-
-
 def fitted(
     block: Any, drive: np.ndarray, clean: np.ndarray, noise: Noise, error: np.ndarray
 ) -> tuple[Solved, Preparation]:
@@ -65,10 +62,10 @@ def test_lines_of_another_phase_and_size_are_read_from_the_recording_that_has_th
     layered = EFFECTS["mains_interference"]
     block = layered.insert(CREEP.block, layered.trials(prepare_alone(DRIVE).setting)[0])
     block = set_values(block, {"second.frequency": 50.0})
-    base, preparation = fitted(CREEP.block, DRIVE, response(DRIVE), white(), error)
-    extended, _ = fitted(block, DRIVE, response(DRIVE), white(), error)
+    base, preparation = fitted(CREEP.block, DRIVE, response(DRIVE), specified(SIGMA), error)
+    extended, _ = fitted(block, DRIVE, response(DRIVE), specified(SIGMA), error)
     other = response(OTHER) + hum(2.9, 0.08) + SIGMA * generator.standard_normal(SAMPLES)
-    take = take_of(fj.Recording(OTHER, other, STEP, "V", "um"), white(), "constant", 0)
+    take = take_of(fj.Recording(OTHER, other, STEP, "V", "um"), specified(SIGMA), "constant", 0)
     before, after = (predict_recording(s, preparation, take) for s in (base, extended))
     found = gain(before, after)
     assert found.convincing
@@ -81,18 +78,18 @@ def test_what_looks_like_the_offset_in_another_recording_is_read_with_it():
     layered = EFFECTS["mains_interference"]
     block = layered.insert(CREEP.block, layered.trials(prepare_alone(DRIVE).setting)[0])
     error = hum(0.3, 0.05) + SIGMA * generator.standard_normal(SAMPLES)
-    solved, preparation = fitted(block, DRIVE, response(DRIVE), white(), error)
+    solved, preparation = fitted(block, DRIVE, response(DRIVE), specified(SIGMA), error)
     # One of its two columns is constant to 1e-9 of itself.
     slow = replace(solved, block=set_values(solved.block, {"second.frequency": 1e-6}))
     other = response(OTHER) + 0.4 + SIGMA * generator.standard_normal(SAMPLES)
-    take = take_of(fj.Recording(OTHER, other, STEP, "V", "um"), white(), "constant", 0)
+    take = take_of(fj.Recording(OTHER, other, STEP, "V", "um"), specified(SIGMA), "constant", 0)
     found = predict_recording(slow, preparation, take)
     assert found.rmse == pytest.approx(SIGMA, rel=0.1)
     assert np.isfinite(found.spread).all()
 
 
 def prepare_alone(drive: np.ndarray) -> Preparation:
-    return prepare([fj.Recording(drive, 0.1 * drive, STEP, "V", "um")], noise=white())
+    return prepare([fj.Recording(drive, 0.1 * drive, STEP, "V", "um")], noise=specified(SIGMA))
 
 
 def test_the_errors_of_another_recording_are_whitened_and_their_offset_is_known_from_all_of_it():
@@ -149,8 +146,8 @@ def test_stretches_whose_refit_is_too_far_for_a_first_order_are_predicted_to_the
     layered = EFFECTS["thermal_drift"]
     block = layered.insert(CREEP.block, layered.trials(prepare_alone(DRIVE).setting)[0])
     clean = response(DRIVE) + 0.02 * TIMES
-    base, preparation = fitted(CREEP.block, DRIVE, clean, white(), error)
-    extended, _ = fitted(block, DRIVE, clean, white(), error)
+    base, preparation = fitted(CREEP.block, DRIVE, clean, specified(SIGMA), error)
+    extended, _ = fitted(block, DRIVE, clean, specified(SIGMA), error)
     before, after = (predict_stretches(s, preparation) for s in (base, extended))
     assert after.folds == pytest.approx((SIGMA,) * 5, rel=0.15)
     assert gain(before, after).convincing
@@ -347,7 +344,9 @@ def test_a_drift_that_two_recordings_have_each_for_itself_is_named():
 
 def test_a_drive_of_few_periods_is_set_aside_in_as_many_stretches_as_any():
     drive = 50 + 30 * np.sin(2 * np.pi * 2.5 * TIMES)
-    solved, preparation = fitted(CREEP.block, drive, response(drive), white(), np.zeros(SAMPLES))
+    solved, preparation = fitted(
+        CREEP.block, drive, response(drive), specified(SIGMA), np.zeros(SAMPLES)
+    )
     assert preparation.takes[0].recording.drive_period() is not None
     folds = predict_stretches(solved, preparation).fold_of_sample
     # Its period is exactly a fifth of the record.
@@ -360,7 +359,9 @@ def test_what_is_held_out_of_steady_motion_is_itself_steady_where_it_ends_as_it_
         answer = fj.simulate(CREEP.with_values({"k_c": 0.1, "mu": 0.3}), drive, STEP, history)
         return fj.Recording(drive, answer.response, STEP)
 
-    preparation = prepare([one_period([1, 2, 5], "periodic")], history="periodic", noise=white())
+    preparation = prepare(
+        [one_period([1, 2, 5], "periodic")], history="periodic", noise=specified(SIGMA)
+    )
     steady = held_out_take(preparation.takes[0], one_period([1, 3, 4], "periodic"))
     begun = held_out_take(preparation.takes[0], one_period([1, 3, 4], "constant"))
     assert (steady.history, begun.history) == ("periodic", "constant")

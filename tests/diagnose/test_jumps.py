@@ -17,11 +17,12 @@ from fracjax._diagnose._next_experiment import recorded_limits
 from fracjax._diagnose._procedure import Course
 from fracjax._diagnose._stage import Layer, Stage
 from fracjax._fit import prepare, silent, solve_from
+from tests.helpers import specified
 
 STEP, SIGMA = 5e-3, 0.01
 TIMES = STEP * np.arange(600)
 DRIVE = 50 - 40 * np.cos(2 * np.pi * TIMES) * np.linspace(1, 0.4, TIMES.size)
-TOLD = fj.Noise(SIGMA, "um", "specification", np.ones(1), SIGMA)
+TOLD = specified(SIGMA)
 
 
 def recording(*jumps: tuple[float, float], seed: int = 3) -> fj.Recording:

@@ -21,6 +21,7 @@ from fracjax._diagnose._result import Axis
 from fracjax._diagnose._score import Residual
 from fracjax._diagnose._stage import Stage
 from fracjax._fit import prepare, silent, solve_from
+from tests.helpers import specified
 
 STEP = 0.01
 PERIOD = 250
@@ -111,7 +112,7 @@ def axes_of_a_fit(extra: np.ndarray, seed: int = 0) -> dict:
     law = fj.simulate(fj.parse_model("creep"), TONE_DRIVE, TONE_STEP, "constant").response
     noise = NOISE * np.random.default_rng(seed).standard_normal(TONE_TIMES.size)
     recording = fj.Recording(TONE_DRIVE, law + noise + extra, TONE_STEP, "V", "um")
-    told = fj.Noise(NOISE, "um", "specification", np.ones(1), NOISE)
+    told = specified(NOISE)
     with jax.enable_x64(True):
         preparation = prepare([recording], history="constant", noise=told)
         solved = solve_from([fj.parse_model("creep").block], preparation)

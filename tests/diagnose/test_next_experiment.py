@@ -23,6 +23,7 @@ from fracjax._diagnose._next_experiment import (
 )
 from fracjax._fit import Noise, prepare, silent
 from fracjax._parameters import set_values
+from tests.helpers import specified
 
 STEP, LEAD = 1e-3, 204
 TIMES = STEP * np.arange(4000)
@@ -155,7 +156,7 @@ def test_what_shows_above_the_band_is_sought_at_a_higher_rate(late, rate):
 @pytest.mark.parametrize(("sigma", "rate"), [(0.2, 250), (0.4, 62.5)])
 def test_what_shows_after_the_recording_is_sought_at_a_lower_rate(sigma, rate):
     """A creep and a drift, of which four seconds show the beginning: longer holds part them."""
-    noise = Noise(sigma, "um", "specification", np.ones(1), sigma)
+    noise = specified(sigma)
     with jax.enable_x64(True):
         preparation = prepare([recording(0.5)], noise=noise, history="constant")
         base = fj.parse_model("foh").block
@@ -210,7 +211,7 @@ def test_what_a_drive_would_show_is_told_in_units_of_the_noise():
     """Of a delay and none: the rms of their difference over the noise's, whatever the grid."""
     drive = Drive("sine", 50 + 40 * np.sin(2 * np.pi * 5 * TIMES), STEP)
     sigma, lag = 0.01, 2e-3
-    noise = Noise(sigma, "um", "specification", np.ones(1), sigma)
+    noise = specified(sigma)
     with jax.enable_x64(True):
         block = Delay(lag, longest=0.1)
         late, punctual = (set_values(block, {"delay": d}) for d in (lag, 0.0))

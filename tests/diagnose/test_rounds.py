@@ -19,6 +19,7 @@ from fracjax._diagnose._score import EffectScore, _families, kind_of
 from fracjax._diagnose._stage import Layer, Stage, wrapped
 from fracjax._fit import prepare, residual_noise, silent, solve_from
 from fracjax._parameters import named_parameters, set_values
+from tests.helpers import specified
 
 STEP = 5e-3
 TIMES = STEP * np.arange(600)
@@ -33,7 +34,7 @@ def stage_of(names: tuple[str, ...]) -> Stage:
     response = fj.simulate(fj.Model(truth), DRIVE, STEP, "constant").response
     recording = fj.Recording(DRIVE, response + NOISE * np.ptp(response), STEP, "V", "um")
     sigma = 0.003 * float(np.ptp(response))
-    told = fj.Noise(sigma, "um", "specification", np.ones(1), sigma)
+    told = specified(sigma)
     preparation = prepare([recording], history="constant", noise=told)
     setting = preparation.setting
     base = fj.parse_model("lfdh", setting).block

@@ -14,6 +14,7 @@ from fracjax._fit import _programs, other_histories, prepare, solve_from, take_o
 from fracjax._fit._programs import make_room
 from fracjax._fit._solve import starts_of
 from fracjax._operators._grid import History
+from tests.helpers import by_name, specified
 
 STEP = 2e-3
 SAMPLES = 1200
@@ -39,7 +40,7 @@ def white(seed: int) -> np.ndarray:
 
 DRIVE, CLEAN = truth(several_tones, LAW)
 SIGMA = 1e-3 * np.ptp(CLEAN)
-KNOWN = fj.Noise(SIGMA, "um", "specification", np.ones(1), SIGMA)
+KNOWN = specified(SIGMA)
 
 
 def record(seed: int, offset: float = 1.0) -> fj.Recording:
@@ -49,10 +50,6 @@ def record(seed: int, offset: float = 1.0) -> fj.Recording:
 def fit_foh(recording: fj.Recording, **options) -> fj.Fit:
     options = {"noise": KNOWN, "starts": STARTS} | options
     return fj.fit(fj.parse_model("foh"), recording, **options)
-
-
-def by_name(fit: fj.Fit) -> dict[str, fj.Estimate]:
-    return {estimate.name: estimate for estimate in fit.estimates}
 
 
 @pytest.fixture(scope="module")

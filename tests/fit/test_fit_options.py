@@ -16,11 +16,12 @@ from fracjax._fit._combinations import combinations_of
 from fracjax._fit._conditions import Number
 from fracjax._fit._robust import _SHAPES
 from fracjax._fit._uncertainty import _coloured, _estimate, uncertainty_of
+from tests.helpers import by_name, specified
 
 STEP, SAMPLES, SIGMA = 2e-3, 600, 0.01
 TIMES = STEP * np.arange(SAMPLES)
 DRIVE = 40 + 15 * np.sin(2 * np.pi * 1.3 * TIMES) + 10 * np.sin(2 * np.pi * 4.1 * TIMES + 1)
-KNOWN = fj.Noise(SIGMA, "um", "specification", np.ones(1), SIGMA)
+KNOWN = specified(SIGMA)
 TRUE = {"k_c": 0.08, "mu": 0.02}
 
 
@@ -42,10 +43,6 @@ def fit(recording, model: str | fj.Model = "creep", **options) -> fj.Fit:
     options = {"noise": KNOWN, "starts": 1, "history": "constant", "settling": 0} | options
     model = fj.parse_model(model) if isinstance(model, str) else model
     return fj.fit(model, recording, **options)
-
-
-def by_name(found: fj.Fit) -> dict[str, fj.Estimate]:
-    return {estimate.name: estimate for estimate in found.estimates}
 
 
 def errors(found: fj.Fit) -> list[float]:
@@ -397,7 +394,7 @@ def test_a_slow_loop_of_foh_fixes_the_sum_of_the_gains_and_the_product_with_the_
         fj.parse_model("foh").with_values(law).block(jnp.asarray(drive), fj.Grid(5e-3))
     )
     sigma = 1e-3 * np.ptp(clean)
-    noise = fj.Noise(sigma, "um", "specification", np.ones(1), sigma)
+    noise = specified(sigma)
     recording = fj.Recording(
         drive, clean + sigma * np.random.default_rng(2).standard_normal(1500), 5e-3
     )

@@ -12,11 +12,12 @@ import fracjax as fj
 from fracjax._fit import prepare, with_profiled_intervals
 from fracjax._fit._compare import Unseen, _folds, _memory
 from fracjax._parameters import replace_parameters
+from tests.helpers import by_name, specified
 
 STEP, SAMPLES, SIGMA = 2e-3, 600, 0.01
 TIMES = STEP * np.arange(SAMPLES)
 DRIVE = 40 + 15 * np.sin(2 * np.pi * 1.3 * TIMES) + 10 * np.sin(2 * np.pi * 4.1 * TIMES + 1)
-KNOWN = fj.Noise(SIGMA, "um", "specification", np.ones(1), SIGMA)
+KNOWN = specified(SIGMA)
 OPTIONS = {"noise": KNOWN, "starts": 1, "history": "constant", "settling": 0}
 
 
@@ -122,8 +123,8 @@ def test_beside_a_number_at_its_bound_an_interval_is_no_shorter_than_its_error(l
     noise = SIGMA * np.random.default_rng(5).standard_normal(SAMPLES)
     recording = fj.Recording(drive, drive + 0.99 * np.abs(drive) + noise, STEP)
     found = fj.fit(fj.Model(Bent(least)), recording, noise=KNOWN, history="rest", starts=1)
-    slope = by_name(found, "slope")
-    assert by_name(found, "bend").at_bound == stopped
+    slope = by_name(found)["slope"]
+    assert by_name(found)["bend"].at_bound == stopped
     told = np.array(intervals(found, "slope")["slope"])
     parabola = slope.value + 1.96 * slope.standard_error * np.array([-1, 1])
     assert told == pytest.approx(parabola, abs=0.05 * slope.standard_error)
@@ -154,7 +155,7 @@ def test_a_time_constant_longer_than_the_recording_is_within_its_interval():
     """A parabola at an optimum far too short leaves it out, and often."""
     name = "second.time_constant"
     fits = [drifting(seed) for seed in range(16)]
-    ends = [intervals(found, name)[name] for found in fits if by_name(found, name).identified]
+    ends = [intervals(found, name)[name] for found in fits if by_name(found)[name].identified]
     assert len(ends) >= 8
     assert sum(low <= DRIFT[name] <= high for low, high in ends) >= len(ends) - 1
     # Of what may be as long as you like the bound of the search is no end.
@@ -170,12 +171,8 @@ def test_a_vector_of_one_number_has_its_profile():
     found = fj.fit(model, recording, fixed={"second.frequency": 50.0}, **OPTIONS)
     told = intervals(found, "second.sines", "second.cosines")
     for name in ("second.sines", "second.cosines"):
-        assert told[name] == pytest.approx(by_name(found, name).interval, rel=1e-3), name
+        assert told[name] == pytest.approx(by_name(found)[name].interval, rel=1e-3), name
     assert not fj.profile(found, "second.sines").open
-
-
-def by_name(found: fj.Fit, name: str) -> fj.Estimate:
-    return next(e for e in found.estimates if e.name == name)
 
 
 def test_ties_and_priors_are_kept_while_a_parameter_is_held():

@@ -9,6 +9,7 @@ import pytest
 import fracjax as fj
 from fracjax._cli import run
 from fracjax._io import write_text
+from tests.helpers import by_name
 
 FREQUENCIES = np.geomspace(0.1, 500, 30)
 TRUE = {"k_0": 0.02, "k_delta": 0.12, "chi": 0.2, "delta": 0.3, "mu": 0.6}
@@ -34,10 +35,6 @@ def fit(data, model: str | fj.Model = "lfdh", **options: Any) -> fj.FrequencyFit
     model = fj.parse_model(model) if isinstance(model, str) else model
     options = {"starts": 3, **options}
     return fj.fit_frequency_response(model, data, **options)
-
-
-def by_name(found: fj.FrequencyFit) -> dict[str, fj.Estimate]:
-    return {estimate.name: estimate for estimate in found.estimates}
 
 
 @pytest.fixture(scope="module")
@@ -189,16 +186,14 @@ def test_tables_that_do_not_tell_are_refused(heads, said, tmp_path):
 
 
 @pytest.fixture
-def on_disk(tmp_path, monkeypatch) -> str:
-    monkeypatch.chdir(tmp_path)
-    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "")
+def on_disk(empty_folder) -> str:
     data = table()
     columns = {
         "frequency_Hz": data.frequencies_Hz,
         "amplitude [um/V]": np.abs(data.response),
         "phase_deg": np.degrees(np.angle(data.response)),
     }
-    write_text(tmp_path / "table.csv", columns)
+    write_text(empty_folder / "table.csv", columns)
     return "table.csv"
 
 

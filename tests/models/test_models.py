@@ -4,7 +4,6 @@ import dataclasses
 import json
 import re
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -18,6 +17,7 @@ from fracjax._blocks._block import LinearParallel, LinearSeries, Parallel, Serie
 from fracjax._operators import Grid
 from fracjax._operators._grid import History
 from fracjax._parameters import named_parameters, set_values
+from tests.helpers import close, gradient, respond
 
 
 @pytest.mark.parametrize("name", fj.MODELS)
@@ -147,23 +147,6 @@ some = settings(max_examples=8)
 seeds = st.integers(0, 2**32 - 1)
 
 
-_respond = eqx.filter_jit(lambda block, drive, grid: block(drive, grid))
-
-
-def respond(block, drive, history) -> np.ndarray:
-    """The block's response (N,), compiled once per structure."""
-    return respond_at(STEP, block, drive, history)
-
-
-def respond_at(step, block, drive, history) -> np.ndarray:
-    return np.asarray(_respond(block, jnp.asarray(drive), Grid(np.asarray(step), history)))
-
-
-def close(found, wanted, share):
-    """Equal to a share of the peak of what is wanted."""
-    np.testing.assert_allclose(found, wanted, rtol=0, atol=share * np.abs(wanted).max())
-
-
 def drawn(name, seed):
     """A model's block at drawn values, a smooth drive (N,) [V] and a generator for the rest."""
     generator = np.random.default_rng(seed)
@@ -188,7 +171,7 @@ def test_no_model_sees_the_future(name, seed, history):
     block, drive, generator = drawn(name, seed)
     changed = drive.copy()
     changed[PAST:] += generator.uniform(-20, 20, SAMPLES - PAST)
-    one, other = (respond(block, u, history) for u in (drive, changed))
+    one, other = (respond(block, u, Grid(STEP, history)) for u in (drive, changed))
     until = PAST - LOOK_AHEAD
     close(other[:until], one[:until], 1e-8)
 
@@ -221,14 +204,9 @@ def test_no_model_depends_on_the_unit_of_time(name, seed, factor, history):
         prefix = full[: full.rfind(".") + 1]
         siblings = {n[len(prefix) :]: v for n, v in values.items() if n.startswith(prefix)}
         converted[full] = values[full] * factor ** power_of_time(parameter.unit, siblings)
-    found = respond_at(STEP * factor, set_values(block, converted), drive, history)
-    wanted = respond(block, drive, history)
+    found = respond(set_values(block, converted), drive, Grid(STEP * factor, history))
+    wanted = respond(block, drive, Grid(STEP, history))
     close(found - found.mean(), wanted - wanted.mean(), 1e-8)
-
-
-@eqx.filter_jit
-def gradient(block, values, drive, grid):
-    return jax.jacfwd(lambda v: set_values(block, v)(drive, grid))(values)
 
 
 @each_model
@@ -241,7 +219,9 @@ def test_every_gradient_is_the_finite_difference(name, seed):
     for parameter, value in free.items():
         move = 1e-5 * max(abs(float(value)), 1e-2)
         ends = [
-            respond(set_values(block, {parameter: value + side * move}), drive, "constant")
+            respond(
+                set_values(block, {parameter: value + side * move}), drive, Grid(STEP, "constant")
+            )
             for side in (1, -1)
         ]
         wanted = (ends[0] - ends[1]) / (2 * move)

@@ -4,7 +4,6 @@
 published, so what is checked is what their text and tables say.
 """
 
-import equinox as eqx
 import jax
 import jax.numpy as jnp
 import mpmath
@@ -27,8 +26,8 @@ from fracjax._blocks import (
 )
 from fracjax._blocks._block import LinearSeries, Series
 from fracjax._operators import Grid
-from fracjax._operators._grid import History
 from fracjax._parameters import named_parameters, set_values
+from tests.helpers import close, gradient, respond, smooth
 
 HISTORIES = ("rest", "constant", "periodic")
 RATE = 1000.0
@@ -36,28 +35,7 @@ TIMES = np.arange(1201) / RATE  # odd: no line at half the sampling rate, which 
 FREQUENCIES = np.geomspace(0.01, 100, 41)  # [F Fig. 12]
 
 
-def smooth(times):
-    """A drive [V] that turns several times between 40 and 85 V."""
-    return 40 + 20 * (1 - np.cos(5 * np.pi * times)) + 5 * np.sin(11 * times) ** 4
-
-
 DRIVE = jnp.asarray(smooth(TIMES))
-_respond = eqx.filter_jit(lambda block, drive, grid: block(drive, grid))
-
-
-def respond(block, drive, history: History = "constant", step=1 / RATE):
-    """The block's response (N,), compiled once per structure."""
-    return np.asarray(_respond(block, jnp.asarray(drive), Grid(np.asarray(step), history)))
-
-
-@eqx.filter_jit
-def gradient(block, values, drive, grid):
-    return jax.jacfwd(lambda v: set_values(block, v)(drive, grid))(values)
-
-
-def close(found, wanted, share):
-    """Equal to a share of the peak of what is wanted."""
-    np.testing.assert_allclose(found, wanted, rtol=0, atol=share * np.abs(wanted).max())
 
 
 def values_of(block) -> dict[str, float]:
@@ -77,12 +55,14 @@ def test_drive_circuit_is_its_differential_equation():
 
     start = [1.2 * smooth(0.0)]
     solution = solve_ivp(slope, (0, 1.2), start, t_eval=TIMES, rtol=1e-10, atol=1e-10)
-    close(respond(circuit, DRIVE), solution.y[0], 1e-6)
+    close(respond(circuit, DRIVE, Grid(1 / RATE, "constant")), solution.y[0], 1e-6)
 
 
 @pytest.mark.parametrize("history", HISTORIES)
 def test_quasi_static_force_is_proportional(history):
-    close(respond(QuasiStaticForce(25.0), DRIVE, history), 25.0 * smooth(TIMES), 1e-11)
+    close(
+        respond(QuasiStaticForce(25.0), DRIVE, Grid(1 / RATE, history)), 25.0 * smooth(TIMES), 1e-11
+    )
 
 
 # [L 8–12]: LFDH and its inverse -------------------------------------------------------------------
@@ -131,26 +111,46 @@ def test_lfdh_and_its_inverse_are_those_identified():
 def test_lfdh_and_its_inverse_undo_each_other(inverse, history):
     lfdh = LFDH()
     undo = inverse(lfdh)
-    close(respond(lfdh >> undo, DRIVE, history), smooth(TIMES), 1e-9)
-    close(respond(undo >> lfdh, DRIVE, history), smooth(TIMES), 1e-9)
+    close(respond(lfdh >> undo, DRIVE, Grid(1 / RATE, history)), smooth(TIMES), 1e-9)
+    close(respond(undo >> lfdh, DRIVE, Grid(1 / RATE, history)), smooth(TIMES), 1e-9)
     # As two passes too, which is how a command is computed and then applied.
-    close(respond(undo, respond(lfdh, DRIVE, history), history), smooth(TIMES), 1e-9)
+    close(
+        respond(undo, respond(lfdh, DRIVE, Grid(1 / RATE, history)), Grid(1 / RATE, history)),
+        smooth(TIMES),
+        1e-9,
+    )
 
 
 @pytest.mark.parametrize("history", HISTORIES)
 def test_any_linear_law_is_undone(history):
     for block in (DriveCircuit(1.2, 0.02), Creep(2.0, 0.05), LinearSeries(LFDH(), Creep())):
-        close(respond(block.inverse(), respond(block, DRIVE, history), history), DRIVE, 1e-8)
+        close(
+            respond(
+                block.inverse(),
+                respond(block, DRIVE, Grid(1 / RATE, history)),
+                Grid(1 / RATE, history),
+            ),
+            DRIVE,
+            1e-8,
+        )
     # Of two steps' kernels, extrapolated, only the product of symbols is 1.
     dynamics = PEADynamics(0.8, 0.3, -0.25, 30.0, 0.2)
-    close(respond(dynamics >> dynamics.inverse(), DRIVE, history), DRIVE, 1e-9)
+    close(respond(dynamics >> dynamics.inverse(), DRIVE, Grid(1 / RATE, history)), DRIVE, 1e-9)
 
 
 def test_the_inverse_of_a_law_that_holds_nothing_holds_nothing():
     undo = SingleOperator(2.0, 0.3).inverse()
     assert jnp.asarray(undo.static_gain()) == 0
     excursion = smooth(TIMES) - smooth(0.0)
-    close(respond(undo, respond(SingleOperator(2.0, 0.3), DRIVE)), excursion, 1e-9)
+    close(
+        respond(
+            undo,
+            respond(SingleOperator(2.0, 0.3), DRIVE, Grid(1 / RATE, "constant")),
+            Grid(1 / RATE, "constant"),
+        ),
+        excursion,
+        1e-9,
+    )
 
 
 def test_the_inverse_has_a_derivative_in_the_law_it_undoes():
@@ -178,7 +178,7 @@ def test_lfdh_at_1_hz_lags_and_opens_as_equation_11_says():
     phase = np.angle(response)
     assert np.degrees(phase) == pytest.approx(-8.63, abs=0.005)
     times = np.arange(1000) / 1000
-    y = respond(LFDH(), np.sin(2 * np.pi * times), "periodic", 1 / 1000)
+    y = respond(LFDH(), np.sin(2 * np.pi * times), Grid(1 / 1000, "periodic"))
     # The drive is 0 at samples 0 (rising) and 500 (falling).
     assert abs(y[500] - y[0]) / np.ptp(y) == pytest.approx(np.sin(-phase), rel=1e-4)
     assert np.sin(-phase) == pytest.approx(0.150, abs=5e-4)
@@ -211,7 +211,7 @@ def test_lfdh_steps_as_a_mittag_leffler_function():
 @pytest.mark.parametrize("order", [-0.4, 0.1, 0.3, 0.5])
 def test_single_operator_on_a_power(order):
     """k D^μ t² = 2k t^(2-μ)/Γ(3-μ) [F 7]."""
-    found = respond(SingleOperator(1.5, order), TIMES**2, "rest")
+    found = respond(SingleOperator(1.5, order), TIMES**2, Grid(1 / RATE, "rest"))
     close(found, 3 * TIMES ** (2 - order) / gamma(3 - order), 1e-5)
 
 
@@ -221,7 +221,7 @@ def test_single_operators_open_their_loops_with_the_order():
     drive = np.sin(2 * np.pi * times)
     openings = []
     for order in (0.1, 0.3, 0.5):
-        y = respond(SingleOperator(1.0, order), drive, "periodic", 1 / 400)
+        y = respond(SingleOperator(1.0, order), drive, Grid(1 / 400, "periodic"))
         openings.append(abs(y[0] - y[200]) / np.ptp(y))
     assert openings == pytest.approx(np.sin(np.pi / 2 * np.array([0.1, 0.3, 0.5])), rel=1e-3)
 
@@ -230,8 +230,10 @@ def test_single_operators_open_their_loops_with_the_order():
 def test_foh_is_its_linear_part_and_its_rate_term(history):
     """[F 8, 9]; to the rounding of one more transform."""
     foh = FOH(0.05, 0.04, 1e-4, 0.14, -0.13)
-    parts = respond(foh.linear_part, DRIVE, history) + respond(foh.rate_term, DRIVE, history)
-    close(respond(foh, DRIVE, history), parts, 1e-11)
+    parts = respond(foh.linear_part, DRIVE, Grid(1 / RATE, history)) + respond(
+        foh.rate_term, DRIVE, Grid(1 / RATE, history)
+    )
+    close(respond(foh, DRIVE, Grid(1 / RATE, history)), parts, 1e-11)
     assert not foh.linear
     assert foh.linear_part.linear
     assert not foh.rate_term.linear
@@ -247,7 +249,10 @@ def test_table_1_prints_a_gain_that_dwarfs_the_model():
     """
     foh = FOH(-0.0017418, 0.0044141, 0.02729, 0.02729, -0.13501)
     drive = 50 - 50 * np.cos(2 * np.pi * np.arange(2000) / 1000)
-    linear, term = respond(foh.linear_part, drive), respond(foh.rate_term, drive)
+    linear, term = (
+        respond(foh.linear_part, drive, Grid(1 / RATE, "constant")),
+        respond(foh.rate_term, drive, Grid(1 / RATE, "constant")),
+    )
     assert np.ptp(term) > 2000 * np.ptp(linear)
     assert fj.bode(foh.linear_part, 1.0).phase_deg[0] == pytest.approx(3.9, abs=0.05)
 
@@ -264,8 +269,8 @@ def test_foh_remembers_more_than_the_present_drive():
     Table 1 being misprinted, the orders and gains are those of a common loop that lags.
     """
     drive = gauss_pulses(np.arange(4001) / 1000)
-    response = respond(FOH(0.05, 0.05, 1e-5, -0.14, -0.13), drive)
-    memoryless = respond(FOH(0.05, 0.0, 0.0), drive)
+    response = respond(FOH(0.05, 0.05, 1e-5, -0.14, -0.13), drive, Grid(1 / RATE, "constant"))
+    memoryless = respond(FOH(0.05, 0.0, 0.0), drive, Grid(1 / RATE, "constant"))
     # The outer peaks; the flanks of the high pulse, where a lagging response is higher going down.
     for one, other in ((1000, 3000), (1900, 2100)):
         assert drive[one] == pytest.approx(drive[other], abs=1e-9)
@@ -296,7 +301,9 @@ def test_the_coupled_model_s_amplitude_falls_with_frequency():
     """[F Fig. 13]: after a hysteresis that does not see the rate, the stroke falls as f^-μ."""
     drive = 50 - 50 * np.cos(2 * np.pi * np.arange(400) / 400)
     model = BoucWen(1.0, -2.0) >> Creep(mu=0.0072, fixed_gain=True)
-    strokes = [np.ptp(respond(model, drive, "periodic", 1 / (400 * f))) for f in (1.0, 2.0, 5.0)]
+    strokes = [
+        np.ptp(respond(model, drive, Grid(1 / (400 * f), "periodic"))) for f in (1.0, 2.0, 5.0)
+    ]
     falls = np.array(strokes[1:]) / strokes[0]
     np.testing.assert_allclose(falls, np.array([2.0, 5.0]) ** -0.0072, rtol=1e-9)
 
@@ -341,7 +348,7 @@ def test_dynamics_without_creep_are_mass_spring_damper(frequency, damping):
     start = [k_p * smooth(0.0) / (k + k_p), 0.0]
     solution = solve_ivp(slope, (0, 1.2), start, "DOP853", TIMES, rtol=1e-10, atol=1e-10)
     block = PEADynamics.from_physical(m=m, c=0.3 * c, c_p=0.7 * c, k=k, k_p=k_p, a=0.0, mu=0.1)
-    close(respond(block, DRIVE), solution.y[0], 3e-4)
+    close(respond(block, DRIVE, Grid(1 / RATE, "constant")), solution.y[0], 3e-4)
 
 
 @pytest.mark.parametrize("history", HISTORIES)
@@ -353,10 +360,10 @@ def test_a_mode_near_or_far_above_the_sampling_rate_stays_tame(history, frequenc
     grid = Grid(np.asarray(1 / RATE), history)
     derivative = gradient(block, values_of(block), jnp.asarray(noisy), grid)
     assert all(np.isfinite(d).all() for d in derivative.values())
-    response = respond(block, noisy, history)
+    response = respond(block, noisy, Grid(1 / RATE, history))
     assert np.abs(response).max() < (1e4 if history == "periodic" else 200)
     if frequency > 1e6:
-        creep = respond(PEADynamics(0.8, 0.3, -0.25, 1e8, 0.005), noisy, history)
+        creep = respond(PEADynamics(0.8, 0.3, -0.25, 1e8, 0.005), noisy, Grid(1 / RATE, history))
         close(response, creep, 1e-4)
 
 
@@ -398,7 +405,9 @@ def test_bouc_wen_is_its_differential_equation_at_the_values_of_table_2(kind, n)
     """With 20 samples per period as with 200: between two turns no step is made."""
     for per_half in (10, 100):
         drive = DRIVES[kind](np.arange(4 * per_half + 1) / (2 * per_half))
-        found = respond(BoucWen(0.0, 1.0, RHO, SIGMA, n), drive, "constant", 1 / (2 * per_half))
+        found = respond(
+            BoucWen(0.0, 1.0, RHO, SIGMA, n), drive, Grid(1 / (2 * per_half), "constant")
+        )
         wanted = bouc_wen_by_scipy(kind, n, per_half, 4)
         np.testing.assert_allclose(found, wanted, rtol=0, atol=1e-7)
 
@@ -423,7 +432,7 @@ def test_bouc_wen_is_its_differential_equation_to_the_ends_of_its_ranges(rho, si
         solution = solve_ivp(slope, (0, 1), [state], "DOP853", rtol=1e-11, atol=1e-13, events=zero)
         state = solution.y[0, -1]
         wanted.append(state)
-    found = respond(BoucWen(0.0, 1.0, rho, sigma, n), drive)
+    found = respond(BoucWen(0.0, 1.0, rho, sigma, n), drive, Grid(1 / RATE, "constant"))
     tolerance = 3e-7 if n > 3 else 1e-7
     np.testing.assert_allclose(found, wanted, rtol=0, atol=tolerance)
 
@@ -432,7 +441,9 @@ def test_bouc_wen_saturates_after_a_jump():
     """A jump of any height in one sample ends at the bound (it ended in NaN)."""
     for height in (30.0, 60.0, 100.0, 1e4):
         drive = np.repeat([0.0, height, 0.0, height], 3)
-        state = respond(BoucWen(0.0, 1.0, RHO, SIGMA, 1.6504), drive)[2::3]
+        state = respond(BoucWen(0.0, 1.0, RHO, SIGMA, 1.6504), drive, Grid(1 / RATE, "constant"))[
+            2::3
+        ]
         np.testing.assert_allclose(state, [0, 1, -1, 1], rtol=0, atol=1e-3)
 
 
@@ -463,7 +474,7 @@ def test_table_2_as_printed_runs_against_the_drive():
     k_u, k_h = 0.0021924, -0.040845
     assert k_u + RHO * k_h < 0
     drive = DRIVES["sine"](np.arange(800) / 400)
-    response = respond(BoucWen(k_u, k_h), drive, "periodic", 1 / 400)
+    response = respond(BoucWen(k_u, k_h), drive, Grid(1 / 400, "periodic"))
     falls = np.diff(response[400:601])  # while the drive rises
     assert falls.min() < 0
     assert response[400] - response[400:601].min() > 0.2 * np.ptp(response)
@@ -490,8 +501,12 @@ def test_coupled_models_are_hysteresis_then_creep(name, first, second):
     assert fj.Model(block).name == name
     free = [n for n, p in model.parameters.items() if not p.fixed]
     assert len(free) == (6 if second is Creep else 9)
-    wanted = respond(block.second, respond(block.first, DRIVE))
-    close(respond(block, DRIVE), wanted, 1e-12)
+    wanted = respond(
+        block.second,
+        respond(block.first, DRIVE, Grid(1 / RATE, "constant")),
+        Grid(1 / RATE, "constant"),
+    )
+    close(respond(block, DRIVE, Grid(1 / RATE, "constant")), wanted, 1e-12)
 
 
 def test_creep_with_dynamics_is_creep_alone_where_the_dynamics_are_far():

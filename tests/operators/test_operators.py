@@ -19,6 +19,7 @@ from fracjax._operators import (
     rate,
     speed,
 )
+from tests.helpers import close
 
 HISTORIES = ("rest", "constant", "periodic")
 ACCURACIES = (1, 2, 3, 4)
@@ -54,12 +55,6 @@ def weights_by_recurrence(order: float, accuracy: int) -> np.ndarray:
     for k in range(1, accuracy + 1):
         polynomial[: k + 1] += np.polynomial.polynomial.polypow([1, -1], k) / k
     return power_series(polynomial, order, SAMPLES) * STEP**-order
-
-
-def close(found, wanted, share: float) -> None:
-    """Equal to a share of the wanted signal's peak."""
-    found, wanted = np.asarray(found), np.asarray(wanted)
-    np.testing.assert_allclose(found, wanted, rtol=0, atol=share * np.abs(wanted).max())
 
 
 # Kernel and convolution ---------------------------------------------------------------------------

@@ -48,6 +48,7 @@ from fracjax._posterior._noise_models import autoregressive, partial_autocorrela
 from fracjax._posterior._posterior import _starts
 from fracjax._posterior._prior import values_of
 from fracjax._posterior._sample import ChainFile, run_ensemble
+from tests.helpers import specified
 
 STEP = 4e-3
 SAMPLES = 240
@@ -113,10 +114,6 @@ class Exponential(fj.AbstractBlock):
         return jnp.expm1(-self.gamma.value * drive / 50) / self.gamma.value
 
 
-def known(sigma: float) -> fj.Noise:
-    return fj.Noise(sigma, "um", "specification", np.ones(1), sigma)
-
-
 def recording_of(block: fj.AbstractBlock, sigma: float, seed: int = 0) -> fj.Recording:
     clean = np.asarray(block(jnp.asarray(DRIVE), fj.Grid(STEP)))
     noise = np.random.default_rng(seed).standard_normal(SAMPLES)
@@ -125,7 +122,7 @@ def recording_of(block: fj.AbstractBlock, sigma: float, seed: int = 0) -> fj.Rec
 
 def fit_of(block: fj.AbstractBlock, recording: fj.Recording, sigma: float) -> fj.Fit:
     model = fj.Model(block, "law")
-    return fj.fit(model, recording, noise=known(sigma), history="constant", starts=1)
+    return fj.fit(model, recording, noise=specified(sigma), history="constant", starts=1)
 
 
 @pytest.fixture(scope="module")
@@ -815,7 +812,9 @@ def test_the_truth_of_a_short_recording_is_within_the_posterior():
     clean = BASES["lfdh"].response(drive, STEP / OVER, law)[::OVER]
     noise = np.random.default_rng(1).standard_normal(SAMPLES)
     recording = fj.Recording(DRIVE, clean + 1 + 0.02 * noise, STEP)
-    fit = fj.fit(fj.parse_model("lfdh"), recording, noise=known(0.02), fixed={"mu": 0.4}, starts=1)
+    fit = fj.fit(
+        fj.parse_model("lfdh"), recording, noise=specified(0.02), fixed={"mu": 0.4}, starts=1
+    )
     found = fj.sample_posterior(fit, noise_model=fj.WhiteNoise(), steps=800)
     true = {"chi": 0.2, "delta": 0.08, "k_0": 0.03, "k_delta": 0.12, "noise.sigma": 0.02}
     assert by_name(found).keys() == true.keys()

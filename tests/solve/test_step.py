@@ -10,6 +10,7 @@ import fracjax as fj
 from fracjax import _fit
 from fracjax._fit import _numerics
 from fracjax._operators import Grid
+from tests.helpers import specified
 
 STEP = 4e-3
 SAMPLES = 800
@@ -36,7 +37,7 @@ def record(
     clean = np.asarray(response)[::FINER]
     sigma = noise * float(np.ptp(clean))
     added = sigma * np.random.default_rng(seed).standard_normal(SAMPLES)
-    known = fj.Noise(sigma, "um", "specification", np.ones(1), sigma)
+    known = specified(sigma)
     return fj.Recording(fine[::FINER], clean + added, STEP), added, known
 
 

@@ -1,4 +1,4 @@
-"""Cross-check: searches against closed forms, five methods against one truth, and the warning."""
+"""Five methods against one truth, their bounds and counts, and the warning."""
 
 import json
 import subprocess
@@ -7,181 +7,31 @@ from dataclasses import replace
 from pathlib import Path
 
 import equinox as eqx
-import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from hypothesis import given, settings
-from hypothesis import strategies as st
 
 import fracjax as fj
-from benchmarks.concealed.truth import BASES, OVER
-from fracjax._blocks import LFDH
-from fracjax._cli import run
-from fracjax._fit import Crosscheck, _crosscheck
-from fracjax._fit._box import (
-    objective,
-    with_bounded_gains,
-    with_bounded_shapes,
-    with_gradient,
-)
-from fracjax._fit._evolution import DifferentialEvolution
-from fracjax._fit._layout import layout_of, placed, position_of
-from fracjax._fit._least_squares import Objective
-from fracjax._fit._swarm import ParticleSwarm
+from fracjax._fit._box import with_bounded_gains, with_bounded_shapes, with_gradient
+from fracjax._fit._layout import layout_of, placed
 from fracjax._parameters import named_parameters, set_values
 from fracjax._report import write_report
-from fracjax._report._text import crosscheck_figures
-from tests.helpers import specified
-
-STEP, SAMPLES, SIGMA = 2e-3, 400, 5e-3
-LAW = {"alpha": 0.45, "beta": -0.1, "k_l": 0.07, "k_h": 0.02, "k_p": 0.0}
-HELD = {"k_p": 0.0, "beta": -0.1}
-# Of negative orders the best, with k_h below 0, is a minimum of its own: it can catch a search that
-# moves gains too.
-KEPT = {"alpha": (0.0, 0.9)}
-NOISE = specified(SIGMA)
-SEARCHES = (ParticleSwarm(40, 300), DifferentialEvolution(40, 300))
-SIZE = 3
-
-
-def recording() -> fj.Recording:
-    """FOH under three tones, simulated by other numerics on a grid 32 times finer."""
-    times = np.arange((SAMPLES - 1) * OVER + 1) * STEP / OVER
-    parts = ((15, 1.3, 0.0), (10, 4.1, 1.0), (6, 11.7, 2.0))
-    drive = 40 + np.sum([a * np.sin(2 * np.pi * f * times + p) for a, f, p in parts], axis=0)
-    clean = BASES["foh"].response(drive, STEP / OVER, LAW)[::OVER]
-    noise = SIGMA * np.random.default_rng(0).standard_normal(SAMPLES)
-    return fj.Recording(drive[::OVER], clean + 1.0 + noise, STEP, source="three_tones.csv")
-
-
-def check(seed: int = 0, population: int = 40, iterations: int = 400) -> Crosscheck:
-    return fj.crosscheck(
-        fj.parse_model("foh"),
-        recording(),
-        noise=NOISE,
-        fixed=HELD,
-        bounds=KEPT,
-        starts=2,
-        population=population,
-        iterations=iterations,
-        seed=seed,
-    )
-
-
-@eqx.filter_jit
-def cost_at(block, problems, position):
-    return objective(block, problems)(jnp.asarray(position))
+from tests.crosscheck.helpers import (
+    HELD,
+    KEPT,
+    LAW,
+    NOISE,
+    SAMPLES,
+    SIGMA,
+    check,
+    cost_at,
+    recording,
+)
 
 
 @eqx.filter_jit
 def response_to(block, problem):
     return problem.simulate(block)
-
-
-@pytest.fixture(scope="module")
-def checked() -> Crosscheck:
-    return check()
-
-
-# Searches on functions whose least value is known -------------------------------------------------
-
-
-def bowl(x, target):
-    """Convex and badly scaled, 0 at the target."""
-    return jnp.sum(jnp.asarray([1.0, 30.0, 1e3]) * (x - target) ** 2)
-
-
-def rastrigin(x, target):
-    """0 at the target, and a local minimum near each point of a grid around it."""
-    z = 8 * (x - target)
-    return jnp.sum(z**2 + 10 - 10 * jnp.cos(2 * jnp.pi * z))
-
-
-def broken(x, target):
-    """Half of the cube infinite, as `objective` makes what is not a number."""
-    return jnp.where(x[0] < 0.5, jnp.inf, bowl(x, target))
-
-
-FUNCTIONS = (bowl, rastrigin, broken)
-
-
-@eqx.filter_jit
-def ended(search, which, target, draws):
-    """A search's end; a point outside the unit cube would win at once."""
-
-    def fenced(x):
-        value = jax.lax.switch(which, FUNCTIONS, x, target)
-        return jnp.where(jnp.any((x < 0) | (x > 1)), -1e6, value)
-
-    return search(fenced, draws)
-
-
-def least(search, function, target, seed):
-    which = jnp.asarray(FUNCTIONS.index(function))
-    draws = search.draw(SIZE, np.random.default_rng(seed))
-    return ended(search, which, jnp.asarray(target), draws)
-
-
-@pytest.mark.parametrize("search", SEARCHES, ids=lambda s: type(s).__name__)
-@pytest.mark.parametrize("function", [bowl, rastrigin])
-def test_the_least_of_a_known_function_is_found(search, function):
-    target = np.array([0.31, 0.62, 0.47])
-    found = least(search, function, target, 0)
-    assert 0 <= found.cost < 1e-8
-    np.testing.assert_allclose(found.position, target, atol=1e-5)
-    assert found.evaluations == 40 * 300
-    assert found.cost == pytest.approx(float(function(found.position, target)), abs=1e-15)
-
-
-@pytest.mark.parametrize("search", SEARCHES, ids=lambda s: type(s).__name__)
-@given(target=st.lists(st.floats(-1, 2), min_size=SIZE, max_size=SIZE), seed=st.integers(0, 999))
-@settings(max_examples=25)
-def test_no_search_leaves_the_cube_and_each_finds_the_least_in_it(search, target, seed):
-    found = least(search, bowl, target, seed)
-    assert np.all((found.position >= 0) & (found.position <= 1))
-    exact = float(bowl(np.clip(target, 0, 1), np.array(target)))
-    assert exact * (1 - 1e-12) <= found.cost <= exact * (1 + 1e-3) + 1e-6
-
-
-@pytest.mark.parametrize("search", SEARCHES, ids=lambda s: type(s).__name__)
-def test_a_search_goes_around_where_the_model_breaks_down(search):
-    found = least(search, broken, [0.2, 0.6, 0.5], 1)
-    np.testing.assert_allclose(found.position, [0.5, 0.6, 0.5], atol=1e-4)
-
-
-def test_three_others_are_drawn_evenly_and_never_twice():
-    """Each of the 5 · 4 · 3 triples of six members' others, about 1,000 times of 60,000."""
-    others = DifferentialEvolution(6, 60_000).draw(1, np.random.default_rng(0)).others
-    assert others.shape == (60_000, 6, 3)
-    for member in range(6):
-        triples, counts = np.unique(others[:, member], axis=0, return_counts=True)
-        assert len(triples) == 60
-        assert all(len({member, *triple}) == 4 for triple in triples.tolist())
-        assert np.sum((counts - 1000) ** 2 / 1000) < 110  # chi-square of 59, p = 1e-4 at 107
-
-
-# The unit cube ------------------------------------------------------------------------------------
-
-
-@given(st.lists(st.floats(0, 1), min_size=3, max_size=3))
-def test_the_cube_spans_the_bounds_and_no_more(shares):
-    block = LFDH()
-    moved = placed(block, jnp.asarray(shares))
-    for name, size in layout_of(block).shapes:
-        parameter = named_parameters(moved)[name]
-        assert size == 1
-        slack = 1e-12 * abs(parameter.upper)
-        assert parameter.lower - slack <= parameter.value <= parameter.upper + slack
-    np.testing.assert_allclose(position_of(moved), shares, atol=1e-9)
-
-
-@pytest.mark.parametrize("end", [0.0, 1.0])
-def test_the_corners_are_the_bounds(end):
-    moved = named_parameters(placed(LFDH(), jnp.full(3, end)))
-    for name, _ in layout_of(LFDH()).shapes:
-        bound = moved[name].upper if end else moved[name].lower
-        assert float(moved[name].value) == pytest.approx(float(bound), rel=1e-12)
 
 
 def test_the_objective_is_least_squares_over_the_gains(checked):
@@ -274,26 +124,6 @@ def test_the_same_seed_gives_the_same_rows_and_another_seed_others(checked):
             assert different.agrees
 
 
-# A gradient fit that is not at the optimum --------------------------------------------------------
-
-
-@pytest.fixture(scope="module")
-def sabotaged(checked) -> Crosscheck:
-    """The gradient fit stopped at its first point."""
-
-    def stopped(block, preparation, starts, seed):
-        problems = preparation.problems()
-        cost = cost_at(block, problems, position_of(block))
-        return _crosscheck.solved_at(
-            Objective(block, problems), position_of(block), preparation,
-            converged=True, costs=(float(cost),), evaluations=1,
-        )  # fmt: skip
-
-    with pytest.MonkeyPatch.context() as patch:
-        patch.setattr(_crosscheck, "fit_block", stopped)
-        return check()
-
-
 def test_a_gradient_fit_that_is_beaten_carries_a_warning(sabotaged, tmp_path):
     gradient = sabotaged.rows[0]
     assert not gradient.agrees
@@ -333,99 +163,6 @@ def test_saved_as_plain_data(checked, tmp_path):
     assert told == json.loads(json.dumps(checked.to_dict()))
     assert told["rows"][0]["parameters"] == checked.rows[0].parameters
     assert told["best"] == "gradient fit"
-
-
-# The command --------------------------------------------------------------------------------------
-
-
-@pytest.fixture
-def loop(empty_folder) -> str:
-    """A recording's file, in an empty folder."""
-    taken = recording()
-    signals = {"voltage_V": taken.drive, "displacement_um": taken.response}
-    fj.write("loop.csv", {"time_s": taken.times} | signals)
-    return "loop.csv"
-
-
-def answer(monkeypatch, result: Crosscheck) -> list[dict]:
-    """Let the command find this, and note what it asked."""
-    calls: list[dict] = []
-
-    def crosscheck(model, recordings, *, progress, **options):
-        progress("fitting")
-        calls.append({"model": model.name, "recordings": recordings, **options})
-        return result
-
-    monkeypatch.setattr(fj._fit, "crosscheck", crosscheck)
-    return calls
-
-
-def test_the_command_prints_one_table(loop, checked, monkeypatch, capsys):
-    calls = answer(monkeypatch, checked)
-    asked = ["--fix", "beta=-0.1", "--bound", "alpha=0..0.5", "--mask", "1 s..1.1 s"]
-    call = ["crosscheck", loop, "--model", "foh", "--seed", "7", "--settle", "0.1 s"]
-    assert run([*call, *asked]) == 0
-    out, err = capsys.readouterr()
-    assert err == ""
-    assert out.startswith("foh on three_tones.csv: no method finds less than the gradient fit's")
-    assert "5 of 5 others end at it" in out
-    heads, rows = crosscheck_figures(checked)
-    assert {len(row) for row in rows} == {len(heads)}
-    for label in ("e_RMS", "e_r", "alpha", "k_h", "evaluations", "seconds", "agrees"):
-        assert f"\n{label} " in out
-    assert "Written" not in out
-    assert calls[0] | {"recordings": None} == {
-        "model": "foh", "recordings": None, "history": None, "settling": "0.1 s", "seed": 7,
-        "fixed": {"beta": -0.1}, "bounds": {"alpha": (0.0, 0.5)}, "mask": ((1.0, 1.1),),
-    }  # fmt: skip
-    assert [path.name for path in Path.cwd().iterdir()] == ["loop.csv"]
-
-
-def test_the_command_writes_and_prints_json(loop, sabotaged, monkeypatch, capsys):
-    answer(monkeypatch, sabotaged)
-    call = ["crosscheck", loop, loop, "--model", "foh", "--out", "results"]
-    assert run([*call, "--json"]) == 0
-    told = json.loads(capsys.readouterr().out)
-    assert told == json.loads(Path("results/crosscheck.json").read_text(encoding="utf-8"))
-    assert {p.name for p in Path("results").iterdir()} == {
-        "crosscheck.json", "fit.json", "report.html",
-    }  # fmt: skip
-    assert run(call) == 0
-    assert f"Warning: {sabotaged.warning}" in capsys.readouterr().out
-    assert run([*call, "--quiet"]) == 0
-    assert capsys.readouterr().out == ""
-
-
-@pytest.mark.parametrize(
-    ("options", "kept"), [([], "nothing was saved"), (["--out", "results"], "was saved in results")]
-)
-def test_a_gradient_fit_without_convergence_ends_with_3(
-    options, kept, loop, checked, monkeypatch, capsys
-):
-    answer(monkeypatch, replace(checked, fit=replace(checked.fit, converged=False)))
-    assert run(["crosscheck", loop, "--model", "foh", *options]) == 3
-    err = capsys.readouterr().err
-    assert err.startswith("The fit of foh did not converge")
-    assert kept in err
-    assert err.count("\n") == 1
-
-
-@pytest.mark.parametrize(
-    ("call", "said"),
-    [
-        ("crosscheck", "Missing argument 'RECORDING...'"),
-        ("crosscheck loop.csv", "Missing option '--model'"),
-        ("crosscheck none.csv --model foh", "none.csv: expected a file"),
-        ("crosscheck loop.csv --model nope", 'model "nope": expected names'),
-        ("crosscheck loop.csv --model foh --settle 9s", "--settle: expected a time"),
-    ],
-)
-def test_unusable_calls(call, said, loop, capsys):
-    assert run(call.split()) == 2
-    out, err = capsys.readouterr()
-    assert out == ""
-    assert said in err
-    assert err.count("\n") == 1
 
 
 # What cannot be checked ---------------------------------------------------------------------------

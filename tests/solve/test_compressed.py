@@ -16,13 +16,7 @@ from fracjax._fit._asked import constrained
 from fracjax._fit._box import with_gradient
 from fracjax._fit._chains import chains_of, transfer
 from fracjax._fit._compressed import columns_at
-from fracjax._fit._interpolation import (
-    ChebyshevSeries,
-    Interpolation,
-    _greedy,
-    _points,
-    choose,
-)
+from fracjax._fit._interpolation import ChebyshevSeries, Interpolation, _greedy, _points, choose
 from fracjax._fit._layout import placed, with_gains
 from fracjax._fit._least_squares import Objective
 from fracjax._fit._problem import AbstractProblem, Problem

@@ -8,6 +8,10 @@ import hypothesis
 import jax
 import pytest
 
+from fracjax import Fit
+from fracjax._blocks import Setting
+from tests.settings import setting_of_cycles
+
 ROOT = Path(__file__).resolve().parents[1]
 
 # The layers below the public entry points take float64 as given; the entry points enable it
@@ -42,3 +46,17 @@ def empty_folder(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> Path:
     monkeypatch.chdir(tmp_path)
     monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "")
     return tmp_path
+
+
+@pytest.fixture
+def setting() -> Setting:
+    """That of two slow cycles."""
+    return setting_of_cycles()
+
+
+@pytest.fixture(scope="session")
+def plain() -> Fit:
+    """The fit of a creep law to a recording of itself, under white noise."""
+    from tests.fit import creep
+
+    return creep.fit(creep.record(creep.CLEAN))

@@ -7,22 +7,12 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal, norm
 
-import fracjax as fj
-from fracjax._blocks import EFFECTS, Setting
+from fracjax._blocks import EFFECTS
 from fracjax._diagnose._refit import unlike
 from fracjax._diagnose._score import EffectScore, _families
-from fracjax._fit import prepare
 from fracjax._parameters import named_parameters
 
-TIMES = np.linspace(0, 2, 300)
-DRIVE = 50 - 40 * np.cos(2 * np.pi * TIMES)
 SAMPLES = 60
-
-
-@pytest.fixture
-def setting() -> Setting:
-    recording = fj.Recording(DRIVE, 0.1 * DRIVE, TIMES[1], "V", "um")
-    return prepare([recording]).setting
 
 
 def scored(columns: np.ndarray, residual: np.ndarray, families, one_sided=False) -> EffectScore:

@@ -1,13 +1,15 @@
 """Searches from several starts."""
 
 import os
+from types import SimpleNamespace
+from typing import NamedTuple
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 import fracjax as fj
-from fracjax._fit import prepare, solve_from
+from fracjax._fit import _solve, prepare, solve_from
 from fracjax._fit._solve import starts_of
 from tests.fit.helpers import DRIVE, KNOWN, SIGMA, STEP, record, white
 
@@ -57,3 +59,34 @@ def test_starts_that_come_to_one_place_go_on_as_one():
     assert once.evaluations > 10
     assert once.evaluations < twice.evaluations <= once.evaluations + 6
     assert twice.cost == once.cost
+
+
+def test_a_start_that_would_overtake_the_best_is_followed(monkeypatch):
+    """One start ends at once, the other falls from far above to below it, on more looks than the
+    first rounds have."""
+    courses = {"near": [6.0, 6.0], "far": [45.0, 20.0, 8.0, 1.0], "idle": [50.0, 49.0, 48.0]}
+
+    def descend(at, looks):
+        left = at.course[1:] if at.course[1:] else at.course
+        return at._replace(course=left, cost=at.course[0], converged=not at.course[1:])
+
+    class Course(NamedTuple):
+        name: str
+
+        def at(self, _: int) -> SimpleNamespace:
+            return SimpleNamespace(residual=np.array([1e3 * list(courses).index(self.name)]))
+
+    class Fake(NamedTuple):
+        course: list[float]
+        cost: float
+        converged: bool
+        objective: Course
+        position: int = 0
+        evaluations: int = 0
+
+    monkeypatch.setattr(_solve, "begin", lambda s, *_: Fake(courses[s], np.inf, False, Course(s)))
+    monkeypatch.setattr(_solve, "descend", descend)
+    monkeypatch.setattr(_solve, "solved_at", lambda objective, *_, **__: objective.name)
+    recording = record(0)
+    starts: list = ["near", "far", "idle"]
+    assert _solve.solve_from(starts, prepare([recording], history="constant")) == "far"

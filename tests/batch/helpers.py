@@ -7,7 +7,6 @@ import numpy as np
 import pandas as pd
 
 import fracjax as fj
-import fracjax._batch._rows
 from fracjax._io import write_text
 from fracjax._parameters import replace_parameters
 

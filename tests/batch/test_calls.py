@@ -8,7 +8,6 @@ from typing import Any
 import pytest
 
 import fracjax as fj
-import fracjax._batch._rows
 from fracjax._batch import FITS
 from fracjax._batch._jobs import jobs_of
 from tests.batch.helpers import OUT, batch, recording, save, signals, told

@@ -3,7 +3,6 @@
 import numpy as np
 
 import fracjax as fj
-import fracjax._batch._rows
 from tests.batch.helpers import OUT, STEP, batch, cheap_model, recording, told
 
 

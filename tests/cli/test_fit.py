@@ -9,7 +9,6 @@ from pathlib import Path
 
 import pytest
 
-import fracjax._diagnose
 import fracjax._fit
 from fracjax._cli import heed_interrupt, run
 from fracjax._fit import load_model

@@ -8,7 +8,6 @@ from pathlib import Path
 import pytest
 
 import fracjax._diagnose
-import fracjax._fit
 from fracjax._cli import run
 from fracjax._cli._main import cli
 from tests.helpers import failure

@@ -3,7 +3,6 @@
 import numpy as np
 
 import fracjax as fj
-import fracjax._compensate
 from fracjax import blocks
 
 STEP, COUNT = 1e-2, 120

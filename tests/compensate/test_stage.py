@@ -6,7 +6,6 @@ import numpy as np
 import pytest
 
 import fracjax as fj
-import fracjax._compensate
 from benchmarks.compensation import run as run_bench
 from benchmarks.compensation import signals, stage
 

@@ -3,7 +3,6 @@
 import pytest
 
 import fracjax as fj
-import fracjax._fit
 from tests.posterior.helpers import SHARP, Cubic, fit_of, recording_of
 
 

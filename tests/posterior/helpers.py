@@ -7,7 +7,6 @@ import jax.numpy as jnp
 import numpy as np
 
 import fracjax as fj
-import fracjax._fit
 from fracjax._posterior import Logarithmic, Normal, Row
 from tests.helpers import specified
 

@@ -7,7 +7,6 @@ import pytest
 from scipy import stats
 
 import fracjax as fj
-import fracjax._fit
 from benchmarks.concealed.truth import BASES, OVER
 from fracjax._posterior import Logarithmic, Normal, TruncatedNormal
 from tests.helpers import specified

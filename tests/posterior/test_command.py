@@ -11,7 +11,6 @@ from tests.posterior.helpers import TIMES, diagnosis_file
 
 
 def test_the_command_says_when_a_chain_has_not_converged(tmp_path, cubic, capsys, monkeypatch):
-    monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "")
     monkeypatch.setattr(fracjax._fit, "fit", lambda model, recordings, **options: cubic)
     recording = cubic.preparation.takes[0].recording
     columns = np.stack([TIMES, recording.drive, recording.response], axis=1)

@@ -8,7 +8,6 @@ import pytest
 from scipy import stats
 
 import fracjax as fj
-import fracjax._fit
 from fracjax._posterior import Normal, Term, Uniform, target_of
 from fracjax._posterior._discrepancy import discrepancy_of
 from fracjax._posterior._marginal import figures, marginal_of

@@ -3,7 +3,6 @@
 import pytest
 
 import fracjax as fj
-import fracjax._fit
 from fracjax._posterior._doubt import doubt_of
 from tests.posterior.helpers import diagnosis_file
 

@@ -10,7 +10,6 @@ import pytest
 from scipy import stats
 
 import fracjax as fj
-import fracjax._fit
 from fracjax._posterior import Logarithmic, Normal, TruncatedNormal, Uniform, target_of
 from fracjax._posterior._marginal import Marginal, _candidates, _linear, figures, marginal_of
 from fracjax._posterior._posterior import _starts

@@ -11,7 +11,6 @@ from scipy import integrate, stats
 from scipy.linalg import solve_triangular, toeplitz
 
 import fracjax as fj
-import fracjax._fit
 from fracjax._posterior import ar_noise_of, laplace, target_of
 from fracjax._posterior._noise_models import autoregressive, partial_autocorrelations
 from fracjax._posterior._posterior import _starts

@@ -10,7 +10,6 @@ import numpy as np
 import pytest
 
 import fracjax as fj
-import fracjax._fit
 from fracjax._posterior import Logarithmic, Normal, Row, laplace, target_of
 from fracjax._posterior._posterior import _starts
 from tests.posterior.helpers import DRIVE, SHARP, by_name

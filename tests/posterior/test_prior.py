@@ -9,7 +9,6 @@ from hypothesis import strategies as st
 from scipy import stats
 
 import fracjax as fj
-import fracjax._fit
 from fracjax._posterior import (
     AbstractPrior,
     Logarithmic,

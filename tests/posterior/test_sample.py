@@ -11,7 +11,6 @@ import numpy as np
 import pytest
 
 import fracjax as fj
-import fracjax._fit
 from fracjax._posterior import split_r_hat
 from fracjax._posterior._sample import ChainFile, run_ensemble
 

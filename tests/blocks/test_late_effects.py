@@ -87,11 +87,13 @@ def test_reverse_mode_is_the_finite_difference(name, history):
     generator = np.random.default_rng(4)
     aim, turn = jnp.asarray(generator.standard_normal((2, 500)))
 
-    @jax.jit
-    def project(values, signal):
+    def traced(values, signal):
         return aim @ set_values(block, values)(signal, grid)
 
-    by_value, by_sample = jax.jit(jax.grad(project, (0, 1)))(values, signal)
+    def project(values, signal):
+        return aim @ respond(set_values(block, values), signal, grid)
+
+    by_value, by_sample = jax.jit(jax.grad(traced, (0, 1)))(values, signal)
     for direction, slope, size in (
         (values, sum(float(g) * float(values[n]) for n, g in by_value.items()), 1e-6),
         (turn, float(by_sample @ turn), 1e-7),

@@ -5,7 +5,7 @@ import pytest
 from fracjax._fit import Crosscheck, _crosscheck
 from fracjax._fit._layout import position_of
 from fracjax._fit._least_squares import Objective
-from tests.crosscheck.helpers import check, cost_at
+from tests.crosscheck.helpers import FEW, check, cost_at
 
 
 @pytest.fixture(scope="session")
@@ -27,4 +27,4 @@ def sabotaged(checked) -> Crosscheck:
 
     with pytest.MonkeyPatch.context() as patch:
         patch.setattr(_crosscheck, "fit_block", stopped)
-        return check()
+        return check(**FEW)

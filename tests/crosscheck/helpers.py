@@ -17,6 +17,8 @@ HELD = {"k_p": 0.0, "beta": -0.1}
 # moves gains too.
 KEPT = {"alpha": (0.0, 0.9)}
 NOISE = specified(SIGMA)
+# Enough where a search has the shapes alone to move.
+FEW = {"population": 8, "iterations": 40}
 
 
 def recording() -> fj.Recording:

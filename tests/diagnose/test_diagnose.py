@@ -81,6 +81,7 @@ def test_what_is_written_follows_the_schema(concealed, null, tmp_path: Path):
             assert len(axis["edges"]) == len(axis["strength"]) + 1
 
 
+@pytest.mark.slow
 def test_interference_that_does_not_repeat_is_noise():
     """A bump at 37 Hz of ever changing phase, far above the white noise beside it."""
     generator = np.random.default_rng(3)
@@ -93,6 +94,7 @@ def test_interference_that_does_not_repeat_is_noise():
     assert diagnosis.verdict == "none"
 
 
+@pytest.mark.slow
 def test_look_alikes_are_told_with_the_drive_that_would_part_them(monkeypatch):
     """A lag on a slow sine could be a delay or a sensor's: all are told, and a faster drive."""
     # Of the whole catalogue each law costs a compilation.

@@ -25,12 +25,19 @@ AXES = [
     axis("time", "s", 0.2, (0.0, 1.0)),
     axis("harmonics", "1", 1e-3, (1.5, 2.5)),
 ]
-SETTING = SimpleNamespace(response_span=8.0)
-BASE: Any = SimpleNamespace(
-    model=SimpleNamespace(name="foh"),
-    preparation=SimpleNamespace(setting=SETTING, takes=[None]),
-    scores=SimpleNamespace(rmse=2.5),
-)
+
+
+def fit_over(response_span: float) -> Any:
+    """A fit of foh to a response of a span [um]."""
+    setting = SimpleNamespace(response_span=response_span)
+    return SimpleNamespace(
+        model=SimpleNamespace(name="foh"),
+        preparation=SimpleNamespace(setting=setting, takes=[None]),
+        scores=SimpleNamespace(rmse=2.5),
+    )
+
+
+BASE = fit_over(8.0)
 HELD_OUT = HeldOut("stretches", 0.3, 0.1, (0.3,), (0.1,), "a.csv")
 
 
@@ -82,6 +89,7 @@ def said(
     free_form=None,
     in_the_noise=None,
     exceeds=False,
+    base=BASE,
 ) -> str:
     candidates = [
         Candidate("creep", "series", 1.0, 0.0, 0.25, 0.9, ""),
@@ -93,7 +101,7 @@ def said(
         adopted,
         candidates,
         axes,
-        BASE,
+        base,
         noise,
         held_out,
         too_small,
@@ -107,7 +115,7 @@ def named(*confusable_with: str) -> NamedEffect:
     return NamedEffect("creep", "series", 0.9, 0.95, (), confusable_with)
 
 
-def test_a_verdict_of_none_names_what_could_be_hidden(monkeypatch):
+def test_a_verdict_of_none_names_what_could_be_hidden():
     assert said("none") == (
         "foh and the recording agree within the noise floor of 1 um (specification); best hidden "
         "would be creep, seen only if it changes the response by more than 0.25 um rms."
@@ -121,11 +129,12 @@ def test_a_verdict_of_none_names_what_could_be_hidden(monkeypatch):
     assert said("none", held_out=replace(elsewhere, base_rmse=1.9)) == said("none")
     assert said("none", held_out=replace(elsewhere, method="stretches")) == said("none")
     assert said("none", in_the_noise="it jumps.") == said("none") + " But it jumps."
-    monkeypatch.setattr(SETTING, "response_span", 0.2)
-    assert said("none").endswith("creep, which foh takes up whole on such a drive.")
+    small = fit_over(0.2)
+    assert said("none", base=small).endswith("creep, which foh takes up whole on such a drive.")
     residual = fj.Noise(1.0, "um", "residual", np.ones(1), 1.0)
-    assert "a mismatch cannot be excluded" in said("none", noise=residual)
-    assert said("none", noise=residual, in_the_noise="it jumps.").endswith(" But it jumps.")
+    assert "a mismatch cannot be excluded" in said("none", noise=residual, base=small)
+    jumping = said("none", noise=residual, in_the_noise="it jumps.", base=small)
+    assert jumping.endswith(" But it jumps.")
 
 
 def test_an_error_above_the_noise_is_not_called_agreement():

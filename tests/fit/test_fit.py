@@ -66,6 +66,7 @@ def test_the_last_samples_are_as_good_as_the_others(recovered):
     assert np.abs(error[-4:] - error[:-4].mean()).max() < SIGMA
 
 
+@pytest.mark.slow
 def test_intervals_of_95_percent_cover_the_truth():
     """Of 40 draws 34 to 40: fewer has a chance of 1 % when 95 % is true."""
     draws = [by_name(fit_foh(record(100 + k)))["alpha"] for k in range(40)]

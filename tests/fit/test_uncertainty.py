@@ -20,6 +20,7 @@ def coloured(seed: int, phi: float) -> np.ndarray:
     return noise
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize("phi", [0.0, 0.8])
 def test_intervals_cover_the_truth_though_the_noise_was_called_white(phi):
     """60 fits: of two parameters each, whose errors are far from independent, at least 52 within.

@@ -53,6 +53,7 @@ def test_tfocim_s_intervals_hold_the_truth_as_often_as_they_say():
     assert_covered(coverage(fj.tfocim, Creep(**truth), truth))
 
 
+@pytest.mark.slow
 @pytest.mark.parametrize(
     "changes",
     [{}, {"creep_gain": 0.1, "mu": -0.1}],
@@ -121,10 +122,10 @@ def test_dynamics_pass_for_creep_in_a_straight_line_but_not_in_ofocim():
 def test_what_a_table_does_not_tell_is_named():
     """Up to 100 Hz a mode at 8 kHz does not show; and slight creep over three decades has a slope
     but no curvature, so that g and g_μ are only known together."""
-    frequencies = np.geomspace(0.1, 100, 30)
-    generator = np.random.default_rng(4)
+    frequencies = np.geomspace(0.1, 100, TABLE.size)
+    noise = np.sqrt(2) * NOISE * np.random.default_rng(4).standard_normal(TABLE.size)
     block = PEADynamics(1.0, 0.1, -0.1, 8e3, 0.05)
-    ratios = amplitudes(block, frequencies) * np.exp(NOISE * generator.standard_normal(30))
+    ratios = amplitudes(block, frequencies) * np.exp(noise)
     found = fj.ofocim(frequencies, ratios)
     assert {"gain", "creep_gain", "frequency", "damping"} <= set(found.unidentified)
     for name, parameter in (("frequency", block.frequency), ("damping", block.damping)):
@@ -223,6 +224,7 @@ def test_multi_sine_takes_the_frequencies_it_is_told():
     np.testing.assert_allclose(found.frequencies_Hz, TONES, rtol=1e-6)
 
 
+@pytest.mark.slow
 def test_standard_errors_are_the_scatter_of_repeats():
     """Over 16 recordings with other noise, 10 tones: their mean scatter is known to 6 %."""
     one = record(together(), sigma=0.0)

@@ -99,6 +99,7 @@ def test_electrostriction_is_found_on_an_own_law(fine):
     assert abs(q.value - 0.02) < 4 * q.standard_error + 4e-4
 
 
+@pytest.mark.slow
 def test_a_drive_lag_is_found_on_an_own_law_without_memory(fine):
     times, drive = fine
     lagged = np.asarray(lsim(([1.0], [4e-3, 1]), drive - 50, times)[1]) + 50

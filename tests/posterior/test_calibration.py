@@ -29,6 +29,7 @@ class Exponential(fj.AbstractBlock):
         return jnp.expm1(-self.gamma.value * drive / 50) / self.gamma.value
 
 
+@pytest.mark.slow
 def test_the_truth_of_a_short_recording_is_within_the_posterior():
     """LFDH simulated by other numerics on a finer grid, 240 samples."""
     law = {"chi": 0.2, "mu": 0.4, "delta": 0.08, "g": 0.03, "g_kappa": 0.12}
@@ -49,6 +50,7 @@ def test_the_truth_of_a_short_recording_is_within_the_posterior():
     assert by_name(found)["noise.sigma"].sd == pytest.approx(0.02 / np.sqrt(2 * SAMPLES), rel=0.2)
 
 
+@pytest.mark.slow
 def test_ranks_are_uniform_where_truths_are_drawn_from_the_prior():
     """Simulation-based calibration (Talts et al. 2018) of one shape and the noise, 20 draws."""
     priors = {

@@ -66,6 +66,7 @@ MISMATCHES = {
 }
 
 
+@pytest.mark.slow
 def test_intervals_of_a_model_that_is_wrong_hold_only_with_a_discrepancy():
     """a = 0.1 V⁻¹ beside eight mismatches: in no interval without, in six or more of 95 % with."""
     apart = []
@@ -82,6 +83,7 @@ def test_intervals_of_a_model_that_is_wrong_hold_only_with_a_discrepancy():
     assert np.all(honest < 3)
 
 
+@pytest.mark.slow
 def test_a_discrepancy_is_sampled_and_predicted(saturating):
     white = fj.WhiteNoise()
     found = fj.sample_posterior(saturating, noise_model=white, discrepancy=True, steps=1000)

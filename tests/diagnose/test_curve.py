@@ -149,6 +149,7 @@ def test_a_law_that_does_not_hear_the_drive_has_no_curve_of_it():
     assert curve.argument == "response"
 
 
+@pytest.mark.slow
 def test_a_sensor_with_a_table_of_its_own_is_a_curve_of_the_response():
     plain = lfdh(DRIVE) - 40.0
     low, span = plain.min(), np.ptp(plain)

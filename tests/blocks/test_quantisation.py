@@ -87,7 +87,7 @@ def scored(name: str, response: np.ndarray, sigma: float) -> EffectScore:
     white = specified(sigma)
     preparation = prepare([recorded(response)], noise=white, history="constant")
     solved = solve_from([BASE], preparation)
-    residual = residual_of(solved, preparation)
+    residual = residual_of(solved)
     setting, problems = preparation.setting, preparation.problems()
     return Scorer(solved.blocks, problems, residual).score(EFFECTS[name], setting)
 

@@ -52,7 +52,6 @@ def judged_of(
     )
     return Judged(
         refit=refit,
-        preparation=unseen,
         delta_bic=delta_bic,
         altogether=before + delta_bic,
         spared=spared,
@@ -76,4 +75,5 @@ def known_to(doubt: float) -> Any:
 def ended_at(cost: float, excess: float = 0.0, doubt: float = 0.1, free: int = 3) -> Any:
     left = max(1.0, cost / 1000)
     solved = SimpleNamespace(cost=cost, samples=1000, left=left, kurtosis=3.0, free=free)
-    return SimpleNamespace(solved=solved, preparation=known_to(doubt), excess=excess)
+    solved.preparation = known_to(doubt)
+    return SimpleNamespace(solved=solved, preparation=solved.preparation, excess=excess)

@@ -36,13 +36,12 @@ def stage_of(names: tuple[str, ...]) -> Stage:
     base = fj.parse_model("lfdh", setting).block
     layers = tuple(Layer(EFFECTS[n], EFFECTS[n].trials(setting)[0]) for n in names)
     block = wrapped(base, [(layer, layer.trial) for layer in layers])
-    return Stage("lfdh", base, layers, solve_from([block], preparation), preparation)
+    return Stage("lfdh", base, layers, solve_from([block], preparation))
 
 
 NOTHING: Any = None
 JUDGED = Judged(
     refit=NOTHING,
-    preparation=NOTHING,
     delta_bic=1.0,
     altogether=1.0,
     spared=0.0,
@@ -65,7 +64,6 @@ def judged(stage: Stage, name: str) -> Judged:
     return replace(
         JUDGED,
         refit=Refit(score, solved),
-        preparation=stage.preparation,
         delta_bic=stage.solved.bic - solved.bic,
         altogether=stage.solved.bic - solved.bic,
         prediction=SimpleNamespace(),  # type: ignore[arg-type]
@@ -75,7 +73,9 @@ def judged(stage: Stage, name: str) -> Judged:
 
 def cost_of(cost: float, bic: float = 0.0) -> Any:
     left = max(1.0, cost / 1000)
-    return SimpleNamespace(cost=cost, samples=1000, left=left, kurtosis=3.0, bic=bic)
+    return SimpleNamespace(
+        cost=cost, samples=1000, left=left, kurtosis=3.0, bic=bic, preparation=known()
+    )
 
 
 def known() -> Any:

@@ -109,28 +109,39 @@ def test_a_refined_candidate_keeps_to_its_usual_ranges_on_its_own_grid(monkeypat
         attempt: Any
         stage: Any
 
-        def answered(self, solved: Any, preparation: Any, numerics: float) -> Any:
-            return solved, preparation, numerics, self.attempt.conceded
+        def answered(self, solved: Any, numerics: float) -> Any:
+            return solved.grid, numerics, self.attempt.conceded
+
+    @dataclass(frozen=True)
+    class Solution:
+        grid: str
+
+        @property
+        def preparation(self) -> str:
+            return f"of {self.grid}"
 
     @dataclass(frozen=True)
     class Part:
-        solved: Any = None
-        preparation: Any = None
+        solved: Any
         conceded: float = 0.0
 
-    def kept_usual(attempt: Any, stage: Any) -> Any:
-        assert (attempt.solved, stage.preparation) == ("out+", "fine+")
-        return Part("in", conceded=3.0)
+        def on(self, preparation: Any) -> Any:
+            return preparation
 
-    monkeypatch.setattr(
-        _round, "fine_enough", lambda solved, grid, *_: (f"{solved}+", f"{grid}+", 0.1)
-    )
+    def kept_usual(attempt: Any, stage: Any) -> Any:
+        assert (attempt.solved.grid, stage) == ("out+", "of out+")
+        return Part(Solution("in"), conceded=3.0)
+
+    def finer(solved: Any, *_: Any) -> tuple[Any, float]:
+        return Solution(f"{solved.grid}+"), 0.1
+
+    monkeypatch.setattr(_round, "fine_enough", finer)
     monkeypatch.setattr(_round, "_kept_usual", kept_usual)
-    question: Any = Question(Part("out"), Part(preparation="coarse"))
-    coarse: Any = Part("out", "fine")
-    assert _round._refined(question, coarse, silent) == ("in+", "fine++", 0.1, 3.0)
+    coarse: Any = Part(Solution("out"))
+    question: Any = Question(coarse, coarse)
+    assert _round._refined(question, coarse, silent) == ("in+", 0.1, 3.0)
     monkeypatch.setattr(_round, "_kept_usual", lambda attempt, _: attempt)
-    assert _round._refined(question, coarse, silent) == ("out+", "fine+", 0.1, 0.0)
+    assert _round._refined(question, coarse, silent) == ("out+", 0.1, 0.0)
 
 
 @pytest.mark.parametrize(("left", "asked"), [(1.1, ["a", "b"]), (1.0, ["a"])])

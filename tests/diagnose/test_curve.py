@@ -10,8 +10,8 @@ import pytest
 
 import fracjax as fj
 from fracjax._blocks import EFFECTS
+from fracjax._diagnose._conclusion import Conclusion
 from fracjax._diagnose._curve import Bent, Curve, find_curve
-from fracjax._diagnose._diagnose import _Conclusion
 from fracjax._diagnose._held_out import predict_stretches
 from fracjax._diagnose._next_experiment import recorded_limits
 from fracjax._diagnose._procedure import Course
@@ -52,20 +52,20 @@ def fitted(seen: fj.Recording) -> Stage:
     """LFDH at its optimum."""
     preparation = prepare([seen], history="constant", noise=TOLD)
     block = fj.parse_model("lfdh", preparation.setting).block
-    return Stage("lfdh", block, (), solve_from([block], preparation), preparation)
+    return Stage("lfdh", block, (), solve_from([block], preparation))
 
 
 def with_effect(base: Stage, name: str) -> Stage:
     effect = EFFECTS[name]
     layer = Layer(effect, effect.trials(base.preparation.setting)[0])
     solved = solve_from([effect.insert(base.solved.block, layer.trial)], base.preparation)
-    return base.extended(layer, solved, base.preparation)
+    return base.extended(layer, solved)
 
 
-def concluded(base: Stage, stage: Stage) -> _Conclusion:
+def concluded(base: Stage, stage: Stage) -> Conclusion:
     first: Any = SimpleNamespace(least=1e-9)
     course = Course(first, True, [], first, [], {}, stage, None)
-    return _Conclusion(fj.parse_model("lfdh"), base, 0.0, None, predict_stretches, course)
+    return Conclusion(fj.parse_model("lfdh"), base, 0.0, None, predict_stretches, course)
 
 
 def test_the_block_is_its_equation():
@@ -144,7 +144,7 @@ def test_a_law_that_does_not_hear_the_drive_has_no_curve_of_it():
     preparation = prepare([seen], history="constant", noise=TOLD)
     with jax.enable_x64(True):
         block = Table(plain)
-        base = Stage("table", block, (), solve_from([block], preparation), preparation)
+        base = Stage("table", block, (), solve_from([block], preparation))
         curve = find_curve(base, 1.0)
     assert curve is not None
     assert curve.argument == "response"
@@ -211,4 +211,4 @@ def test_nothing_is_looked_for_where_nothing_is_missing():
         first: Any = SimpleNamespace(least=least)
         course = Course(first, is_real, [], first, [], {}, unseen, None)
         model = fj.parse_model("lfdh")
-        assert _Conclusion(model, unseen, 0.0, None, predict_stretches, course).curve is None
+        assert Conclusion(model, unseen, 0.0, None, predict_stretches, course).curve is None

@@ -37,7 +37,7 @@ def solved_with(
     response = fj.simulate(fj.Model(truth), drive, STEP, "constant").response
     response = response + sigma * np.random.default_rng(0).standard_normal(SAMPLES)
     preparation = prepare([fj.Recording(drive, response, STEP)], noise=told, history="constant")
-    return solve_from([truth], preparation), preparation, layer
+    return solve_from([truth], preparation), layer
 
 
 @pytest.fixture(autouse=True)
@@ -47,8 +47,8 @@ def _doubles():
 
 
 def test_it_is_what_the_whole_information_matrix_says():
-    solved, preparation, layer = solved_with("resonance", {"frequency": 60.0}, 0.01)
-    derivative = jacobian(solved.block, preparation.problems())[1]
+    solved, layer = solved_with("resonance", {"frequency": 60.0}, 0.01)
+    derivative = jacobian(solved.block, solved.preparation.problems())[1]
     layout, parameters = layout_of(solved.block), named_parameters(solved.block)
     names = [name for name, size in layout.shapes + layout.gains for _ in range(size)]
     own = [k for k, name in enumerate(names) if name in ("second.frequency", "second.damping")]
@@ -66,23 +66,23 @@ def test_it_is_what_the_whole_information_matrix_says():
         scaled = np.linalg.inv(left * covariance)
         whole = np.eye(2) + np.diag(expected) @ scaled @ np.diag(expected)
         wanted = 2 * np.log(SAMPLES) - np.linalg.slogdet(whole)[1]
-        found = spared(replace(solved, cost=cost), preparation, layer)
+        found = spared(replace(solved, cost=cost), layer)
         assert found == pytest.approx(wanted, rel=1e-4)
 
 
 def test_numbers_that_the_data_do_not_know_cost_nothing():
     """An inertia far above the drive's band: neither its frequency nor its damping shows."""
-    solved, preparation, layer = solved_with("resonance", {"frequency": 5e4}, 0.01)
+    solved, layer = solved_with("resonance", {"frequency": 5e4}, 0.01)
     hidden = set_values(solved.block, {"second.frequency": 5e4})
     unknown = replace(solved, blocks=(hidden,))
-    assert spared(unknown, preparation, layer) == pytest.approx(2 * np.log(SAMPLES), rel=0.01)
+    assert spared(unknown, layer) == pytest.approx(2 * np.log(SAMPLES), rel=0.01)
 
 
 def test_a_number_of_no_expected_size_costs_what_the_noise_makes_of_it():
-    solved, preparation, layer = solved_with("minor_loop_memory", {}, 0.01)
+    solved, layer = solved_with("minor_loop_memory", {}, 0.01)
     nothing = set_values(solved.block, {"second.weights": np.zeros(12)})
     idle = replace(solved, block=nothing, blocks=(nothing,))
-    assert spared(idle, preparation, layer) == pytest.approx(12 * np.log(SAMPLES) - 12)
+    assert spared(idle, layer) == pytest.approx(12 * np.log(SAMPLES) - 12)
 
 
 def test_with_little_noise_it_is_less_than_with_much():
@@ -94,10 +94,13 @@ def test_with_little_noise_it_is_less_than_with_much():
 def test_what_a_gain_beyond_its_usual_range_costs_is_what_a_fit_without_it_leaves_more():
     """A kink of the wrong sign: held at none, all other numbers at their best."""
     values = {"share": -0.03, "threshold": -10.0}
-    solved, preparation, layer = solved_with("lost_contact", values, 3e-4)
+    solved, layer = solved_with("lost_contact", values, 3e-4)
     none = fj.Parameter(0.0, fixed=True)
-    held = solve_from([replace_parameters(solved.block, {"second.share": none})], preparation)
-    rise = strain(solved, preparation, layer)
+    held_at_none = replace_parameters(solved.block, {"second.share": none})
+    held = solve_from([held_at_none], solved.preparation)
+        [replace_parameters(solved.block, {"second.share": none})], solved.preparation
+    )
+    rise = strain(solved, layer)
     assert rise > 100
     assert held.cost - solved.cost == pytest.approx(rise, rel=0.1)
     # The other sign is that of a contact that is lost.

@@ -51,7 +51,7 @@ def fitted(
 ) -> tuple[Solved, Preparation]:
     recording = fj.Recording(drive, clean + error, STEP, "V", "um")
     preparation = prepare([recording], history="constant", settling=0, noise=noise)
-    return solve_from([block], preparation), preparation
+    return solve_from([block], preparation)
 
 
 def hum(phase: float, size: float) -> np.ndarray:
@@ -64,11 +64,11 @@ def test_lines_of_another_phase_and_size_are_read_from_the_recording_that_has_th
     layered = EFFECTS["mains_interference"]
     block = layered.insert(CREEP.block, layered.trials(prepare_alone(DRIVE).setting)[0])
     block = set_values(block, {"second.frequency": 50.0})
-    base, preparation = fitted(CREEP.block, DRIVE, response(DRIVE), specified(SIGMA), error)
+    base = fitted(CREEP.block, DRIVE, response(DRIVE), specified(SIGMA), error)
     extended, _ = fitted(block, DRIVE, response(DRIVE), specified(SIGMA), error)
     other = response(OTHER) + hum(2.9, 0.08) + SIGMA * generator.standard_normal(SAMPLES)
     take = take_of(fj.Recording(OTHER, other, STEP, "V", "um"), specified(SIGMA), "constant", 0)
-    before, after = (predict_recording(s, preparation, take) for s in (base, extended))
+    before, after = (predict_recording(s, take) for s in (base, extended))
     found = gain(before, after)
     assert found.convincing
     assert found.extended_rmse == pytest.approx(SIGMA, rel=0.1)
@@ -80,12 +80,12 @@ def test_what_looks_like_the_offset_in_another_recording_is_read_with_it():
     layered = EFFECTS["mains_interference"]
     block = layered.insert(CREEP.block, layered.trials(prepare_alone(DRIVE).setting)[0])
     error = hum(0.3, 0.05) + SIGMA * generator.standard_normal(SAMPLES)
-    solved, preparation = fitted(block, DRIVE, response(DRIVE), specified(SIGMA), error)
+    solved = fitted(block, DRIVE, response(DRIVE), specified(SIGMA), error)
     # One of its two columns is constant to 1e-9 of itself.
     slow = replace(solved, block=set_values(solved.block, {"second.frequency": 1e-6}))
     other = response(OTHER) + 0.4 + SIGMA * generator.standard_normal(SAMPLES)
     take = take_of(fj.Recording(OTHER, other, STEP, "V", "um"), specified(SIGMA), "constant", 0)
-    found = predict_recording(slow, preparation, take)
+    found = predict_recording(slow, take)
     assert found.rmse == pytest.approx(SIGMA, rel=0.1)
     assert np.isfinite(found.spread).all()
 
@@ -99,12 +99,12 @@ def test_the_errors_of_another_recording_are_whitened_and_their_offset_is_known_
     generator, pole = np.random.default_rng(2), 0.95
     sigma = SIGMA / np.sqrt(1 - pole**2)
     noise = Noise(sigma, "um", "specification", np.array([1, -pole]), SIGMA)
-    solved, preparation = fitted(CREEP.block, DRIVE, response(DRIVE), noise, coloured(generator))
+    solved = fitted(CREEP.block, DRIVE, response(DRIVE), noise, coloured(generator))
     z = []
     for _ in range(20):
         measured = response(OTHER) + 3.0 + coloured(generator)
         recording = fj.Recording(OTHER, measured, STEP, "V", "um")
-        found = predict_recording(solved, preparation, take_of(recording, noise, "constant", 0))
+        found = predict_recording(solved, take_of(recording, noise, "constant", 0))
         z.append(found.whitened)
     errors = np.stack(z)
     assert np.std(errors) == pytest.approx(1, abs=0.02)
@@ -117,9 +117,7 @@ def test_the_zero_of_another_recording_costs_little_of_its_rmse(pole):
     generator = np.random.default_rng(3)
     sigma = SIGMA / np.sqrt(1 - pole**2)
     noise = Noise(sigma, "um", "specification", np.array([1, -pole]), SIGMA)
-    solved, preparation = fitted(
-        CREEP.block, DRIVE, response(DRIVE), noise, coloured(generator, pole)
-    )
+    solved = fitted(CREEP.block, DRIVE, response(DRIVE), noise, coloured(generator, pole))
     takes = [
         take_of(
             fj.Recording(OTHER, response(OTHER) + 3.0 + coloured(generator, pole), STEP, "V", "um"),
@@ -129,7 +127,7 @@ def test_the_zero_of_another_recording_costs_little_of_its_rmse(pole):
         )
         for _ in range(40)
     ]
-    rmse = [predict_recording(solved, preparation, take).rmse for take in takes]
+    rmse = [predict_recording(solved, take).rmse for take in takes]
     assert np.mean(np.square(rmse)) < 1.05 * sigma**2
     assert takes[0].baseline == slice(0, 100 if pole == 0 else 200)
 
@@ -148,9 +146,9 @@ def test_stretches_whose_refit_is_too_far_for_a_first_order_are_predicted_to_the
     layered = EFFECTS["thermal_drift"]
     block = layered.insert(CREEP.block, layered.trials(prepare_alone(DRIVE).setting)[0])
     clean = response(DRIVE) + 0.02 * TIMES
-    base, preparation = fitted(CREEP.block, DRIVE, clean, specified(SIGMA), error)
+    base = fitted(CREEP.block, DRIVE, clean, specified(SIGMA), error)
     extended, _ = fitted(block, DRIVE, clean, specified(SIGMA), error)
-    before, after = (predict_stretches(s, preparation) for s in (base, extended))
+    before, after = (predict_stretches(s) for s in (base, extended))
     assert after.folds == pytest.approx((SIGMA,) * 5, rel=0.15)
     assert gain(before, after).convincing
 
@@ -163,18 +161,18 @@ def test_held_out_stretches_agree_with_refits_of_a_linear_model():
     fixed = {"alpha": 0.3, "beta": 0.2, "k_h": 0.0, "k_p": 0.0}
     fit = fj.fit(fj.parse_model("foh"), recording, fixed=fixed)
     preparation = prepare([recording])
-    solved, preparation = settle(fit.model.block, preparation, history="constant", starts=1, seed=0)
-    prediction = predict_stretches(solved, preparation)
+    solved = settle(fit.model.block, preparation, history="constant", starts=1, seed=0)
+    prediction = predict_stretches(solved)
     design = np.stack([drive, np.ones(2000)], axis=1)
     fold = (np.arange(2000) / (2000 / 22)).astype(int) % 5
-    counted = np.asarray(preparation.problems()[0].weights)[:2000] > 0
+    counted = np.asarray(solved.preparation.problems()[0].weights)[:2000] > 0
     errors = np.zeros(2000)
     for k in range(5):
         kept = counted & (fold != k)
         gains = np.linalg.lstsq(design[kept], recording.response[kept], rcond=None)[0]
         errors[fold == k] = (recording.response - design @ gains)[fold == k]
     # Only the noise's colour, found from the residual, makes the two differ.
-    noise = preparation.takes[0].noise
+    noise = solved.preparation.takes[0].noise
     assert noise is not None
     gains = np.linalg.lstsq(design, recording.response, rcond=None)[0]
     seen, unseen = (
@@ -190,10 +188,10 @@ def test_stretches_are_whole_periods_as_many_as_make_a_twentysecond():
     white = np.random.default_rng(9).standard_normal(2000)
     recording = fj.Recording(drive, 3 * drive + 0.1 * white, 0.01)
     preparation = prepare([recording], history="constant", settling=0)
-    solved, preparation = settle(
+    solved = settle(
         fj.parse_model("creep").block, preparation, history="constant", starts=1, seed=0
     )
-    folds = predict_stretches(solved, preparation).fold_of_sample
+    folds = predict_stretches(solved).fold_of_sample
     # 2000 / 22 samples are rather five periods of 20 than four.
     assert np.array_equal(folds, (np.arange(2000) // 100 % 5)[-folds.size :])
 
@@ -346,11 +344,9 @@ def test_a_drift_that_two_recordings_have_each_for_itself_is_named():
 
 def test_a_drive_of_few_periods_is_set_aside_in_as_many_stretches_as_any():
     drive = 50 + 30 * np.sin(2 * np.pi * 2.5 * TIMES)
-    solved, preparation = fitted(
-        CREEP.block, drive, response(drive), specified(SIGMA), np.zeros(SAMPLES)
-    )
-    assert preparation.takes[0].recording.drive_period() is not None
-    folds = predict_stretches(solved, preparation).fold_of_sample
+    solved = fitted(CREEP.block, drive, response(drive), specified(SIGMA), np.zeros(SAMPLES))
+    assert solved.preparation.takes[0].recording.drive_period() is not None
+    folds = predict_stretches(solved).fold_of_sample
     # Its period is exactly a fifth of the record.
     assert np.count_nonzero(np.diff(folds)) == 21
 

@@ -176,7 +176,7 @@ def test_what_is_left_over_is_judged_as_far_as_the_noise_is_known():
 
 def test_the_shares_that_an_effect_explains():
     base = ended_at(3000, excess=2000)
-    doubt = 1000 * excess_doubt(base.preparation, base.solved)
+    doubt = 1000 * excess_doubt(base.solved)
     share = explained_fraction(base, ended_at(2000).solved)
     assert share == pytest.approx(1000 / (2000 - doubt))
     assert explained_fraction(base, ended_at(900).solved) == 1

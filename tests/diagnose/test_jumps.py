@@ -10,7 +10,7 @@ import pytest
 
 import fracjax as fj
 from fracjax._blocks import EFFECTS
-from fracjax._diagnose._diagnose import _Conclusion
+from fracjax._diagnose._conclusion import Conclusion
 from fracjax._diagnose._held_out import predict_stretches
 from fracjax._diagnose._jumps import Jumps, _of_steps, _steps, find_jumps, hidden_in_noise
 from fracjax._diagnose._next_experiment import recorded_limits
@@ -38,7 +38,7 @@ def fitted(*recordings: fj.Recording) -> Stage:
     """LFDH at its optimum."""
     preparation = prepare(list(recordings), history="constant", noise=TOLD)
     block = fj.parse_model("lfdh", preparation.setting).block
-    return Stage("lfdh", block, (), solve_from([block], preparation), preparation)
+    return Stage("lfdh", block, (), solve_from([block], preparation))
 
 
 def found(*recordings: fj.Recording, least: float = 10.0) -> Jumps | None:
@@ -137,9 +137,9 @@ def test_no_name_is_given_to_an_effect_that_follows_jumps(jumps):
         layer = Layer(effect, effect.trials(base.preparation.setting)[0])
         solved = solve_from([effect.insert(base.solved.block, layer.trial)], base.preparation)
         first: Any = SimpleNamespace(least=1e-9)
-        stage = base.extended(layer, solved, base.preparation)
+        stage = base.extended(layer, solved)
         course = Course(first, True, [], first, [], {}, stage, None)
-        conclusion = _Conclusion(fj.parse_model("lfdh"), base, 0.0, None, predict_stretches, course)
+        conclusion = Conclusion(fj.parse_model("lfdh"), base, 0.0, None, predict_stretches, course)
     assert (conclusion.jumps is not None) is jumps
     if jumps:
         extended: Any = SimpleNamespace(estimates=())
@@ -156,7 +156,7 @@ def test_jumps_exclude_an_effect_as_another_effect_does(ahead, told, monkeypatch
         base = fitted(recording((0.8, 0.06), (1.9, 0.05)))
         first: Any = SimpleNamespace(least=1e-9)
         course = Course(first, True, [], first, [], {}, base, None)
-        conclusion = _Conclusion(fj.parse_model("lfdh"), base, 0.0, None, predict_stretches, course)
+        conclusion = Conclusion(fj.parse_model("lfdh"), base, 0.0, None, predict_stretches, course)
         assert (conclusion.jumps is not None) is told
 
 
@@ -191,7 +191,7 @@ def hidden(seen: fj.Recording) -> tuple[Jumps, fj.Noise] | None:
     with jax.enable_x64(True):
         preparation = prepare([seen], history="periodic")
         block = fj.parse_model("lfdh", preparation.setting).block
-        base = Stage("lfdh", block, (), solve_from([block], preparation), preparation)
+        base = Stage("lfdh", block, (), solve_from([block], preparation))
         return hidden_in_noise(base, 0)
 
 

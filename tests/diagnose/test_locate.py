@@ -10,8 +10,8 @@ import pytest
 from scipy.stats import kstest, norm
 
 import fracjax as fj
+from fracjax._diagnose._conclusion import Conclusion
 from fracjax._diagnose._detect import detect
-from fracjax._diagnose._diagnose import _Conclusion
 from fracjax._diagnose._held_out import predict_stretches
 from fracjax._diagnose._judgement import SIGNIFICANCE
 from fracjax._diagnose._locate import _map, frequency, locate
@@ -117,7 +117,7 @@ def axes_of_a_fit(extra: np.ndarray, seed: int = 0) -> dict:
     with jax.enable_x64(True):
         preparation = prepare([recording], history="constant", noise=told)
         solved = solve_from([fj.parse_model("creep").block], preparation)
-        residual = residual_of(solved, preparation)
+        residual = residual_of(solved)
         found = locate(preparation, preparation.problems(), residual, 1e6)
     return {axis.axis: axis for axis in found}
 
@@ -161,7 +161,7 @@ def test_a_line_that_the_noise_was_read_with_shows_where_the_noise_is_taken_with
     with jax.enable_x64(True):
         preparation = prepare([once], history="constant", repeats=[again])
         solved = solve_from([fj.parse_model("creep").block], preparation)
-        residual, problems = residual_of(solved, preparation), preparation.problems()
+        residual, problems = residual_of(solved), preparation.problems()
         hidden = frequency(preparation, problems, residual, 1e6)
         bare = preparation.with_noises(
             [t.noise.without_lines() for t in preparation.takes if t.noise]
@@ -230,13 +230,13 @@ def test_an_effect_too_weak_for_any_place_to_stand_out_has_one_where_it_acts():
         seen = fj.Recording(DRIVE, plain + 1e-3 * white(1), STEP, "V", "um")
         preparation = prepare([seen], noise=noise, history="constant")
         solved = solve_from([model.block], preparation)
-        base = Stage("lfdh", model.block, (), solved, preparation)
+        base = Stage("lfdh", model.block, (), solved)
         changed = replace(solved, simulations=[solved.simulations[0] + 0.01 * (cut - plain)])
         stage = replace(base, solved=changed)
         first = detect(base, 0, silent)
         winner: Any = SimpleNamespace(name="saturation", foretells_a_recording=True)
         course = Course(first, True, [], first, [Round(winner, [])], {}, stage, None)
-        conclusion = _Conclusion(model, base, 0.0, None, predict_stretches, course)
+        conclusion = Conclusion(model, base, 0.0, None, predict_stretches, course)
         named: Any = (SimpleNamespace(name="saturation"),)
         leading = conclusion._axes(named)[0]
         (unnamed,) = (axis for axis in conclusion._axes(()) if axis.axis == "level")

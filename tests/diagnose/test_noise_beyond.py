@@ -91,7 +91,7 @@ def opened(disturbance: np.ndarray, rests: bool = True) -> tuple[Stage, _procedu
             left = residual_noise(response - solved.simulations[0], take.used, take.recording)
             preparation = preparation.with_noises([left])
             solved = solve_from([block], preparation)
-        base = Stage("lfdh", block, (), solved, preparation)
+        base = Stage("lfdh", block, (), solved)
         seen = _detect.detect(base, 0, silent)
     return base, _procedure.Course(seen, True, [], seen, [], {}, base, None)
 

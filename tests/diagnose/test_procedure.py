@@ -50,7 +50,7 @@ def test_where_only_a_fit_tells_the_noise_refits_are_asked_though_nothing_shows(
         (take,) = stage.preparation.takes
         assert take.noise is not None
         noise = replace(take.noise, is_leftover=guessed)
-        stage = replace(stage, preparation=stage.preparation.with_noises([noise]))
+        stage = stage.on(stage.preparation.with_noises([noise]))
         course = _procedure.run(stage, 0.0, NOTHING, 0, silent)
     assert least == asked
     assert course.rounds == []
@@ -71,7 +71,7 @@ def test_a_noise_that_hid_behind_the_mismatch_is_read_before_the_rounds_go_on(
         stage = stage_of(())
         (noise,) = (take.noise for take in stage.preparation.takes if take.noise is not None)
         noise = replace(noise, is_leftover=guessed)
-        stage = replace(stage, preparation=stage.preparation.with_noises([noise]))
+        stage = stage.on(stage.preparation.with_noises([noise]))
         less = stage.preparation.with_noises([replace(noise, sigma=0.9 * noise.sigma)])
         monkeypatch.setattr(_procedure, "_seen_past", lambda *_: (20.0, less))
         found = [judged(stage, "drive_lag")]

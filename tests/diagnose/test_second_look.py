@@ -87,9 +87,9 @@ def test_what_is_judged_again_runs_on_the_grid_that_it_needs_itself(needed, grid
         grids.append(less.preparation.oversampling)
         return []
 
-    def fine_enough(solved: Any, preparation: Any, *_: Any) -> tuple[Any, Any, float]:
-        assert preparation.oversampling == 1
-        return solved, preparation.with_oversampling(needed), 0.0
+    def fine_enough(solved: Any, *_: Any) -> tuple[Any, float]:
+        assert solved.preparation.oversampling == 1
+        return solved.on(solved.preparation.with_oversampling(needed)), 0.0
 
     monkeypatch.setattr(_procedure, "scored", lambda *_: [])
     monkeypatch.setattr(_procedure, "residual_of", lambda *_: None)
@@ -98,8 +98,8 @@ def test_what_is_judged_again_runs_on_the_grid_that_it_needs_itself(needed, grid
     names = ("electrostriction", "drive_lag")
     with jax.enable_x64(True):
         base, stage = stage_of(()), stage_of(names)
-        base = replace(base, preparation=base.preparation.with_oversampling(1))
-        stage = replace(stage, preparation=stage.preparation.with_oversampling(8))
+        base = base.on(base.preparation.with_oversampling(1))
+        stage = stage.on(stage.preparation.with_oversampling(8))
         rounds = [_procedure.Round(judged(base, name), []) for name in names]
         _procedure._reconsidered(base, stage, rounds, predict_stretches, 0, silent)
     assert grids == [grid]

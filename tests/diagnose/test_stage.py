@@ -31,7 +31,7 @@ def stage_of(names, setting) -> Stage:
     block = wrapped(base, [(layer, layer.trial) for layer in layers])
     with jax.enable_x64(True):
         solved = solve_from([block], preparation, hopeless=0.0)
-    return Stage("foh", base, layers, solved, preparation)
+    return Stage("foh", base, layers, solved)
 
 
 @pytest.mark.parametrize("names", ORDERS)

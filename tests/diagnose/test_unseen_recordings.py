@@ -39,10 +39,10 @@ def test_a_recording_that_does_not_show_the_effect_leaves_it_to_stretches(apart,
         monkeypatch.setattr(_round, "predict_stretches", stretches)
 
         def before(predict: Predict) -> Prediction:
-            return predict(base.solved, base.preparation)
+            return predict(base.solved)
 
         question = _round._Question(base, base, refit, before, predicting(apart))
-        found = question.answered(refit.solved, base.preparation, 0.0)
+        found = question.answered(refit.solved, 0.0)
     assert found.gain.fall == pytest.approx(fall)
     assert (found.predict is stretches) == (apart < 4)
 

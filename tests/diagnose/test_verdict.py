@@ -6,7 +6,7 @@ from typing import Any
 import numpy as np
 import pytest
 
-from fracjax._diagnose._diagnose import _Conclusion
+from fracjax._diagnose._conclusion import Conclusion
 from fracjax._diagnose._held_out import Prediction
 from fracjax._diagnose._procedure import Course
 from tests.diagnose.helpers import ended_at, judged_of
@@ -37,7 +37,7 @@ def test_several_effects_that_neither_fit_nor_foretell_stand_in_for_another(
     )
     unseen = "another" if is_unseen else None
     conclusion: Any = SimpleNamespace(stage=stage, unseen=unseen, _predicted=(before, after))
-    assert _Conclusion._stands_in.fget(conclusion) is stands_in  # type: ignore[attr-defined]
+    assert Conclusion._stands_in.fget(conclusion) is stands_in  # type: ignore[attr-defined]
 
 
 @pytest.mark.parametrize(
@@ -55,4 +55,4 @@ def test_places_alone_must_be_surer(gained, p_value, verdict):
     refitted = {"a": judged_of("a", gained)}
     course = Course(first, True, [], first, [], refitted, unseen, None)
     conclusion: Any = SimpleNamespace(course=course, lawless=None)
-    assert _Conclusion._verdict(conclusion, ()) == verdict
+    assert Conclusion._verdict(conclusion, ()) == verdict

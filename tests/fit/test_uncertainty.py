@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import fracjax as fj
-from fracjax._fit import _estimate
-from fracjax._fit._uncertainty import _coloured, uncertainty_of
+from fracjax._fit._uncertainty import _coloured, _estimate, uncertainty_of
 from fracjax._prepare._conditions import Number
 from tests.fit.creep import CLEAN, DRIVE, SAMPLES, SIGMA, STEP, TRUE, fit, record
 from tests.helpers import by_name

@@ -21,7 +21,7 @@ DIALECT = re.compile(
 
 
 def names_in(source: str) -> Iterator[tuple[str, int]]:
-    """Every name that a source gives to a value, an argument, a function or a field, and its line."""
+    """Every name that a source gives to a value, argument, function or field, and its line."""
     for node in ast.walk(ast.parse(source)):
         if isinstance(node, ast.Name) and isinstance(node.ctx, ast.Store):
             yield node.id, node.lineno

@@ -8,10 +8,10 @@ import pytest
 from scipy.signal import lfilter
 
 import fracjax as fj
-from fracjax._frequency._amplitude_ratios import _Stretch
-from fracjax._prepare import _noise, measured_noise, residual_noise
+from fracjax._prepare import measured_noise, residual_noise
 from fracjax._prepare._autoregression import autoregression, taken_power
 from fracjax._prepare._noise_sources import measured_noises, read_from_residual
+from fracjax._prepare._noise_stretches import Stretch, noise_in
 from fracjax._prepare._setting import setting_of
 from fracjax._recording import Recording
 
@@ -148,8 +148,8 @@ def test_steps_as_coarse_as_the_noise_are_named_from_the_codes(codes):
 def test_of_a_rest_a_parabola_and_logarithms_of_time_are_no_noise():
     x = np.linspace(0, 1, 300)
     slow = 1 - 2 * x + 3 * x**2 + 0.5 * np.log(x + 0.02) - np.log(x + 0.2)
-    assert np.abs(_Stretch.without_relaxation(slow, 0).samples).max() < 1e-10
-    assert np.std(_Stretch.without_relaxation(slow + x**5, 0).samples) > 1e-3
+    assert np.abs(Stretch.without_relaxation(slow, 0).samples).max() < 1e-10
+    assert np.std(Stretch.without_relaxation(slow + x**5, 0).samples) > 1e-3
 
 
 @pytest.mark.parametrize("samples", [400, 1200])
@@ -158,10 +158,8 @@ def test_slow_noise_is_told_in_full_where_slow_terms_were_taken_off(samples):
     found, sizes = [], []
     for _ in range(60):
         white = generator.standard_normal(samples + 300)
-        stretch = _Stretch.without_relaxation(
-            np.asarray(lfilter([1], [1, -memory], white))[300:], 0
-        )
-        told = _noise([stretch], "um", "static")
+        stretch = Stretch.without_relaxation(np.asarray(lfilter([1], [1, -memory], white))[300:], 0)
+        told = noise_in([stretch], "um", "static")
         found.append((told.innovation / told.filter.sum()) ** 2)
         sizes.append(told.sigma)
     slowest, size = 1 / (1 - memory) ** 2, 1 / np.sqrt(1 - memory**2)
@@ -172,7 +170,7 @@ def test_slow_noise_is_told_in_full_where_slow_terms_were_taken_off(samples):
 
 def test_what_terms_take_of_noise_is_what_they_take_on_average():
     generator, taps = np.random.default_rng(12), np.array([1.0, -0.8])
-    terms = _Stretch.without_relaxation(np.zeros(150), 0).terms
+    terms = Stretch.without_relaxation(np.zeros(150), 0).terms
     noise = np.asarray(lfilter([1], taps, generator.standard_normal((4000, 550))))[:, 400:]
     taken = np.mean(np.sum((noise @ terms) ** 2, axis=1))
     assert taken_power((taps, 1.0), terms) == pytest.approx(taken, rel=0.03)
@@ -304,7 +302,7 @@ def test_the_noise_is_read_from_the_slowest_line_that_nothing_was_taken_from():
     noise = np.random.default_rng(6).standard_normal(1000)
     for taken, first in ((0, 1), (1, 2), (4, 3)):
         terms = np.linalg.qr(np.vander(np.linspace(-1, 1, 1000), taken))[0]
-        found = _noise([_Stretch(noise - terms @ (terms.T @ noise), 0, terms)], "um", "static")
+        found = noise_in([Stretch(noise - terms @ (terms.T @ noise), 0, terms)], "um", "static")
         assert found.lines[0].min() == pytest.approx(first / found.lines[0].size / 2, rel=0.01)
 
 

@@ -7,9 +7,9 @@ import numpy as np
 import pytest
 
 import fracjax as fj
-from fracjax import _fit
 from fracjax._operators import Grid
-from fracjax._solve import _numerics
+from fracjax._prepare import prepare
+from fracjax._solve import _numerics, fine_enough, silent, solve_from
 from tests.helpers import specified
 
 STEP = 4e-3
@@ -133,12 +133,12 @@ def test_a_grid_is_refined_as_far_as_what_the_fit_leaves_asks_for():
     grids = {}
     with jax.enable_x64(True):
         for name, one in (("right", recording), ("drifting", drifting)):
-            prepared = _fit.prepare([one], noise=known, history="constant", settling=0)
+            prepared = prepare([one], noise=known, history="constant", settling=0)
             prepared = prepared.with_oversampling(1)
-            solved = _fit.solve_from([MODEL.with_values(LAW).block], prepared)
+            solved = solve_from([MODEL.with_values(LAW).block], prepared)
             for share in (0.0, 0.1):
-                _, finer, error = _fit.fine_enough(solved, prepared, lambda _: None, share)
-                grids[name, share] = finer.oversampling
+                finer, error = fine_enough(solved, silent, share)
+                grids[name, share] = finer.preparation.oversampling
                 assert error <= _numerics.tolerated(_numerics.TARGET, solved, share)
     assert grids["right", 0.1] == grids["right", 0.0] > grids["drifting", 0.1]
     assert grids["drifting", 0.0] > grids["drifting", 0.1]
@@ -168,9 +168,9 @@ def test_a_grid_is_no_finer_than_the_error_falls(errors, grid, monkeypatch):
     monkeypatch.setattr(_numerics, "_whitened", whitened)
     monkeypatch.setattr(_numerics, "orthonormal", lambda _: np.array([[1.0], [0.0]]))
     with jax.enable_x64(True):
-        prepared = _fit.prepare([recording], noise=known, history="constant")
+        prepared = prepare([recording], noise=known, history="constant")
         prepared = prepared.with_oversampling(1)
-        solved = _fit.solve_from([MODEL.with_values(LAW).block], prepared)
-        found, error = _numerics._halved_until(0.5, solved, prepared)
+        solved = solve_from([MODEL.with_values(LAW).block], prepared)
+        found, error = _numerics._halved_until(0.5, solved)
     assert found.oversampling == grid
     assert error == pytest.approx(np.nan_to_num(errors[int(np.log2(grid))], nan=np.inf))

@@ -132,6 +132,7 @@ def test_a_killed_worker_loses_nothing(quick_cluster):
     pd.testing.assert_frame_equal(batch("data", cluster=address), rows)
 
 
+@pytest.mark.slow
 def test_a_recording_that_kills_workers_is_a_row(quick_cluster, monkeypatch):
     monkeypatch.setattr(quick_cluster.scheduler, "allowed_failures", 0)
     jobs = [File(save(Path("a.csv").resolve(), 1)), Deadly(Path("b.csv"))]
@@ -144,6 +145,7 @@ def test_a_recording_that_kills_workers_is_a_row(quick_cluster, monkeypatch):
     }
 
 
+@pytest.mark.slow
 def test_work_does_not_wait_for_ever_for_a_worker(quick_cluster, monkeypatch):
     monkeypatch.setattr("fracjax._batch._cluster._PATIENCE", 5)
     for k in range(60):
@@ -162,6 +164,7 @@ def test_work_does_not_wait_for_ever_for_a_worker(quick_cluster, monkeypatch):
         batch("data", cluster=address)
 
 
+@pytest.mark.slow
 def test_results_that_went_with_the_last_worker_are_not_waited_for(quick_cluster, monkeypatch):
     monkeypatch.setattr("fracjax._batch._cluster._PATIENCE", 1)
     for k in range(60):

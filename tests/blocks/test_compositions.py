@@ -62,7 +62,7 @@ def test_a_series_with_a_nonlinear_block_is_one_after_the_other():
     joined = foh >> saturation >> creep
     assert not isinstance(joined, AbstractLinearBlock)
     assert not joined.linear
-    close(respond(joined, DRIVE, grid), creep(saturation(foh(DRIVE, grid), grid), grid), 1e-12)
+    close(joined(DRIVE, grid), creep(saturation(foh(DRIVE, grid), grid), grid), 1e-12)
 
 
 def test_a_linear_kernel_is_the_response_to_one_sample():

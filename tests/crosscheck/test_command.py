@@ -31,7 +31,7 @@ def answer(monkeypatch, result: Crosscheck) -> list[dict]:
         calls.append({"model": model.name, "recordings": recordings, **options})
         return result
 
-    monkeypatch.setattr(fj._fit, "crosscheck", crosscheck)
+    monkeypatch.setattr(fj._crosscheck, "crosscheck", crosscheck)
     return calls
 
 

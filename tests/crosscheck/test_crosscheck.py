@@ -183,7 +183,8 @@ def test_a_masked_stretch_counts_in_no_search():
     response[spoilt] += 100.0
     found = fj.crosscheck(
         fj.parse_model("foh"), replace(clean, response=response), noise=NOISE, fixed=HELD,
-        bounds=KEPT, mask=[(0.5, 0.6)], starts=2, **FEW,
+        bounds=KEPT, mask=[(0.5, 0.6)], starts=2,
+        population=FEW["population"], iterations=FEW["iterations"],
     )  # fmt: skip
     assert found.fit.preparation.takes[0].used.sum() == np.count_nonzero(~spoilt)
     eliminated = [row for row in found.rows if "all parameters" not in row.method]

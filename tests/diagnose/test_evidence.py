@@ -98,8 +98,6 @@ def test_what_a_gain_beyond_its_usual_range_costs_is_what_a_fit_without_it_leave
     none = fj.Parameter(0.0, fixed=True)
     held_at_none = replace_parameters(solved.block, {"second.share": none})
     held = solve_from([held_at_none], solved.preparation)
-        [replace_parameters(solved.block, {"second.share": none})], solved.preparation
-    )
     rise = strain(solved, layer)
     assert rise > 100
     assert held.cost - solved.cost == pytest.approx(rise, rel=0.1)

@@ -32,7 +32,7 @@ class ViscoelasticLayer(AbstractLinearBlock):
         order: ν, one number, dimensionless.
 
     Source: Bagley & Torvik, J. Rheol. 27 (1983) 201; Näsholm & Holm, Fract. Calc. Appl. Anal. 16
-    (2013) 26, for the fractional Zener law.
+    (2013) 26, for the fractional Zener model.
     """
 
     strength: Parameter

@@ -68,9 +68,9 @@ def diagnose(
             rests show, has the noise of another with the same sampling rate.
         noise: the sensor's specification, rms, a number in the response's unit or a text such as
             "0.07 um", used if no recording shows the noise.
-        history: the drive before the first sample, as in `Grid`; by default it is inferred.
-        settling: how much of the start is left out, a number of samples or a text; by default it is
-            inferred.
+        history: the prior history of the drive, such as "constant"; None if the data decide.
+        settling: the start that is left out, a number of samples or a time such as "1 s"; None if
+            the data decide.
         limits: of the drive in the next experiment, such as "0..100 V, 50 V/ms"; by default the
             recorded range and ten times its fastest change.
         mask: times [s] from the first sample, ends included, that are left out of every recording
@@ -82,7 +82,7 @@ def diagnose(
         The diagnosis; its results state their units.
 
     Raises:
-        InputError: if the recordings have different units or rates, or an option is unusable.
+        InputError: if the recordings have different units, or an option is unusable.
     """
     listed = recordings_of(recordings)
     model = model_of(model, listed)

@@ -197,7 +197,7 @@ class _Places:
         return self._binned("phase", "deg", degrees, np.linspace(0, 360, _PHASE_BINS + 1))
 
     def _turns(self) -> np.ndarray:
-        assert self.phases is not None  # asked for only where there are any
+        assert self.phases is not None  # the caller checks
         return self.phases
 
     def harmonics(self) -> Axis:

@@ -69,8 +69,8 @@ def refit(
         kinds.setdefault(kind_of(trial), []).append(k)
     attempts: list[Refit] = []
     for alike in map(score.only, kinds.values()):
-        law = type(alike.trials[0])
-        larger = next((a for a in attempts if isinstance(a.layer.trial, law)), None)
+        block_type = type(alike.trials[0])
+        larger = next((a for a in attempts if isinstance(a.layer.trial, block_type)), None)
         attempts.append(
             _of_one_kind(alike, stage, fits, seed, hopeless, earlier)
             if larger is None

@@ -24,7 +24,7 @@ from .._recording import InputError
 
 _SERIES_BELOW = 1e-3
 """pole · step below which a series replaces the closed form, which cancels there: the first term
-left out is 1e-15 of the result."""
+left out is 3e-15 of the result."""
 
 
 class PoleZero(NamedTuple):

@@ -57,7 +57,7 @@ class Jumps:
 
     @property
     def searched(self) -> float:
-        """The cost in BIC of the times, which are parameters too, but not among those of the fit."""
+        """The cost in BIC of the times, which are parameters in addition to those of the fit."""
         return self.count * float(np.log(self.solved.samples))
 
     @property
@@ -239,7 +239,7 @@ def _places(problems: tuple[Problem, ...], residual: Residual) -> tuple[list, fl
 def _strongest(
     problems: tuple[Problem, ...], residual: Residual
 ) -> tuple[tuple[int, int], np.ndarray]:
-    """The place where a step reduces χ² most, and its column (ΣL,), projected and of unit length."""
+    """The place where a step reduces χ² most, and its projected column (ΣL,) of unit length."""
     starts = np.cumsum([0] + [problem.response.shape[0] for problem in problems])
     signals = np.column_stack([residual.whitened, residual.basis])
     pieces = zip(problems, np.split(signals, starts[1:-1]), strict=True)

@@ -140,7 +140,7 @@ class _Places:
         return f.sf(energy / count, 2 * count**2 / variance, self.freedom)
 
     def _binned(self, name: str, unit: str, values: np.ndarray, edges: np.ndarray, *shapes) -> Axis:
-        """An axis of bins of a coordinate; within each the residual may follow any of the shapes."""
+        """An axis of bins of a coordinate; in each the residual may follow any of the shapes."""
         index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
         shapes = (np.ones_like(values), *shapes)
 

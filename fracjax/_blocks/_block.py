@@ -107,6 +107,7 @@ class AbstractBlock(eqx.Module):
 
 @compiled
 def _respond(block: AbstractBlock, drive: ArrayLike, grid: Grid) -> Array:
+    """The response (N,) of a whole block, as one compiled program."""
     return block(jnp.asarray(drive), grid)
 
 
@@ -150,6 +151,7 @@ def _names_within(names: Sequence[str], part: str) -> list[str]:
 
 
 def _with_prefix(columns: Columns, part: str) -> Columns:
+    """The derivatives of one part of a composed block, by their names in the whole."""
     return {f"{part}.{name}": column for name, column in columns.items()}
 
 
@@ -383,4 +385,5 @@ def linear_gains(block: AbstractBlock) -> tuple[str, ...]:
 
 
 def _prefixed(prefix: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of one part of a composed block, as names in the whole."""
     return tuple(f"{prefix}.{name}" for name in names)

@@ -90,6 +90,7 @@ def _settled_jvp(step: Step, at: tuple, along: tuple) -> tuple[Array, Array]:
 
 
 def _before(start: Array, states: Array) -> Array:
+    """The state before each sample (N,), from the start and the states (N,)."""
     return jnp.append(start, states[:-1])
 
 

@@ -172,6 +172,7 @@ def _of_mode(frequency: ArrayLike, damping: ArrayLike) -> np.ndarray:
 
 
 def _linear(block: AbstractBlock, where: str) -> AbstractLinearBlock:
+    """The block itself, once it has a transfer function; otherwise an InputError at `where`."""
     if not isinstance(block, AbstractLinearBlock):
         raise InputError.at(
             where,

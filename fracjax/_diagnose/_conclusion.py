@@ -12,10 +12,7 @@ import numpy as np
 from .._blocks import EFFECTS
 from .._fit import Estimate, Fit, fit_of, with_profiled_intervals
 from .._models import Model
-from .._prepare import (
-    Noise,
-    Take,
-)
+from .._prepare import Noise, Take
 from .._solve import Progress
 from ._codes import detected_in_codes
 from ._curve import Curve, find_curve
@@ -141,6 +138,7 @@ class Conclusion:
         )
 
     def _verdict(self, effects: tuple[NamedEffect, ...]) -> Verdict:
+        """The verdict, from the named effects and the significance of the residual."""
         if effects:
             return "confusable" if any(e.confusable_with for e in effects) else "missing"
         if self.empirical is not None:
@@ -273,6 +271,7 @@ class Conclusion:
         )
 
     def _named(self, round_: Round, own: tuple[Estimate, ...]) -> NamedEffect:
+        """The named effect of one round, with its estimates and its rivals."""
         winner = round_.winner
         return NamedEffect(
             name=winner.name,
@@ -306,6 +305,7 @@ class Conclusion:
     def _candidate(
         self, score: EffectScore, judged: Judged | None, named: Collection[str]
     ) -> Candidate:
+        """One effect of the catalogue, with its score and, if it was refitted, its judgement."""
         adopted, p_value = self.stage.adopted, self.course.first.p_value
         forbidding = 0.0 if self.course.is_real else self.numerics
         why = reason(score, judged, adopted, p_value, forbidding)

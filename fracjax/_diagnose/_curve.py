@@ -144,6 +144,7 @@ def _fitted(
     starts: list[AbstractBlock],
     base: Stage,
 ) -> Curve:
+    """The base fitted together with a curve, whose kinks are counted from `zero` in `unit`."""
     solved = solve_from(starts, base.preparation)
     turns = named_parameters(solved.block)[f"{place}.turns"].value
     kinks = zero + getattr(starts[0], place).kinks

@@ -187,6 +187,7 @@ class _FitErrors(NamedTuple):
 
 
 def _errors_of_fit(solved: Solved) -> _FitErrors:
+    """The errors and the scaled derivatives of a fit at the padded recordings' samples."""
     error, white = errors_of(solved)
     _, raw, whitened = solved.sensitivity()
     scale = np.linalg.norm(whitened, axis=0) + 1e-300
@@ -194,6 +195,7 @@ def _errors_of_fit(solved: Solved) -> _FitErrors:
 
 
 def _fold_of_sample(recording: Recording, size: int) -> np.ndarray:
+    """The index of the fold of each sample (size,), in interleaved stretches."""
     repeats, stretch = recording.drive_period(), len(recording) / _BLOCKS
     if repeats is not None and repeats.period < len(recording) / _FOLDS:
         stretch = repeats.period * max(1, round(stretch / repeats.period))
@@ -211,6 +213,7 @@ def _errors_without(fit: _FitErrors, inside: np.ndarray) -> np.ndarray:
 def _prediction(
     error: np.ndarray, whitened: np.ndarray, fold: np.ndarray, spread: np.ndarray
 ) -> Prediction:
+    """The prediction from errors (n,), in the response's unit and whitened, and their folds (n,)."""
     folds = tuple(float(np.sqrt(np.mean(error[fold == k] ** 2))) for k in np.unique(fold))
     return Prediction(float(np.sqrt(np.mean(error**2))), folds, whitened, fold, spread)
 
@@ -306,6 +309,7 @@ def _weighed(prediction: Prediction, fold: np.ndarray) -> np.ndarray:
 
 
 def _is_predicted(base: Prediction, extended: Prediction, fold: np.ndarray) -> bool:
+    """Whether the extended model's uncertainty changes the χ² of a fold less than the effect."""
     before, after = base.whitened[fold], extended.whitened[fold]
     open_ = np.linalg.norm((before - after) @ extended.spread[fold])
     return bool(abs(before @ before - after @ after) > 2 * open_)

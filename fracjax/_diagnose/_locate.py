@@ -150,23 +150,28 @@ class _Places:
 
     @staticmethod
     def _scaled(values: np.ndarray) -> np.ndarray:
+        """Values (ΣL,) with zero mean and unit standard deviation."""
         return (values - values.mean()) / values.std()
 
     def _quantiles(self, values: np.ndarray, bins: int) -> np.ndarray:
+        """Edges of bins that contain equally many counted values."""
         edges = np.unique(np.quantile(values[self.counted], np.linspace(0, 1, bins + 1)))
         return edges if edges.size > 1 else np.array([edges[0], edges[0] + 1.0])
 
     def time(self) -> Axis:
+        """Time from each recording's first sample, in equal bins."""
         used = self.times[self.counted]
         edges = np.linspace(used.min(), used.max() + self.step, _TIME_BINS + 1)
         return self._binned("time", "s", self.times, edges, self._scaled(self.drive))
 
     def level(self) -> Axis:
+        """The drive, in equal bins, rising and falling separately."""
         low, high = self.drive[self.counted].min(), self.drive[self.counted].max()
         edges = np.linspace(low, high, _LEVEL_BINS + 1)
         return self._binned("level", self.units[0], self.drive, edges, np.sign(self.rates))
 
     def rate(self) -> Axis:
+        """The rate of the drive, in bins with equally many samples."""
         edges = self._quantiles(self.rates, _RATE_BINS)
         return self._binned(
             "rate", f"{self.units[0]}/s", self.rates, edges, self._scaled(self.drive)
@@ -193,10 +198,12 @@ class _Places:
         return self._binned("reversal", "s", elapsed, edges, direction)
 
     def phase(self) -> Axis:
+        """The phase within the drive's period, in equal bins."""
         degrees = self._turns() % 1 * 360
         return self._binned("phase", "deg", degrees, np.linspace(0, 360, _PHASE_BINS + 1))
 
     def _turns(self) -> np.ndarray:
+        """Periods of the drive since the first sample (ΣL,)."""
         assert self.phases is not None  # the caller checks
         return self.phases
 

@@ -286,6 +286,7 @@ class Diagnosis:
 
 
 def _scores(fit: Fit, holdout_rmse: float) -> dict:
+    """The scores of one fit as plain data, errors in the response's unit."""
     return {
         "train_rmse": fit.scores.rmse,
         "holdout_rmse": holdout_rmse,

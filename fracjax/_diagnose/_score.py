@@ -104,6 +104,7 @@ class EffectScore:
         return max(self._reduction(list(family)) for family in self.families)
 
     def _reduction(self, family: list[int]) -> float:
+        """The reduction of χ² by one family of trials, minus what noise gives to all but one."""
         values, turned = _independent(self.directions[family])
         along = turned.T @ self.z[family]
         return float(np.sum(along**2 / values)) - (along.size - 1)
@@ -116,6 +117,7 @@ class EffectScore:
         return float(logsumexp(each) - np.log(each.size))
 
     def _log_evidence(self, family: list[int]) -> float:
+        """The linear log Bayes factor for one family of trials."""
         norms, z = self.norms[family], self.z[family]
         columns = norms[:, None] * self.directions[family]
         gram = np.eye(len(family)) + columns @ columns.T

@@ -111,10 +111,12 @@ class Stage:
 
     @property
     def _parameters(self) -> dict[str, Parameter]:
+        """All parameters of the fitted block, by their dotted names."""
         return named_parameters(self.solved.block)
 
     @property
     def _shapes(self) -> list[str]:
+        """The dotted names of the parameters that are not gains."""
         return [name for name, _ in layout_of(self.solved.block).shapes]
 
     def without(self, dropped: int) -> Stage:

@@ -81,6 +81,7 @@ def quadrature_symbol(symbol: Symbol, zeta: np.ndarray | Array, grid: Grid, orde
 
 
 def _symbol_on_circle(symbol: Symbol, samples: int, grid: Grid, order: int) -> Array:
+    """The generating function of the weights on the circle (L/2 + 1,), complex, in K's unit."""
     length, radius = circle(samples)
     angles = 2 * np.pi * np.arange(length // 2 + 1) / length
     return quadrature_symbol(symbol, radius * np.exp(-1j * angles), grid, order)

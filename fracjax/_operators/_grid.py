@@ -72,6 +72,7 @@ _INTERPOLATORS = {
 
 
 def _is_staircase(drive: np.ndarray) -> bool:
+    """Whether a drive (N,) is constant except for a few isolated changes."""
     changes = np.abs(np.diff(drive)) > 1e-9 * np.ptp(drive)
     isolated = not np.any(changes[1:] & changes[:-1])
     return bool(0 < changes.sum() <= _STAIRCASE_SHARE * drive.size) and isolated

@@ -39,6 +39,7 @@ class Laplace:
         return jnp.asarray(self._points) * (1 / self._step)
 
     def _values(self) -> Any:
+        """s (F,), complex [1/s], in NumPy if its points and its step are."""
         is_concrete = isinstance(self._points, np.ndarray) and isinstance(self._step, _CONCRETE)
         return self._points / self._step if is_concrete else self.__jax_array__()
 

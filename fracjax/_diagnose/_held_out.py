@@ -213,7 +213,7 @@ def _errors_without(fit: _FitErrors, inside: np.ndarray) -> np.ndarray:
 def _prediction(
     error: np.ndarray, whitened: np.ndarray, fold: np.ndarray, spread: np.ndarray
 ) -> Prediction:
-    """The prediction from errors (n,), in the response's unit and whitened, and their folds (n,)."""
+    """The prediction from errors (n,), in the response's unit and whitened, and folds (n,)."""
     folds = tuple(float(np.sqrt(np.mean(error[fold == k] ** 2))) for k in np.unique(fold))
     return Prediction(float(np.sqrt(np.mean(error**2))), folds, whitened, fold, spread)
 

@@ -249,6 +249,8 @@ class LinearSeries(AbstractLinearBlock):
     Attributes:
         first: the block that the drive enters, in response unit per drive unit.
         second: the block that the response of `first` enters, in the same kind of unit.
+
+    Source: Oppenheim & Willsky, Signals and Systems (1997), section 1.5.2, interconnections.
     """
 
     first: AbstractLinearBlock
@@ -271,6 +273,8 @@ class LinearParallel(AbstractLinearBlock):
     Attributes:
         first: one block, in response unit per drive unit.
         second: the other block, in the same unit.
+
+    Source: Oppenheim & Willsky, Signals and Systems (1997), section 1.5.2, interconnections.
     """
 
     first: AbstractLinearBlock
@@ -293,6 +297,8 @@ class Series(AbstractBlock):
     Attributes:
         first: the block that the drive enters, in the drive's unit.
         second: the block that the response of `first` enters, in the unit of that response.
+
+    Source: Oppenheim & Willsky, Signals and Systems (1997), section 1.5.2, interconnections.
     """
 
     first: AbstractBlock
@@ -333,6 +339,8 @@ class Parallel(AbstractBlock):
     Attributes:
         first: one block, in response units.
         second: the other block, in the same units.
+
+    Source: Oppenheim & Willsky, Signals and Systems (1997), section 1.5.2, interconnections.
     """
 
     first: AbstractBlock

@@ -1,4 +1,4 @@
-"""The physical laws, one per file; a new effect is its file plus one line here."""
+"""The blocks, one per file; a new effect is its file plus one line here."""
 
 from . import (
     amplitude_dependence,
@@ -80,7 +80,7 @@ from .thermal_drift import ThermalDrift as ThermalDrift
 from .viscoelastic_layer import MaxwellLayer as MaxwellLayer
 from .viscoelastic_layer import ViscoelasticLayer as ViscoelasticLayer
 
-EFFECTS: dict[str, Effect] = {
+EFFECTS: dict[str, Effect] = {  # in the order in which the command line lists them
     module.EFFECT.name: module.EFFECT
     for module in (
         creep,

@@ -18,18 +18,20 @@ from .._operators import Grid, convolve
 from .._parameters import named_parameters, set_values
 
 _AT_ONCE = 4
+"""Changes of the drive are propagated in groups of so many; chosen by judgement."""
 
 Columns = dict[str, np.ndarray]
-"""Per parameter the derivative (N, size) of a response (N,) with respect to it."""
+"""By parameter: the derivative (N, size) of a response (N,) with respect to it."""
 
 
 class AbstractBlock(eqx.Module):
-    """One physical law: drive (N,) on a grid → response (N,).
+    """A model or a part of one: drive (N,) on a grid → response (N,).
 
-    Drive and response are in the units of the recording; each parameter says its own unit.
+    Drive and response are in the units of the recording; each parameter states its own unit.
+    `a >> b` is the series and `a + b` the parallel connection of two blocks.
     """
 
-    # A Module makes every method it is asked for a new Module, which takes longer than the method.
+    # A Module wraps each method in a new Module at every access, which takes longer than the call.
     __getattribute__ = object.__getattribute__
 
     @property
@@ -38,32 +40,59 @@ class AbstractBlock(eqx.Module):
         """Whether superposition holds, so that gains before this block stay gains after it."""
 
     @abc.abstractmethod
-    def __call__(self, drive: Array, grid: Grid) -> Array: ...
+    def __call__(self, drive: Array, grid: Grid) -> Array:
+        """The response, as a JAX program.
+
+        Args:
+            drive: (N,), in drive units.
+            grid: step [s] and history.
+
+        Returns:
+            The response (N,), in response units.
+        """
 
     def respond(self, drive: np.ndarray, grid: Grid) -> np.ndarray:
-        """The response (N,), each law in it compiled on its own.
+        """The response, each part of the block compiled on its own.
 
-        A law then compiles once and serves every model it is part of: for models that are put
-        together while one looks for what is missing, compilation would cost far more than running.
-        Between the laws all is NumPy's, whose smallest operation costs a hundredth of JAX's.
+        A part then compiles once and serves every model that contains it: in a search for missing
+        effects, which composes many models, compiling them all would cost far more than running
+        them.  The parts are joined in NumPy, whose smallest operation costs a hundredth of JAX's.
+
+        Args:
+            drive: (N,), in drive units.
+            grid: step [s] and history.
+
+        Returns:
+            The response (N,), in response units.
         """
         return np.asarray(_respond(self, drive, grid))
 
     def linearise(
         self, drive: np.ndarray, grid: Grid, names: Sequence[str], along: Sequence[np.ndarray]
     ) -> tuple[np.ndarray, Columns, list[np.ndarray]]:
-        """Response (N,), its derivatives with respect to the named parameters, and along each of
-        the changes `along` (N,) of the drive; compiled law by law, as in `respond`."""
+        """The response and its derivatives, each part of the block compiled on its own.
+
+        Args:
+            drive: (N,), in drive units.
+            grid: step [s] and history.
+            names: parameters with respect to which the response is differentiated.
+            along: changes of the drive, each (N,), in drive units.
+
+        Returns:
+            The response (N,), in response units; its derivative (N, size) with respect to each
+            parameter, in response units per unit of the parameter; and its change (N,) for each
+            change of the drive, to first order, in response units.
+        """
         if names:
             columns, response = map(np.asarray, _columns(self, tuple(names), drive, grid))
         else:
             columns, response = np.zeros((0, 0)), self.respond(drive, grid)
-        parameters, found, at = named_parameters(self), {}, 0
+        parameters, derivatives, at = named_parameters(self), {}, 0
         for name in names:
             size = jnp.size(parameters[name].value)
-            found[name] = columns[:, at : at + size]
+            derivatives[name] = columns[:, at : at + size]
             at += size
-        return response, found, _changes(self, drive, along, grid)
+        return response, derivatives, _changes(self, drive, along, grid)
 
     def __rshift__(self, other: AbstractBlock) -> AbstractBlock:
         if isinstance(self, AbstractLinearBlock) and isinstance(other, AbstractLinearBlock):
@@ -78,24 +107,25 @@ class AbstractBlock(eqx.Module):
 
 @compiled
 def _respond(block: AbstractBlock, drive: ArrayLike, grid: Grid) -> Array:
+    """The response (N,) of a whole block, as one compiled program."""
     return block(jnp.asarray(drive), grid)
 
 
 def _changes(
     block: AbstractBlock, drive: np.ndarray, along: Sequence[np.ndarray], grid: Grid
 ) -> list[np.ndarray]:
-    """The response's changes along each change of the drive."""
+    """The response's change (N,) for each change (N,) of the drive, in response units."""
     if not along:
         return []
-    # In fours, so that few numbers of them are compiled for.
-    nothing = [np.zeros_like(drive)] * (-len(along) % _AT_ONCE)
-    passed = _passed(block, drive, np.stack([*along, *nothing]), grid)
-    return list(np.asarray(passed)[: len(along)])
+    # Padded to a multiple of four, so that programs of few shapes are compiled.
+    padding = [np.zeros_like(drive)] * (-len(along) % _AT_ONCE)
+    changes = _propagate(block, drive, np.stack([*along, *padding]), grid)
+    return list(np.asarray(changes)[: len(along)])
 
 
 @compiled
-def _passed(block: AbstractBlock, drive: ArrayLike, along: np.ndarray, grid: Grid) -> Array:
-    """Changes (K, N) of the response along changes (K, N) of the drive."""
+def _propagate(block: AbstractBlock, drive: ArrayLike, along: np.ndarray, grid: Grid) -> Array:
+    """Changes (K, N) of the response for changes (K, N) of the drive, to first order."""
     change = jax.linearize(lambda d: block(d, grid), jnp.asarray(drive))[1]
     return jax.vmap(change)(along)
 
@@ -115,30 +145,40 @@ def _columns(
     return jax.vmap(change)(jnp.eye(flat.size)).T, response
 
 
-def _within(names: Sequence[str], part: str) -> list[str]:
-    """The names that lie in one part of a composed block, as that part calls them."""
+def _names_within(names: Sequence[str], part: str) -> list[str]:
+    """The parameters' names that lie in one part of a composed block, without its prefix."""
     return [name.removeprefix(f"{part}.") for name in names if name.startswith(f"{part}.")]
 
 
-def _outside(columns: Columns, part: str) -> Columns:
+def _with_prefix(columns: Columns, part: str) -> Columns:
+    """The derivatives of one part of a composed block, by their names in the whole."""
     return {f"{part}.{name}": column for name, column in columns.items()}
 
 
 class AbstractLinearBlock(AbstractBlock):
-    """A law given by its transfer function G(s), s [1/s]; its response is one convolution.
+    """A linear block with the transfer function G(s), s [1/s]; its response is one convolution.
 
-    G is in response unit per drive unit, or dimensionless where the law passes a signal on.
+    G is in response unit per drive unit, or dimensionless if the block only filters a signal.
     """
 
     @abc.abstractmethod
     def symbol(self, s: Array) -> Array:
-        """G(s) at complex s [1/s]: by arithmetic and powers of s; others need jnp.asarray(s).
+        """The transfer function G(s), by arithmetic and powers of s; others need jnp.asarray(s).
 
-        Elementwise in s, so that parameters (…, 1) give (…, F)."""
+        Args:
+            s: complex (F,) [1/s].
+
+        Returns:
+            G(s) (F,), complex, in response unit per drive unit; (…, F) for parameters (…, 1).
+        """
 
     @abc.abstractmethod
     def static_gain(self) -> ArrayLike:
-        """G(0): what a drive held for ever is multiplied by (0 where a power law has none)."""
+        """The factor G(0) for a drive that does not change.
+
+        Returns:
+            One number, in response unit per drive unit; 0 for a power of s, which has none.
+        """
 
     @property
     def accuracy(self) -> int:
@@ -157,26 +197,34 @@ class AbstractLinearBlock(AbstractBlock):
     ) -> tuple[np.ndarray, Columns, list[np.ndarray]]:
         if names or not along:
             return super().linearise(drive, grid, names, along)
-        # A change passes as a drive does: all in one transform.
+        # The block is linear: a change propagates as a drive does, all of them in one transform.
         response, *changes = _changes(self, drive, [drive, *along], grid)
         return response, {}, changes
 
     def inverse(self) -> Inverse:
-        """The law from response back to drive."""
+        """The block from response back to drive.
+
+        Returns:
+            The block with the transfer function 1/G(s), in drive unit per response unit.
+        """
         return Inverse(self)
 
 
 class Inverse(AbstractLinearBlock):
-    r"""The law that undoes another, used as feed-forward [L 10]:
+    r"""The inverse of a linear block, used as feed-forward [L 10]:
 
         U/Y = 1 / G(s)
 
-    The drive is what the other law shall respond with, the response what it must be driven by.
-    A held value is divided by G(0), or not transmitted where the other law transmits none.  It
-    amplifies noise where G attenuates, and grows without bound where G has zeros in the right
-    half-plane.  No parameter is a gain of it: fit the law itself, or InverseLFDH.
-    Joined by >> the two are the identity; as two passes they are to rounding at quadratures of one
-    kernel (orders 1, 2, 4), and to the discretisation error at order 3.
+    Its drive is the desired response of the other block, its response the drive that the other
+    block needs.  A constant value is divided by G(0), or becomes 0 if G(0) = 0.  The inverse
+    amplifies noise where G attenuates, and grows without bound if G has zeros in the right
+    half-plane.  None of its parameters is a gain: fit the block itself, or InverseLFDH.
+    The series of both by >> is the identity.  One after the other they are the identity to rounding
+    for quadratures of one kernel (orders 1, 2, 4), and to the discretisation error for order 3.
+
+    Attributes:
+        block: the block with the transfer function G(s), in response unit per drive unit.
+
     Source: Zhu & Zhou (2012), equation (10).
     """
 
@@ -191,12 +239,19 @@ class Inverse(AbstractLinearBlock):
 
     def static_gain(self) -> ArrayLike:
         gain = jnp.asarray(self.block.static_gain())
-        # The quotient must be finite in the branch not taken too, for its derivative.
+        # The quotient must be finite in the unused branch too, for its derivative.
         return jnp.where(gain == 0, 0.0, 1 / jnp.where(gain == 0, 1.0, gain))
 
 
 class LinearSeries(AbstractLinearBlock):
-    """Linear laws one after the other: their symbols multiply before the one inverse transform."""
+    """Linear blocks in series: their transfer functions are multiplied before the convolution.
+
+    Attributes:
+        first: the block that the drive enters, in response unit per drive unit.
+        second: the block that the response of `first` enters, in the same kind of unit.
+
+    Source: Oppenheim & Willsky, Signals and Systems (1997), section 1.5.2, interconnections.
+    """
 
     first: AbstractLinearBlock
     second: AbstractLinearBlock
@@ -213,7 +268,14 @@ class LinearSeries(AbstractLinearBlock):
 
 
 class LinearParallel(AbstractLinearBlock):
-    """Linear laws side by side: their symbols add."""
+    """Linear blocks in parallel: their transfer functions are added.
+
+    Attributes:
+        first: one block, in response unit per drive unit.
+        second: the other block, in the same unit.
+
+    Source: Oppenheim & Willsky, Signals and Systems (1997), section 1.5.2, interconnections.
+    """
 
     first: AbstractLinearBlock
     second: AbstractLinearBlock
@@ -230,7 +292,14 @@ class LinearParallel(AbstractLinearBlock):
 
 
 class Series(AbstractBlock):
-    """The response of `first` drives `second`."""
+    """Blocks in series.
+
+    Attributes:
+        first: the block that the drive enters, in the drive's unit.
+        second: the block that the response of `first` enters, in the unit of that response.
+
+    Source: Oppenheim & Willsky, Signals and Systems (1997), section 1.5.2, interconnections.
+    """
 
     first: AbstractBlock
     second: AbstractBlock
@@ -248,21 +317,31 @@ class Series(AbstractBlock):
     def linearise(
         self, drive: np.ndarray, grid: Grid, names: Sequence[str], along: Sequence[np.ndarray]
     ) -> tuple[np.ndarray, Columns, list[np.ndarray]]:
-        between, first, changes = self.first.linearise(drive, grid, _within(names, "first"), along)
-        moved = [column for columns in first.values() for column in columns.T]
-        response, second, changes = self.second.linearise(
-            between, grid, _within(names, "second"), [*moved, *changes]
+        between, first, changes = self.first.linearise(
+            drive, grid, _names_within(names, "first"), along
         )
-        passed = iter(changes)
+        by_parameter = [column for columns in first.values() for column in columns.T]
+        response, second, changes = self.second.linearise(
+            between, grid, _names_within(names, "second"), [*by_parameter, *changes]
+        )
+        propagated = iter(changes)
         first = {
-            name: np.stack([next(passed) for _ in columns.T], axis=1)
+            name: np.stack([next(propagated) for _ in columns.T], axis=1)
             for name, columns in first.items()
         }
-        return response, _outside(first, "first") | _outside(second, "second"), list(passed)
+        columns = _with_prefix(first, "first") | _with_prefix(second, "second")
+        return response, columns, list(propagated)
 
 
 class Parallel(AbstractBlock):
-    """Both blocks see the same drive; their responses add."""
+    """Blocks in parallel: the same drive enters both, and their responses are added.
+
+    Attributes:
+        first: one block, in response units.
+        second: the other block, in the same units.
+
+    Source: Oppenheim & Willsky, Signals and Systems (1997), section 1.5.2, interconnections.
+    """
 
     first: AbstractBlock
     second: AbstractBlock
@@ -280,17 +359,27 @@ class Parallel(AbstractBlock):
     def linearise(
         self, drive: np.ndarray, grid: Grid, names: Sequence[str], along: Sequence[np.ndarray]
     ) -> tuple[np.ndarray, Columns, list[np.ndarray]]:
-        one, first, changes = self.first.linearise(drive, grid, _within(names, "first"), along)
-        other, second, more = self.second.linearise(drive, grid, _within(names, "second"), along)
-        columns = _outside(first, "first") | _outside(second, "second")
+        one, first, changes = self.first.linearise(
+            drive, grid, _names_within(names, "first"), along
+        )
+        other, second, more = self.second.linearise(
+            drive, grid, _names_within(names, "second"), along
+        )
+        columns = _with_prefix(first, "first") | _with_prefix(second, "second")
         return one + other, columns, [a + b for a, b in zip(changes, more, strict=True)]
 
 
 def linear_gains(block: AbstractBlock) -> tuple[str, ...]:
-    """Names of the parameters the whole block's output is proportional to, its shape held.
+    """The parameters that enter the response of the whole block linearly, if all others are fixed.
 
-    A gain counts while every block after its own is linear.  Of two gains in a row only the first
-    counts: their product is linear in one of them.
+    A gain is listed if every block after its own is linear.  If two gains are in series, only the
+    first is listed: their product is linear in one of them.
+
+    Args:
+        block: any block.
+
+    Returns:
+        The dotted names of these gains, as in the block's parameters.
     """
     if isinstance(block, Inverse):
         return ()
@@ -304,4 +393,5 @@ def linear_gains(block: AbstractBlock) -> tuple[str, ...]:
 
 
 def _prefixed(prefix: str, names: tuple[str, ...]) -> tuple[str, ...]:
+    """Names of one part of a composed block, as names in the whole."""
     return tuple(f"{prefix}.{name}" for name in names)

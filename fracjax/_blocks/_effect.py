@@ -1,4 +1,4 @@
-"""A catalogue entry: a block, where it is inserted, and what tells it from its look-alikes."""
+"""A catalogue entry: a block, where it is inserted, and how it differs from its look-alikes."""
 
 from __future__ import annotations
 
@@ -18,13 +18,20 @@ Site = Literal["drive", "response", "additive", "modulation", "force", "series"]
 
 @dataclass(frozen=True)
 class Setting:
-    """What a recording says about the size of things: from it an effect takes its typical shapes.
+    """The scales of a recording, from which an effect takes the values of its trials.
 
-    drive_low, drive_high [drive unit]: the drive's extremes; response_span [response unit]: peak
-    to peak of the response; step, duration [s]; top_frequency [Hz]: the highest with appreciable
-    drive; top_rate, rms_rate [drive unit/s]; response_low [response unit]: the lowest response,
-    counted from the first sample; resolution [response unit]: the step between the codes that the
-    response is written in, 0 where it lies on no grid.
+    Attributes:
+        drive_low: the lowest drive [drive unit].
+        drive_high: the highest drive [drive unit].
+        response_span: peak to peak of the response [response unit].
+        step: time between samples [s].
+        duration: of the recording [s].
+        top_frequency: the highest frequency with appreciable drive [Hz].
+        top_rate: the highest rate of the drive [drive unit/s].
+        rms_rate: the rms rate of the drive [drive unit/s].
+        response_low: the lowest response, counted from the first sample [response unit].
+        resolution: the step between the codes of the response [response unit], 0 if it lies on no
+            grid.
     """
 
     drive_low: float
@@ -40,33 +47,47 @@ class Setting:
 
     @property
     def drive_span(self) -> float:
+        """Peak to peak of the drive [drive unit]."""
         return self.drive_high - self.drive_low
 
     @property
     def drive_centre(self) -> float:
+        """The middle of the drive's range [drive unit]."""
         return 0.5 * (self.drive_low + self.drive_high)
 
 
-def _nothing_beyond(block: Any) -> Sequence[AbstractBlock]:
-    """Further blocks to begin a refit from, where the numbers of the special case are known."""
+def _no_further_starts(block: Any) -> Sequence[AbstractBlock]:
+    """No further starts of a refit: the default of `Effect.beyond`."""
     return ()
 
 
 @dataclass(frozen=True)
 class Effect:
-    """One row of the catalogue.
+    """One entry of the catalogue of effects.
 
-    `trials(setting)` lists blocks at typical amplitudes and shapes: each is a direction of the
-    score test and a start of the refit.  They may be of several structures, which are fitted apart;
-    `elsewhere` says which of these are inserted at another site.
-    `separated_by` says, for each look-alike, which experiment tells the two apart.  `axes` are the
-    places where its signature stands out.
-    `one_sided`: its trials show the only sign that physics allows, as a delay is never an advance.
-    `foreign`: it follows neither the drive nor a slow course, so that what another effect's law
-    leaves over does not look like it, nor what it leaves over like another effect.
-    `special_case`: the effect whose law this one's is where some of its numbers vanish; `beyond`
-    makes of a block with the numbers that were found of that further ones to begin a refit from.
-    Each block's parameters say their unit and the range that is plausible in it.
+    Each block's parameters state their unit and, in it, the plausible range.
+
+    Attributes:
+        name: the effect's name.
+        site: where its blocks are inserted: before the model (`drive`), in parallel to it
+            (`additive`), otherwise after it.
+        sentence: the physics, in words.
+        equation: the equation, in plain text.
+        source: the literature.
+        trials: from a recording's `Setting`, blocks at typical amplitudes and shapes: each is a
+            direction of the score test and a start of the refit.  They may be of several classes,
+            which are fitted separately.
+        separated_by: for each look-alike, the experiment that distinguishes the two.
+        concealed_by: the parameters of a base model that can absorb the effect.
+        axes: the axes along which its signature stands out, the clearest first.
+        elsewhere: the classes of blocks that are inserted at another site, with that site.
+        one_sided: whether its trials have the only sign that physics allows, such as a delay, which
+            is never an advance.
+        foreign: whether it follows neither the drive nor a slow trend, so that the residual of
+            another effect's model does not look like it, nor its own residual like another effect.
+        special_case: the effect whose model is this one's with some parameters zero; "" if none.
+        beyond: from this effect's block with the parameters that the special case was fitted with,
+            further blocks to start a refit from.
     """
 
     name: str
@@ -82,14 +103,29 @@ class Effect:
     one_sided: bool = False
     foreign: bool = False
     special_case: str = ""
-    beyond: Callable[[Any], Sequence[AbstractBlock]] = _nothing_beyond
+    beyond: Callable[[Any], Sequence[AbstractBlock]] = _no_further_starts
 
     def site_of(self, block: AbstractBlock) -> Site:
-        """Where one of its blocks is inserted."""
+        """The site at which one of its blocks is inserted.
+
+        Args:
+            block: one of the effect's blocks.
+
+        Returns:
+            The site.
+        """
         return self.elsewhere.get(type(block), self.site)
 
     def insert(self, base: AbstractBlock, block: AbstractBlock) -> AbstractBlock:
-        """The base with this effect's block at its site."""
+        """The base model with this effect's block at its site.
+
+        Args:
+            base: the model without the effect.
+            block: one of the effect's blocks.
+
+        Returns:
+            The composed block, in the units of the base.
+        """
         site = self.site_of(block)
         if site == "drive":
             return block >> base
@@ -105,7 +141,18 @@ class Effect:
         response: np.ndarray,
         grid: Grid,
     ) -> np.ndarray:
-        """The response (N,) with this effect, where the base's own response is known."""
+        """The response with this effect, computed from the base's own response where possible.
+
+        Args:
+            base: the model without the effect.
+            block: one of the effect's blocks.
+            drive: (N,), in drive units.
+            response: of the base alone (N,), in response units.
+            grid: step [s] and history.
+
+        Returns:
+            The response with the effect (N,), in response units.
+        """
         site = self.site_of(block)
         if site == "drive":
             return base.respond(block.respond(drive, grid), grid)
@@ -117,5 +164,6 @@ class Effect:
 def at_values(
     block: AbstractBlock, shapes: Sequence[Mapping[str, ArrayLike]]
 ) -> list[AbstractBlock]:
-    """The same block at several parameter values, one per trial."""
+    """Copies of a block, one for each set of parameter values, each value in the parameter's
+    unit."""
     return [set_values(block, shape) for shape in shapes]

@@ -1,4 +1,4 @@
-"""States that go exponentially towards a target, from sample to sample."""
+"""States that relax exponentially towards a target, from sample to sample."""
 
 from __future__ import annotations
 
@@ -9,13 +9,14 @@ from jax import Array
 from .._operators import History
 
 _UNROLLED = 8
+"""Samples per iteration of the compiled loop; chosen by judgement."""
 
 
 def relax(targets: Array, exponents: Array, history: History) -> Array:
-    """States (N,) that go towards targets (N,): z_n = s_n + (z_{n-1} - s_n) exp(-x_n), x_n ≥ 0.
+    """States (N,) that relax towards targets (N,): z_n = s_n + (z_{n-1} - s_n) exp(-x_n), x_n ≥ 0.
 
-    The state before the first sample is 0, or with `periodic` history the one that a further cycle
-    does not change: over a cycle z → z exp(-Σ x_n) + b, so that it is b / (1 - exp(-Σ x_n)).
+    The state before the first sample is 0.  With `periodic` history it is the one that a further
+    cycle does not change: over a cycle z → z exp(-Σ x_n) + b, so that it is b / (1 - exp(-Σ x_n)).
     """
     steps = (targets, jnp.exp(-exponents))
 

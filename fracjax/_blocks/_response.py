@@ -1,4 +1,4 @@
-"""What a law does to sines and steps, and where its poles lie."""
+"""The frequency response, the step response and the poles of a block."""
 
 from __future__ import annotations
 
@@ -26,45 +26,80 @@ from .second_mode import SecondMode
 from .single_operator import SingleOperator
 
 _OVERSAMPLING = 8
+"""How many times finer the grid of a step response is than its times; chosen by judgement."""
 
 
 class Bode(NamedTuple):
-    """Magnitude 20 log10 |G| [dB] (F,) and unwrapped phase [degrees] (F,)."""
+    """Magnitude and phase of a frequency response.
+
+    Attributes:
+        magnitude_dB: 20 log10 |G| (F,) [dB].
+        phase_deg: phase (F,), unwrapped along the list of frequencies [degrees].
+    """
 
     magnitude_dB: np.ndarray
     phase_deg: np.ndarray
 
 
 def frequency_response(block: AbstractBlock, frequencies_Hz: ArrayLike) -> np.ndarray:
-    """G(j2πf), exact, complex (F,) [response/drive], at frequencies (F,) [Hz].
+    """The frequency response G(j2πf), exact.
 
-    Raises InputError for a block without transfer function, and for frequencies not above zero.
+    Args:
+        block: a linear block with a transfer function.
+        frequencies_Hz: f (F,) [Hz], above 0.
+
+    Returns:
+        G(j2πf) (F,), complex [response/drive].
+
+    Raises:
+        InputError: if the block has no transfer function, or a frequency is not above 0.
     """
     with jax.enable_x64(True):
-        law = _linear(block, "frequency response")
+        linear = _linear(block, "frequency response")
         frequencies = np.atleast_1d(np.asarray(frequencies_Hz, dtype=float))
         if frequencies.ndim != 1 or not np.all((frequencies > 0) & np.isfinite(frequencies)):
             raise InputError.at(
-                "frequency response", "a list of frequencies above 0 Hz", "others", "correct them"
+                "frequency response",
+                "a list of frequencies above 0 Hz",
+                "others",
+                "leave out those that are not",
             )
-        return np.asarray(law.symbol(jnp.asarray(2j * np.pi * frequencies)))
+        return np.asarray(linear.symbol(jnp.asarray(2j * np.pi * frequencies)))
 
 
 def bode(block: AbstractBlock, frequencies_Hz: ArrayLike) -> Bode:
-    """Magnitude [dB] and phase [degrees, unwrapped along the list] at frequencies (F,) [Hz].
+    """Magnitude and phase of the frequency response.
 
-    Raises InputError as `frequency_response` does.
+    Args:
+        block: a linear block with a transfer function.
+        frequencies_Hz: f (F,) [Hz], above 0.
+
+    Returns:
+        Magnitude (F,) [dB] and phase (F,) [degrees], unwrapped along the list.
+
+    Raises:
+        InputError: if the block has no transfer function, or a frequency is not above 0.
     """
     response = frequency_response(block, frequencies_Hz)
     return Bode(20 * np.log10(np.abs(response)), np.degrees(np.unwrap(np.angle(response))))
 
 
 def step_response(block: AbstractBlock, times: ArrayLike, height: float = 1.0) -> np.ndarray:
-    """Response (N,) to a step of `height` [drive] at t = 0, from rest, at uniform times (N,) [s].
+    """The response to a step of the drive at t = 0, from rest.
 
-    It is the block's own convolution, on a grid 8 times finer.  At t = 0 the drive has half its
-    height, the mean of both sides, so that the error is of second order in the step.
-    Raises InputError unless the times are uniform and start at 0.
+    The block runs on a grid 8 times finer.  At t = 0 the drive has half its height, the mean of
+    both sides, so that the error is of second order in the step.
+
+    Args:
+        block: any block.
+        times: (N,), N > 2, uniform from 0 [s].
+        height: of the step [drive unit].
+
+    Returns:
+        The response (N,) [response unit].
+
+    Raises:
+        InputError: if the times are not uniform or do not start at 0.
     """
     t = np.asarray(times, dtype=float)
     uniform = t.ndim == 1 and t.size > 2 and t[0] == 0 and t[1] > 0
@@ -81,27 +116,35 @@ def step_response(block: AbstractBlock, times: ArrayLike, height: float = 1.0) -
 
 
 def poles(block: AbstractBlock) -> np.ndarray:
-    """Poles of G(s), complex (P,) [1/s], on the principal sheet |arg s| < π.
+    """The poles of G(s) on the principal sheet |arg s| < π.
 
-    A lag has one, a mode two, a sensor's low-pass as many as its order; a series or a sum has those
-    of its parts.  Powers of s alone have a branch point at 0 and no pole.  Nor has LFDH or its
-    inverse: 1 + χ s^μ = 0 asks for arg s = ±π/μ, and for 0 < μ < 1 that lies beyond ±π, on another
-    sheet; the law relaxes by the branch cut alone, never by an exponential.
-    Raises InputError for a block without transfer function, or whose poles are not known here.
+    A lag has one and a mode two; a series or a sum has those of its parts.  Powers of s have a
+    branch point at 0 and no pole.  LFDH and its inverse have no pole either: 1 + χ s^μ = 0 requires
+    arg s = ±π/μ, and for 0 < μ < 1 that lies beyond ±π, on another sheet; they relax by the branch
+    cut alone, without an exponential.
+
+    Args:
+        block: a linear block with a transfer function.
+
+    Returns:
+        The poles (P,), complex [1/s].
+
+    Raises:
+        InputError: if the block has no transfer function, or its poles have no closed form here.
     """
-    law = _linear(block, "poles")
-    match law:
+    linear = _linear(block, "poles")
+    match linear:
         case LinearSeries() | LinearParallel():
-            return np.concatenate([poles(law.first), poles(law.second)])
+            return np.concatenate([poles(linear.first), poles(linear.second)])
         case DriveLag() | DriveCircuit():
-            return np.array([-1 / law.time_constant.value + 0j])
+            return np.array([-1 / linear.time_constant.value + 0j])
         case AbstractLadder():
-            return -1 / np.asarray(law.times) + 0j
+            return -1 / np.asarray(linear.times) + 0j
         case Resonance() | PEADynamics():
-            return _of_mode(law.frequency.value, law.damping.value)
+            return _of_mode(linear.frequency.value, linear.damping.value)
         case SecondMode():
-            first = _of_mode(law.frequency.value, law.damping.value)
-            second = law.frequency.value * law.ratio.value, law.second_damping.value
+            first = _of_mode(linear.frequency.value, linear.damping.value)
+            second = linear.frequency.value * linear.ratio.value, linear.second_damping.value
             return np.concatenate([first, _of_mode(*second)])
         case (
             QuasiStaticForce()
@@ -114,22 +157,27 @@ def poles(block: AbstractBlock) -> np.ndarray:
         ):
             return np.zeros(0, dtype=complex)
     raise InputError.at(
-        "poles", "a law whose poles are known", type(law).__name__, "ask for its frequency response"
+        "poles",
+        "a block whose poles have a closed form",
+        type(linear).__name__,
+        "compute its frequency response instead",
     )
 
 
 def _of_mode(frequency: ArrayLike, damping: ArrayLike) -> np.ndarray:
+    """The two poles (2,) [1/s] of a mode, from its frequency [Hz] and its damping ratio."""
     omega, zeta = 2 * np.pi * np.asarray(frequency), np.asarray(damping)
     root = np.sqrt(zeta**2 - 1 + 0j)
     return np.array([omega * (root - zeta), -omega * (root + zeta)])
 
 
 def _linear(block: AbstractBlock, where: str) -> AbstractLinearBlock:
+    """The block itself, once it has a transfer function; otherwise an InputError at `where`."""
     if not isinstance(block, AbstractLinearBlock):
         raise InputError.at(
             where,
-            "a linear law given by its transfer function",
+            "a linear block with a transfer function",
             type(block).__name__,
-            "ask for its step response, or for a linear part of it",
+            "compute its step response, or give a linear part of it",
         )
     return block

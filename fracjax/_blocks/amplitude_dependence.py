@@ -14,27 +14,40 @@ from ._effect import Effect, Setting
 from .minor_loop_memory import play_after_history
 
 _GROUPS, _TOGETHER = 8, 8
+"""64 radii, in groups that are computed together; the docstring below states the error."""
 _PLACES = (np.arange(_GROUPS * _TOGETHER) + 0.5) / (_GROUPS * _TOGETHER)
+"""Radii as shares of the span (64,), the middles of equal intervals."""
 
 
 class AmplitudeDependence(AbstractBlock):
-    r"""Domain walls pushed over random obstacles: plays of all thresholds, equally frequent:
+    r"""Domain walls pushed over random obstacles: play operators of all thresholds, equally dense:
 
         v = u + (4 α/U) ∫_0^U p_r(t) dr,    p_r the play of the drive u with radius r
 
-    Each branch then adds Rayleigh's parabola to the drive: from the virgin state at u_0 (that of
-    t = 0) 2 α (u - u_0)²/U, and from a turning point u_1 ±α (u - u_1)²/U, until an older branch is
-    met, which goes on as if nothing had been.  A steady loop A wide has the mean slope 1 + α A/U,
-    the opening α A²/(2U) and the area α A³/(3U): Rayleigh's coefficient d_0 + α A/U with the base's
-    d_0 for unity.  Rayleigh's own constant is 2 α/U, for an amplitude E_0 = A/2.
-    An actuator that has been exercised is not virgin: its plays then stand by a share e of their
-    radius above the drive at t = 0, e = 1 after it came down from beyond its range, and the first
-    branch is 1/(1 + e) of the virgin one; e < 0 after it came up.
-    α and e are dimensionless.  Soft ceramics gain tens of percent of slope below the coercive
-    field, hard ones a few; a hysteresis beside it may have taken up too much, hence a bound below
-    zero.
-    U [drive] is the span of the recording's drive: a larger one finds no further thresholds.
-    The integral is a sum over 64 radii, exact but for 2.5e-4 α U at each turning point kept.
+    Each branch then adds Rayleigh's parabola to the drive: 2 α (u - u_0)²/U from the virgin state
+    u_0 (that of t = 0), and ±α (u - u_1)²/U from a turning point u_1, until it meets an older
+    branch, which then continues.  A steady loop of the width A has the mean slope 1 + α A/U, the
+    opening α A²/(2U) and the area α A³/(3U): Rayleigh's coefficient d_0 + α A/U, if the base has
+    d_0 = 1.  Rayleigh's own constant is 2 α/U, for an amplitude E_0 = A/2.
+    An actuator that has been exercised is not virgin: its play operators then start above the drive
+    at t = 0, by the share e of their radius.  After the drive came down from beyond its range
+    e = 1, and the first branch is 1/(1 + e) of the virgin one; after it came up e < 0.
+    Soft ceramics gain tens of percent of slope below the coercive field, hard ones a few percent.
+    α may be negative, since the hysteresis of the base model may have absorbed too much.
+    The integral is a sum over 64 radii, with an error of 2.5e-4 α U at each remembered turning
+    point.
+
+    Args:
+        alpha: initial α.
+        exercised: initial e.
+        span: U, peak to peak of the recording's drive [drive]; a larger drive meets no further
+            thresholds.
+
+    Attributes:
+        alpha: α, one number, dimensionless.
+        exercised: e, one number, dimensionless.
+        radii: r (8, 8) [drive].
+
     Source: D. Damjanovic & M. Demartin, J. Phys. D 29 (1996) 2057; D. A. Hall, J. Mater. Sci. 36
     (2001) 4575; Brokate & Sprekels, Hysteresis and Phase Transitions (1996), chapter 2, for the
     sum of plays.
@@ -58,7 +71,7 @@ class AmplitudeDependence(AbstractBlock):
             plays = play_after_history(drive, radii, grid, self.exercised.value)
             return total + plays.sum(axis=1), None
 
-        # A few radii at a time: all at once would be the largest array of a fit.
+        # A few radii at a time: all of them together would be the largest array of a fit.
         total, _ = jax.lax.scan(add, jnp.zeros_like(drive), jnp.asarray(self.radii))
         return drive + 4 * self.alpha.value * total / self.radii.size
 
@@ -78,11 +91,11 @@ EFFECT = Effect(
     trials=_trials,
     separated_by={
         "minor_loop_memory": "an amplitude ladder: only Rayleigh's loop keeps its shape, with a "
-        "width that grows as the square",
-        "cubic_nonlinearity": "an amplitude ladder: the cube widens no loop",
+        "width that grows as the square of the amplitude",
+        "cubic_nonlinearity": "an amplitude ladder: a cubic nonlinearity widens no loop",
         "backlash": "two amplitudes: backlash has the same width in both",
     },
-    concealed_by="the gain and the width of the hysteresis, while the amplitude does not change",
+    concealed_by="the gain and the width of the hysteresis, if the amplitude does not change",
     axes=("level", "reversal", "phase", "harmonics"),
     one_sided=True,
 )

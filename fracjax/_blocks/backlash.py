@@ -17,13 +17,24 @@ class Backlash(AbstractBlock):
 
         z = y + w (p_r - y),    p_r the play of the response y with radius r
 
-    r [response], at most 5 % of the span: beyond, it is memory.  w, the part that passes through
-    the joint, between 0 and 1: after a reversal z follows with the slope 1 - w until y has moved by
-    2r.  A steady loop opens by 2 w r whatever its amplitude, as long as it is over 2r wide.  Where
-    y moves by more than 2r from sample to sample, only w r is known.
-    It needs no reference point: a constant added to y is added to z.  Before t = 0 the joint stands
-    in the middle of its clearance, or with steady periods where they leave it.
-    The derivatives with respect to r and y jump where the joint closes, as JAX takes them.
+    After a reversal z follows with the slope 1 - w until y has moved by 2r.  A steady loop opens by
+    2 w r at every amplitude, if it is more than 2r wide.  If y moves by more than 2r from sample to
+    sample, only the product w r is determined.
+    A constant added to y is added to z.  Before t = 0 the joint is in the middle of its clearance,
+    with `periodic` history where the steady periods leave it.
+    The derivatives with respect to r and y, which JAX computes, jump where the joint closes.
+
+    Args:
+        weight: initial w.
+        radius: initial r.
+        span: peak to peak of the response [response]; r is at most 5 % of it, since a larger
+            clearance acts like `MinorLoopMemory`.
+
+    Attributes:
+        weight: w, the part of the motion that passes through the joint, one number from 0 to 1,
+            dimensionless.
+        radius: r, half the clearance, one number [response].
+
     Source: Nordin & Gutman, Automatica 38 (2002) 1633; Brokate & Sprekels, Hysteresis and Phase
     Transitions (1996), chapter 2, for the play.
     """
@@ -47,8 +58,8 @@ class Backlash(AbstractBlock):
         return False
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
-        passed = play_after_history(drive, self.radius.value[None], grid)[:, 0]
-        return drive + self.weight.value * (passed - drive)
+        behind_joint = play_after_history(drive, self.radius.value[None], grid)[:, 0]
+        return drive + self.weight.value * (behind_joint - drive)
 
 
 def _trials(setting: Setting) -> list:
@@ -60,14 +71,14 @@ def _trials(setting: Setting) -> list:
 EFFECT = Effect(
     name="backlash",
     site="response",
-    sentence="a joint with clearance takes up part of the motion after every reversal before it "
-    "passes it on",
+    sentence="a joint with clearance absorbs part of the motion after every reversal before it "
+    "transmits it",
     equation="y + w (play(y, r) - y)",
     source="Nordin & Gutman, Automatica 38 (2002) 1633",
     trials=_trials,
     separated_by={
-        "coulomb_friction": "reversals at creeping speed, where friction holds and a clearance is "
-        "crossed",
+        "coulomb_friction": "reversals at very low speed, where friction holds the load and a "
+        "clearance is crossed",
         "minor_loop_memory": "two amplitudes: backlash has the same width in both",
         "amplitude_dependence": "two amplitudes: backlash has the same width in both",
     },

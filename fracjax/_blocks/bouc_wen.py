@@ -15,8 +15,12 @@ from ._block import AbstractBlock
 from ._recursion import recursion, settled
 
 _CELLS, _FARTHEST = 256, 23.0
+"""Cells of the table of y, and the depth -ln(1 - y) of its end; its error is in BoucWen's
+docstring."""
 _GROUP = 32
+"""Cells that the second search looks through; chosen by judgement."""
 _NODES, _WEIGHTS = np.polynomial.legendre.leggauss(4)
+"""Gauss and Legendre's rule for the integral over one cell."""
 
 
 def _log_level(depth: np.ndarray) -> np.ndarray:
@@ -24,7 +28,7 @@ def _log_level(depth: np.ndarray) -> np.ndarray:
     return np.log(np.maximum(-np.expm1(-depth), 1e-300))
 
 
-# Depths -ln(1 - y), the closer the nearer to 0, where |y|^n has a kink; at the last y is 1 - 1e-10.
+# Depths -ln(1 - y), denser towards 0, where |y|^n has a kink; at the last one y is 1 - 1e-10.
 _DEPTHS = _FARTHEST * np.linspace(0, 1, _CELLS + 1) ** 2
 _HALVES = np.diff(_DEPTHS)[:, None] / 2
 _INNER = _DEPTHS[:-1, None] + _HALVES * (1 + _NODES)
@@ -34,10 +38,10 @@ _LEVELS = np.concatenate([np.expm1(-_DEPTHS[:0:-1]), -np.expm1(-_DEPTHS)])
 
 
 class _Branch(NamedTuple):
-    """y between two turns, y' = 1 - yⁿ where y > 0 and 1 + (2σ - 1) |y|ⁿ where y < 0, y(0) = 0.
+    """y between two turns: y' = 1 - yⁿ for y > 0, y' = 1 + (2σ - 1) |y|ⁿ for y < 0, y(0) = 0.
 
-    At the nodes `travels` (C,), rising through 0 in the middle: `values` (C, 4) are y, its slope,
-    the travel at -y and the slope of that.
+    `travels` (C,) are the nodes, which increase through 0 in the middle; `values` (C, 4) are y, its
+    slope, the travel at -y and the slope of that travel, all dimensionless.
     """
 
     travels: Array
@@ -45,7 +49,7 @@ class _Branch(NamedTuple):
 
     @classmethod
     def of(cls, sigma: Array, n: Array) -> _Branch:
-        """Travels are integrals of dy / y', by Gauss and Legendre's rule in every cell."""
+        """The table for σ and n: travels are integrals of dy / y', by quadrature in every cell."""
 
         def slopes(log_levels: np.ndarray) -> tuple[Array, Array]:
             powers = n * log_levels
@@ -59,8 +63,8 @@ class _Branch(NamedTuple):
         return cls(travels, jnp.stack([level, slope, travels[::-1], -slope / slope[::-1]], axis=1))
 
     def at(self, travel: Array) -> tuple[Array, Array]:
-        """y and the travel at -y, by cubics of the nodes' values and slopes."""
-        # Two short searches beside each other: bisection fetches one number after the other.
+        """y and the travel at -y, by cubic interpolation of the nodes' values and slopes."""
+        # Two short searches by comparison: bisection would fetch one number after the other.
         group = _GROUP * jnp.sum(travel >= self.travels[_GROUP:-1:_GROUP])
         inside = jax.lax.dynamic_slice(self.travels, (group,), (_GROUP,))
         cell = group + jnp.maximum(jnp.sum(travel >= inside) - 1, 0)
@@ -74,15 +78,16 @@ class _Branch(NamedTuple):
 
         return cubic(0), cubic(2)
 
-    def go_on(self, travel: Array, given: tuple[Array, Array]) -> Array:
-        """The travel after a step, which goes on or begins with a turn."""
-        step, turns = given
+    def advance(self, travel: Array, step_and_turn: tuple[Array, Array]) -> Array:
+        """The travel after a step of the drive, which continues or begins with a turn."""
+        step, turns = step_and_turn
         travel = jnp.where(turns, self.at(travel)[1], travel) + step
         return jnp.clip(travel, self.travels[0], self.travels[-1])
 
 
 def _directions(increments: Array, grid: Grid) -> tuple[Array, Array]:
-    """Each increment's sign (N,), where it is 0 the last before; and where it turns."""
+    """Each increment's sign (N,), where the increment is 0 the sign before; and whether it differs
+    from the one before (N,)."""
     signs = jnp.sign(increments)
     moving = jnp.where(signs == 0, 0, jnp.arange(signs.size))
     directions = signs[jax.lax.cummax(moving)]
@@ -95,14 +100,23 @@ class BoucWen(AbstractBlock):
 
         H = k_u u + k_h h,   ḣ = ρ (u̇ - σ |u̇| |h|^(n-1) h + (σ-1) u̇ |h|^n),   n ≥ 1
 
-    k_u [response/drive], k_h [response], ρ [1/drive], σ and n dimensionless, h(t=0) = 0, so that
-    -1 ≤ h ≤ 1.  Only increments of u matter.  Between two turns of u, y = h sgn(u̇) is a function of
-    the travel ρ ∫ |u̇| dt alone, the same one for all turns but for where it begins; a turn takes y
-    to -y.  So the equation is solved once, as that function and its inverse, to 1e-7 of the bound
-    (n up to 3; 3e-7 at n = 6), and every sample is looked up, however far u went since the last.
+    h(t=0) = 0, so that -1 ≤ h ≤ 1.  Only increments of u matter.  Between two turns of u,
+    y = h sgn(u̇) is a function of the travel ρ ∫ |u̇| dt alone, the same function for all turns, with
+    different starting points; a turn changes y to -y.  The equation is therefore solved once, as
+    that function and its inverse, to 1e-7 of the bound (n up to 3; 3e-7 at n = 6), and every sample
+    is looked up, however far u has moved since the last one.
     The paper's Table 2 has k_u = 0.0021924, k_h = -0.040845 and the default ρ, σ, n.  As printed it
-    is no actuator's loop: k_u + ρ k_h < 0, in any unit of the drive, so that after each turn the
-    response would first run against the drive.  Its k_u and k_h are therefore not the default.
+    is not the loop of an actuator: k_u + ρ k_h < 0, in any unit of the drive, so that after each
+    turn the response would first move against the drive.  Its k_u and k_h are therefore not the
+    default.
+
+    Attributes:
+        k_u: gain of the drive, one number [response/drive].
+        k_h: gain of the hysteresis, one number [response].
+        rho: ρ, one number [1/drive].
+        sigma: σ, one number, dimensionless.
+        n: exponent, one number, dimensionless.
+
     Source: Xu et al., Fractal Fract. 8 (2024) 3, equations (21), (22); Ismail, Ikhouane & Rodellar,
     Arch. Comput. Methods Eng. 16 (2009) 161, also for the solution between two turns.
     """
@@ -140,6 +154,6 @@ class BoucWen(AbstractBlock):
         steps = (self.rho.value * jnp.abs(increments), turns)
         start = jnp.zeros_like(branch.travels[-1])
         follow = settled if grid.history == "periodic" else recursion
-        travels = follow(_Branch.go_on, branch, start, steps)
+        travels = follow(_Branch.advance, branch, start, steps)
         levels = jax.vmap(branch.at)(travels)[0]
         return self.k_u.value * drive + self.k_h.value * directions * levels

@@ -1,4 +1,4 @@
-"""Dry friction of a guide, with presliding (Dahl), and sticking, weaker in fast motion (LuGre)."""
+"""Dry friction of a guide: presliding (Dahl), and sticking that motion weakens (LuGre)."""
 
 from __future__ import annotations
 
@@ -14,22 +14,36 @@ from ._effect import Effect, Setting, at_values
 from ._recursion import recursion, settled
 from ._relaxation import relax
 
-_LEAST, _FAR, _ITERATIONS = 1e-12, 600.0, 4
+_LEAST = 1e-12
+"""The smallest argument of a logarithm and of a quotient, against overflow."""
+_FAR = 600.0
+"""The largest |logarithm| of Lambert's function, against overflow of exp."""
+_ITERATIONS = 4
+"""Newton's steps for Lambert's function, which reach rounding error."""
 
 
 class CoulombFriction(AbstractBlock):
-    r"""A guide's dry friction holds the motion back by what its force bends the actuator:
+    r"""A guide's dry friction reduces the motion by the deflection that its force causes:
 
         x = y - a z(y),    dz = (1 - z sgn ẏ) dy / λ,    -1 ≤ z ≤ 1
 
-    y [response] is the motion without friction, z the friction force over the Coulomb force f_c,
-    a = f_c/k [response] the deflection by that force on the actuator's stiffness k, and
-    λ = f_c/σ [response] the presliding length in which, after a reversal, the force builds up again
-    on the stiffness σ of the contacts.  The law is rate-independent; between samples y counts as
-    monotone, and then z goes to ±1 exactly as exp(-|Δy|/λ).  z starts from 0, and is steady with
-    `periodic` history.
+    y [response] is the motion without friction, and z the friction force over the Coulomb force
+    f_c.  The model is rate-independent; between samples y is taken as monotone, and z then
+    approaches ±1 exactly as exp(-|Δy|/λ).  z starts from 0, and is steady with `periodic` history.
     Ranges: published presliding lengths go from 50 nm (ball on flat) to 10 µm (LuGre's standard
     parameters), 0.1 % to half of a piezo's stroke.
+
+    Args:
+        amplitude: initial a.
+        presliding: initial λ.
+        span: peak to peak of the response [response].
+
+    Attributes:
+        amplitude: a = f_c/k, the deflection by the Coulomb force on the actuator's stiffness k, one
+            number [response].
+        presliding: λ = f_c/σ, the length in which the force builds up again after a reversal on the
+            stiffness σ of the contacts, one number [response].
+
     Source: Dahl, AIAA J. 14 (1976) 1675; Canudas de Wit, Olsson, Åström & Lischinsky, IEEE Trans.
     Autom. Control 40 (1995) 419.
     """
@@ -59,17 +73,31 @@ class CoulombFriction(AbstractBlock):
 
 
 class LuGreFriction(AbstractBlock):
-    r"""Dry friction that sees the motion it holds back, and is larger while that is slow (LuGre):
+    r"""Dry friction that depends on the reduced motion, and is larger in slow motion (LuGre):
 
         x = y - a z,    dz = (1 - z sgn ẏ / g) dx / λ,    g = 1 + r exp(-(ẏ/v_s)²)
 
-    a, λ and z as `CoulombFriction` has them, there with dy for dx: the same where a ≪ λ.  Where
-    a ≫ λ the guide sticks until the actuator has pushed with f_c, and x is a play of y.  r: by how
-    much of the Coulomb force the static one is larger, dimensionless; v_s [response/s] the speed at
-    which that is lost.  LuGre's viscous share is that of a linear law, and left to the model.
-    Over a grid's step ẏ counts as constant: then λ ln q + a q falls by |Δy|/g, q = 1 - z sgn ẏ / g,
-    which is Lambert's function.
-    Ranges: r a tenth to once, v_s where the recording's speeds lie.
+    a, λ and z are those of `CoulombFriction`, which has dy instead of dx: both agree for a ≪ λ.
+    For a ≫ λ the guide sticks until the actuator has pushed with f_c, and x is a play of y.
+    LuGre's viscous term is linear; it is left to the base model.
+    Within a step of the grid ẏ is taken as constant: then λ ln q + a q, with q = 1 - z sgn ẏ / g,
+    decreases by |Δy|/g, which Lambert's function solves.
+    Ranges: r from 0.1 to 1, v_s among the recording's speeds.
+
+    Args:
+        amplitude: initial a.
+        presliding: initial λ.
+        excess: initial r.
+        speed: initial v_s.
+        span: peak to peak of the response [response].
+
+    Attributes:
+        amplitude: a, one number [response].
+        presliding: λ, one number [response].
+        excess: r, by which share the static force exceeds the Coulomb force, one number,
+            dimensionless.
+        speed: v_s, the speed at which that excess is lost, one number [response/s].
+
     Source: Canudas de Wit, Olsson, Åström & Lischinsky, IEEE Trans. Autom. Control 40 (1995) 419.
     """
 
@@ -112,26 +140,27 @@ class LuGreFriction(AbstractBlock):
 
         steps = (jnp.sign(moves), ways, 1 + self.excess.value * slow)
         follow = settled if grid.history == "periodic" else recursion
-        return drive - self.amplitude.value * follow(_pulled, stiffness, jnp.zeros(()), steps)
+        force = follow(_force_after_step, stiffness, jnp.zeros(()), steps)
+        return drive - self.amplitude.value * force
 
 
-def _pulled(stiffness: Array, z: Array, at: tuple[Array, Array, Array]) -> Array:
-    """The force after a step in a direction, by its way in presliding lengths and the largest force
-    at its speed."""
+def _force_after_step(stiffness: Array, z: Array, at: tuple[Array, Array, Array]) -> Array:
+    """The force z after a step, from its direction, its length in presliding lengths and the
+    largest force at its speed, all dimensionless."""
     direction, way, largest = at
-    left = 1 - z * direction / largest
-    pulled = stiffness * jnp.maximum(left, _LEAST)
-    after = _lambert(jnp.log(pulled) + pulled - way / largest) / stiffness
-    # Above a force that motion has made smaller it slips, at once where the guide sticks.
-    slipping = jnp.minimum(left, 0.0)
+    reserve = 1 - z * direction / largest
+    scaled = stiffness * jnp.maximum(reserve, _LEAST)
+    after = _lambert(jnp.log(scaled) + scaled - way / largest) / stiffness
+    # The guide slips where motion has lowered the largest force below z, at once where it sticks.
+    slipping = jnp.minimum(reserve, 0.0)
     room = jnp.maximum(1 + stiffness * slipping, _LEAST)
-    after = jnp.where(left < 0, slipping * jnp.exp(-way / largest / room), after)
+    after = jnp.where(reserve < 0, slipping * jnp.exp(-way / largest / room), after)
     return jnp.where(way > 0, direction * largest * (1 - after), z)
 
 
 @jax.custom_jvp
 def _lambert(logarithm: Array) -> Array:
-    """w > 0 with w + ln w = logarithm."""
+    """Lambert's function of exp(logarithm): w > 0 with w + ln w = logarithm."""
     most = jnp.maximum(logarithm, 1.0)
     w = jnp.where(
         logarithm > 1, most - jnp.log(most), jnp.exp(jnp.clip(logarithm, -_FAR, 1.0) - 0.4)
@@ -143,7 +172,7 @@ def _lambert(logarithm: Array) -> Array:
 
 @_lambert.defjvp
 def _(primals: tuple[Array], tangents: tuple[Array]) -> tuple[Array, Array]:
-    """Of the equation, not of the steps that solve it: dw = w/(1 + w) d(logarithm)."""
+    """The derivative of the equation, not of its iterations: dw = w/(1 + w) d(logarithm)."""
     w = _lambert(*primals)
     return w, w / (1 + w) * tangents[0]
 
@@ -163,22 +192,22 @@ def _trials(setting: Setting) -> list:
 EFFECT = Effect(
     name="coulomb_friction",
     site="force",
-    sentence="dry friction of a guide holds the motion back, so that after each reversal the "
-    "displacement stays behind until the friction force has turned round",
+    sentence="dry friction of a guide resists the motion, so that after each reversal the "
+    "displacement stays behind until the friction force has changed its direction",
     equation="x = y - a z, dz = (1 - z sgn(dy/dt)) dy/lambda, or dz = (1 - z sgn(dy/dt)/g) "
     "dx/lambda with g = 1 + r exp(-(dy/dt/v_s)^2)",
     source="Dahl, AIAA J. 14 (1976) 1675; Canudas de Wit et al., IEEE Trans. Autom. Control 40 "
     "(1995) 419",
     trials=_trials,
     separated_by={
-        "backlash": "the same loop at creeping speed, where friction sticks and slips; and "
-        "reversals smaller than the dead zone, to which friction still gives way",
-        "minor_loop_memory": "loops of two amplitudes: friction's width stays, memory's grows with "
-        "the amplitude",
-        "quantisation": "slow ramps: a converter's steps repeat at the same levels, what friction "
-        "holds back follows the reversals",
+        "backlash": "the same loop at very low speed, where friction sticks and slips; and "
+        "reversals smaller than the dead zone, in which only friction still moves",
+        "minor_loop_memory": "loops of two amplitudes: friction keeps its width, memory widens "
+        "with the amplitude",
+        "quantisation": "slow ramps: a converter's steps repeat at the same levels, friction "
+        "follows the reversals",
     },
-    concealed_by="the width of the hysteresis loop, while one amplitude is driven",
+    concealed_by="the width of the hysteresis loop, if the drive has one amplitude",
     axes=("reversal", "phase", "harmonics"),
     one_sided=True,
 )

@@ -1,4 +1,4 @@
-"""Creep: the paper's fractional power law, the logarithmic law, and a ladder of relaxations."""
+"""Creep: the paper's fractional power law, the logarithmic law, and a sum of relaxations."""
 
 from __future__ import annotations
 
@@ -18,10 +18,19 @@ class Creep(AbstractLinearBlock):
 
         G_c(s) = k_c s^-μ        (constant phase -90°·μ)
 
-    After a step it goes on as t^μ/Γ(1+μ) ≈ 1 + μ (ln t + 0.577…): the log law, with 2.303 μ per
-    decade of time.  What was held before t = 0 is the datum creep is counted from.
-    k_c is dimensionless · s^-μ and merges into the gains of a hysteresis it follows, so it stays
-    fixed there.
+    After a step it continues as t^μ/Γ(1+μ) ≈ 1 + μ (ln t + 0.577…): the logarithmic law, with
+    2.303 μ per decade of time.  Creep is counted from the value before t = 0.  After a hysteresis
+    k_c merges with that block's gains, and is fixed there.
+
+    Args:
+        k_c: initial k_c.
+        mu: initial μ.
+        fixed_gain: whether k_c is fixed.
+
+    Attributes:
+        k_c: gain, one number [s^-μ].
+        mu: μ, one number, dimensionless.
+
     Source: Xu, Luo, Luo, Chen, Liu, Fractal Fract. 8 (2024) 3, equations (10) and (11).
     """
 
@@ -46,13 +55,17 @@ _WEIGHTS = 0.7 * _NODES * np.exp(-_NODES)
 
 
 class LogarithmicCreep(AbstractLinearBlock):
-    r"""Each change of the response goes on with the logarithm of time:
+    r"""Each change of the response continues with the logarithm of time:
 
         step response 1 + γ log10(1 + t/t_0),      G(s) = 1 + γ/ln 10 · e^z E_1(z),   z = s t_0
 
-    γ: creep per decade of time, dimensionless; t_0 [s]: when it sets in.  The exponential integral
-    is a sum of relaxations, e^z E_1(z) = ∫ exp(-x)/(z + x) dx, which is also the physics: many
-    Kelvin–Voigt elements side by side.
+    The exponential integral is a sum of relaxations, e^z E_1(z) = ∫ exp(-x)/(z + x) dx, which is
+    also the physics: many Kelvin–Voigt elements in series.
+
+    Attributes:
+        gamma: γ, creep per decade of time, one number, dimensionless.
+        onset: t_0, the time at which creep sets in, one number [s].
+
     Source: Jung & Gweon, Rev. Sci. Instrum. 71 (2000) 1896; Abramowitz & Stegun 5.1.28.
     """
 
@@ -69,7 +82,7 @@ class LogarithmicCreep(AbstractLinearBlock):
 
     def symbol(self, s: Array) -> Array:
         z = s * self.onset.value
-        # In real numbers, whose quotients take a fifth of the complex ones' time.
+        # In real arithmetic, whose quotients take a fifth of the time of complex ones.
         real, imaginary = jnp.real(z)[..., None] + _NODES, jnp.imag(z)
         shares = _WEIGHTS / (real**2 + imaginary[..., None] ** 2)
         integral = jnp.sum(real * shares, axis=-1) - 1j * imaginary * jnp.sum(shares, axis=-1)
@@ -80,13 +93,23 @@ class LogarithmicCreep(AbstractLinearBlock):
 
 
 class KelvinVoigtCreep(AbstractLadder):
-    r"""A few relaxations in series with the actuator, each a spring beside a damper:
+    r"""A few relaxations in series with the actuator, each a spring parallel to a damper:
 
         G(s) = 1 + Σ_i g_i/(1 + τ_i s),    τ_i = τ ρ^(i-1),    i = 1 … 4
 
-    g_i: share of the response that comes late with τ_i, dimensionless; τ [s] the fastest; ρ the
-    ratio of one to the next.  Equal shares make the logarithmic law, with g/log10 ρ per decade,
-    while it lasts; real ladders are less even.
+    Equal shares approximate the logarithmic law, with g/log10 ρ per decade, between the shortest
+    and the longest τ_i; the shares of real actuators are less even.
+
+    Args:
+        gain: initial value of every g_i.
+        fastest: initial τ.
+        ratio: initial ρ.
+
+    Attributes:
+        gains: g_i (4,), the share of the response that comes late with τ_i, dimensionless.
+        fastest: τ, the shortest time constant, one number [s].
+        ratio: ρ, the ratio of one time constant to the next, one number, dimensionless.
+
     Source: Croft, Shed & Devasia, J. Dyn. Syst. Meas. Control 123 (2001) 35, with three elements.
     """
 
@@ -107,15 +130,15 @@ class KelvinVoigtCreep(AbstractLadder):
 
 
 def _trials(setting: Setting) -> list:
-    law, ladder = LogarithmicCreep(gamma=0.02), KelvinVoigtCreep()
-    laws = at_values(law, [{"onset": t} for t in (0.003, 0.03, 0.3, 3.0)])
-    return [*laws, *at_values(ladder, ladders(0.005, 0.05, 0.5))]
+    logarithmic, ladder = LogarithmicCreep(gamma=0.02), KelvinVoigtCreep()
+    trials = at_values(logarithmic, [{"onset": t} for t in (0.003, 0.03, 0.3, 3.0)])
+    return [*trials, *at_values(ladder, ladders(0.005, 0.05, 0.5))]
 
 
 EFFECT = Effect(
     name="creep",
     site="response",
-    sentence="after each change of the drive the displacement goes on creeping with the logarithm "
+    sentence="after each change of the drive the displacement keeps creeping with the logarithm "
     "of time, in proportion to the change",
     equation="step response 1 + gamma log10(1 + t/t0), or four relaxations g_i/(1 + tau_i s)",
     source="Jung & Gweon, Rev. Sci. Instrum. 71 (2000) 1896; Croft, Shed & Devasia, J. Dyn. Syst. "

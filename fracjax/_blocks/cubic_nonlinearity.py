@@ -16,12 +16,22 @@ class CubicNonlinearity(AbstractBlock):
 
         v = u + q_3 (u - u_0)³ / U²
 
-    q_3 dimensionless: q_3/8 of a whole span U is added at each end when u_0 is the centre; v rises
-    with u while q_3 > -4/3 there.  u_0 [drive] is where the law is odd: the bias that poling has
-    left, somewhere in the drive's range, or zero field, which of a drive of one sign lies at its
-    end.  It is a parameter, since about another point the same law has a square as well.
-    U [drive] is the span of the recording's drive.
+    If u_0 is the centre of the drive, q_3/8 of a whole span U is added at each end, and v increases
+    with u for q_3 > -4/3.  The curve is odd about u_0: the internal bias after poling, somewhere in
+    the drive's range, or zero field, which lies at the end of a drive of one sign.  u_0 is a
+    parameter, since about another point the same curve has a square as well.
     q_3 < 0 is the onset of saturation, q_3 > 0 a coefficient that grows with the field.
+
+    Args:
+        q_3: initial q_3.
+        low: the lowest drive of the recording [drive].
+        high: the highest drive of the recording [drive].
+
+    Attributes:
+        q_3: one number, dimensionless.
+        centre: u_0, one number [drive].
+        span: U, peak to peak of the recording's drive, one number [drive].
+
     Source: D. A. Hall, J. Mater. Sci. 36 (2001) 4575: constitutive equations with higher powers of
     the field, whose coefficients change by tens of percent below the coercive field.
     """
@@ -62,20 +72,20 @@ def _trials(setting: Setting) -> list:
 EFFECT = Effect(
     name="cubic_nonlinearity",
     site="drive",
-    sentence="strain follows the cube of the field beside the field itself, so that odd harmonics "
-    "grow with the cube of the amplitude",
+    sentence="strain depends on the cube of the field in addition to the field itself, so that "
+    "odd harmonics grow with the cube of the amplitude",
     equation="u + q3 (u - u0)^3 / U^2",
     source="Hall, J. Mater. Sci. 36 (2001) 4575",
     trials=_trials,
     separated_by={
         "electrostriction": "an amplitude ladder at two biases: a cube's even harmonics vanish "
         "at one bias, a square's at none",
-        "slew_rate_limit": "an amplitude ladder at a tenth of the frequency: the cube does not see "
-        "the rate",
-        "amplitude_dependence": "an amplitude ladder: the cube widens no loop",
+        "slew_rate_limit": "an amplitude ladder at a tenth of the frequency: the cube does not "
+        "depend on the rate",
+        "amplitude_dependence": "an amplitude ladder: a cubic nonlinearity widens no loop",
         "saturation": "a measured drive: saturation is flat beyond a threshold",
         "sensor_nonlinearity": "the same drive with the sensor's gap shifted",
     },
-    concealed_by="the gain k_l of the hysteresis, while the amplitude does not change",
+    concealed_by="the gain k_l of the hysteresis, if the amplitude does not change",
     axes=("level", "harmonics", "phase"),
 )

@@ -12,9 +12,9 @@ from ._effect import Effect, Setting, at_values
 
 
 def read_between(drive: Array, position: Array, grid: Grid) -> Array:
-    """The drive (N,) at positions (N,) counted in samples, by Catmull–Rom cubics.
+    """The drive (N,), in its unit, at positions (N,) counted in samples, by Catmull–Rom cubics.
 
-    Before the first sample stands what the history says; past the last one its value is held.
+    Before the first sample it follows the history; after the last one it keeps the last value.
     """
     samples = drive.shape[0]
     whole = jnp.floor(position)
@@ -35,10 +35,18 @@ def read_between(drive: Array, position: Array, grid: Grid) -> Array:
 class Delay(AbstractBlock):
     r"""The response belongs to an earlier drive, as through a converter or a buffer:
 
-        y(t) = u(t - τ),     G(s) = exp(-τ s),   τ [s]
+        y(t) = u(t - τ),     G(s) = exp(-τ s)
 
-    Read between the grid's samples by Catmull–Rom cubics, continuous in slope, so that it is
-    differentiable in τ.
+    Between the grid's samples the drive is interpolated by Catmull–Rom cubics, whose slope is
+    continuous, so that the response is differentiable in τ.
+
+    Args:
+        delay: initial τ.
+        longest: the largest τ [s].
+
+    Attributes:
+        delay: τ, one number [s].
+
     Source: Ljung, System Identification (1999), section 4.2.
     """
 

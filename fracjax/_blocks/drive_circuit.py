@@ -15,9 +15,13 @@ class DriveCircuit(AbstractLinearBlock):
 
         RC du_pzt/dt + u_pzt = K_amp n d33 u_c,     G(s) = G_0 / (1 + τ s)
 
-    gain G_0 = K_amp n d33 [response/drive], time_constant τ = RC [s].  The paper calls u_pzt a
-    voltage, yet with n d33 [m/V] in its gain it comes out as a displacement; G_0 takes whichever
-    unit the recording has.  DriveLag is this law with its gain left to what follows.
+    The paper calls u_pzt a voltage, but with n d33 [m/V] in its gain it is a displacement; G_0 has
+    the recording's units.  DriveLag is the same block with unit gain.
+
+    Attributes:
+        gain: G_0 = K_amp n d33, one number [response/drive].
+        time_constant: τ = RC, one number [s].
+
     Source: Zhu & Zhou, Modeling and Compensation for Hysteresis Nonlinearity of a Piezoelectrically
     Actuated Fast Tool Servo Based on a Novel Linear Model (2012), equation (5).
     """
@@ -35,9 +39,20 @@ class DriveCircuit(AbstractLinearBlock):
     def from_physical(
         cls, *, K_amp: float, n: float, d33: float, R: float, C: float
     ) -> DriveCircuit:
-        """From amplification K_amp, number of layers n, d33 [response/V], R [ohm] and C [F].
+        """The block of a circuit with known components.
 
-        Raises InputError unless R and C are positive.
+        Args:
+            K_amp: amplification, dimensionless.
+            n: number of layers.
+            d33: piezoelectric constant [response/V].
+            R: resistance [ohm].
+            C: capacitance [F].
+
+        Returns:
+            The block, with τ = RC [s].
+
+        Raises:
+            InputError: if R or C is not positive.
         """
         require_positive("drive circuit", R=R, C=C)
         return cls(K_amp * n * d33, R * C)

@@ -14,9 +14,12 @@ from ._effect import Effect, Setting, at_values
 class DriveLag(AbstractLinearBlock):
     r"""The voltage on the stack follows the command through a resistance [L 5]:
 
-        RC du_pzt/dt + u_pzt = u,     G(s) = 1 / (1 + τ s),   τ = RC [s]
+        RC du_pzt/dt + u_pzt = u,     G(s) = 1 / (1 + τ s)
 
-    Source: Zhu & Zhou (2012), equation (5), its gain left to the law that follows.
+    Attributes:
+        time_constant: τ = RC, one number [s].
+
+    Source: Zhu & Zhou (2012), equation (5), with the gain in the block that follows.
     """
 
     time_constant: Parameter
@@ -42,7 +45,7 @@ def _trials(setting: Setting) -> list:
 EFFECT = Effect(
     name="drive_lag",
     site="drive",
-    sentence="the voltage on the stack lags behind the command, as a resistance charging its "
+    sentence="the voltage on the stack lags behind the command, since a resistance charges its "
     "capacitance",
     equation="1 / (1 + tau s)",
     source="Zhu & Zhou (2012), eq. (5)",

@@ -12,12 +12,23 @@ from ._effect import Effect, Setting, at_values
 
 
 class Electrostriction(AbstractBlock):
-    r"""Strain grows with the square of the field beside the piezoelectric part:
+    r"""Strain grows with the square of the field, in addition to the piezoelectric part:
 
         v = u + q (u - u_0)² / U
 
-    q dimensionless: the share of a whole span U added at the span's end.  u_0, U [drive] are the
-    centre and the span of the recording's drive; another centre only changes gain and offset.
+    At each end of the range q/4 of a span U is added.  Another centre u_0 only changes gain and
+    offset.
+
+    Args:
+        q: initial q.
+        centre: u_0 [drive].
+        span: U [drive].
+
+    Attributes:
+        q: one number, dimensionless.
+        centre: u_0, the centre of the recording's drive, one number [drive].
+        span: U, peak to peak of the recording's drive, one number [drive].
+
     Source: Uchino, Ferroelectric Devices (2010), chapter 4.
     """
 

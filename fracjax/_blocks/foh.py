@@ -17,13 +17,20 @@ class FOH(AbstractBlock):
 
         f(u) = k_l u + k_h D^α u + k_p |u̇| D^β u
 
-    k_l [response/drive], k_h [response/drive · s^α], k_p [response/drive² · s^(1+β)];
-    orders -0.95 < α, β < 0.95.  |u̇| is differentiated as JAX does at its kink (0 there).
-    `linear_part` and `rate_term` are its summands as blocks of their own.
+    The orders satisfy -0.95 < α, β < 0.95.  The derivative of |u̇| at its kink is 0, as in JAX.
+    `linear_part` and `rate_term` are its terms as separate blocks.
 
     The paper's Table 1 gives k_l = -0.0017418, k_h = 0.0044141, β = -0.13501 and prints 0.02729
     for both k_p and α, surely a misprint: at its 1 Hz and 100 V that k_p would make the last term
     two thousand times the others.  They are not the default values.
+
+    Attributes:
+        k_l: linear gain, one number [response/drive].
+        k_h: gain of the fractional term, one number [response/drive · s^α].
+        k_p: gain of the rate-weighted term, one number [response/drive² · s^(1+β)].
+        alpha: α, one number, dimensionless.
+        beta: β, one number, dimensionless.
+
     Source: Xu, Luo, Luo, Chen, Liu, Fractal Fract. 8 (2024) 3, equations (8) and (9).
     """
 
@@ -62,9 +69,9 @@ class FOH(AbstractBlock):
         return replace_parameters(FOHRateTerm(), {"k_p": self.k_p, "beta": self.beta})
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
-        # Not by linear_part's one convolution: here each gain's column is a mere multiple, so that
-        # variable projection needs no further transform.  Both orders' transforms at once take
-        # three quarters of the time of one after the other.
+        # Not by the single convolution of `linear_part`: here the derivative with respect to each
+        # gain needs no further transform.  Both orders' transforms together take three quarters of
+        # the time of one after the other.
         orders = jnp.stack([self.alpha.value, self.beta.value])
         alpha, beta = derivative(orders[:, None], drive, grid)
         weighted = speed(drive, grid) * beta

@@ -9,6 +9,8 @@ from .._parameters import Parameter
 from ._block import AbstractLinearBlock
 
 LARGEST_ORDER = 0.95
+"""The largest |order| of FOH: at 1 the term would be a derivative or an integral, which other terms
+can replace; chosen by judgement."""
 
 
 class FOHLinear(AbstractLinearBlock):
@@ -16,8 +18,14 @@ class FOHLinear(AbstractLinearBlock):
 
         k_l u + k_h D^α u,     G(s) = k_l + k_h s^α
 
-    k_l [response/drive], k_h [response/drive · s^α]; order -0.95 < α < 0.95.  The paper's linear
-    module is k_l u alone; it counts k_h D^α u, though linear in u, to the nonlinear one.
+    The paper's linear module is k_l u alone; it assigns k_h D^α u, though linear in u, to the
+    nonlinear one.
+
+    Attributes:
+        k_l: linear gain, one number [response/drive].
+        k_h: gain of the fractional term, one number [response/drive · s^α].
+        alpha: α, -0.95 < α < 0.95, one number, dimensionless.
+
     Source: Xu, Luo, Luo, Chen, Liu, Fractal Fract. 8 (2024) 3, equations (8) and (9).
     """
 

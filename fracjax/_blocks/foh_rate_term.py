@@ -15,8 +15,12 @@ class FOHRateTerm(AbstractBlock):
 
         k_p |u̇| D^β u
 
-    k_p [response/drive² · s^(1+β)]; order -0.95 < β < 0.95.  At the corners of a triangle
-    |u̇| is what it is on both sides.
+    At the corners of a triangle |u̇| has the value of both sides.
+
+    Attributes:
+        k_p: gain, one number [response/drive² · s^(1+β)].
+        beta: β, -0.95 < β < 0.95, one number, dimensionless.
+
     Source: Xu, Luo, Luo, Chen, Liu, Fractal Fract. 8 (2024) 3, equation (9).
     """
 

@@ -13,7 +13,9 @@ from ._effect import Effect, Setting, at_values
 from ._relaxation import relax
 
 _LEAST = 1e-12
-_FASTEST, _SLOWEST = 0.01, 3600.0  # s
+"""The smallest base of a power whose exponent is fitted."""
+_FASTEST, _SLOWEST = 0.01, 3600.0
+"""The plausible time constants [s]; see the ranges of `GainDrift`."""
 
 
 class GainDrift(AbstractBlock):
@@ -21,22 +23,38 @@ class GainDrift(AbstractBlock):
 
         x = y + g (y - y_0 + z) T,    τ Ṫ + T = |ẏ/v|^p |(y - y_0)/s|^(2-p)
 
-    T is the warming in units of what a steady motion of the rms speed v [response/s] and the size
-    s [response] would lead to for good: both are the recording's, taken from its drive, so that g
-    is the relative change of the gain after a long run at this drive.  Losses go with the square of
-    the amplitude; with the frequency itself for hysteresis (p = 1) and with its square for a
-    viscous or an ohmic loss (p = 2).
-    y_0 is the response before the first sample (0 with `rest` history, for of a drive that begins
-    with a jump the first response depends on the step), and z [response] how far above the unknown
-    zero of the displacement it lies.  Of a drive that jumps, losses with p > 1 depend on the step.
-    The power of each step h, that of its mean speed and its middle, is held over it and T follows
-    exactly: of second order.  The actuator is cold at the start; with `periodic` history it is
-    warm, and T only ripples.
+    T is the warming, relative to that of an endless motion of the rms speed v and the size s: both
+    are the recording's, computed from its drive, so that g is the relative change of the gain after
+    a long run at this drive.  Losses are proportional to the square of the amplitude; to the
+    frequency for hysteresis (p = 1) and to its square for a viscous or an ohmic loss (p = 2).
+    y_0 is the response before the first sample.  With `rest` history it is 0, since the first
+    response to a drive that begins with a jump depends on the step.  If the drive jumps, losses
+    with p > 1 depend on the step.
+    The power in each step h, that of its mean speed and its midpoint, is constant over the step,
+    and T follows it exactly: of second order.  The actuator is cold at the start; with `periodic`
+    history it is warm, and T only ripples.
     Ranges: τ from 10 ms (a film on its electrode) over 1 s (a chip) to 1 h (a stack in a frame),
-    and not under s/v, in which the motion turns: a gain that follows its power within a cycle is no
-    drift but another law of the motion; z within two strokes; the stroke has been seen to grow by
-    15 % when driven at 10 kHz without cooling (Actuators 10 (2021) 297).  Ageing over the recording
-    looks alike and is not in the catalogue: repeat when cool.
+    and not less than s/v, the time of a reversal: a gain that follows the power within a cycle is
+    not a drift; z within two strokes; the stroke was observed to grow by 15 % when driven at 10 kHz
+    without cooling (Actuators 10 (2021) 297).  Ageing during the recording looks the same and is
+    not in the catalogue: repeat the recording when the actuator is cool.
+
+    Args:
+        gain: initial g.
+        zero: initial z.
+        time_constant: initial τ.
+        losses: initial p.
+        speed: v [response/s].
+        size: s [response].
+
+    Attributes:
+        gain: g, one number, dimensionless.
+        zero: z, how far y_0 lies above the unknown zero of the displacement, one number [response].
+        time_constant: τ, one number [s].
+        losses: p, from 1 to 2, one number, dimensionless.
+        speed: v, one number [response/s].
+        size: s, one number [response].
+
     Source: Zheng, Takahashi, Yoshikawa, Uchino & de Vries, J. Am. Ceram. Soc. 79 (1996) 3193.
     """
 
@@ -78,18 +96,18 @@ class GainDrift(AbstractBlock):
         return False
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
-        begun = grid.origin(drive)
+        origin = grid.origin(drive)
         before = jnp.roll(drive, 1)
         if grid.history != "periodic":
             before = before.at[0].set(drive[0])
         speed = jnp.abs(drive - before) / (grid.step * self.speed)
-        size = jnp.abs(0.5 * (drive + before) - begun) / self.size
+        size = jnp.abs(0.5 * (drive + before) - origin) / self.size
         # A power of zero has no derivative with respect to its exponent.
         speed, size = (jnp.maximum(x, _LEAST) for x in (speed, size))
         power = speed**self.losses.value * size ** (2 - self.losses.value)
         exponents = jnp.full(drive.shape, grid.step / self.time_constant.value)
         warming = relax(power, exponents, grid.history)
-        return drive + self.gain.value * (drive - begun + self.zero.value) * warming
+        return drive + self.gain.value * (drive - origin + self.zero.value) * warming
 
 
 def _trials(setting: Setting) -> list:
@@ -100,7 +118,7 @@ def _trials(setting: Setting) -> list:
     )
     usual = block.time_constant.plausible
     constants = np.unique(np.clip(setting.duration * np.array([0.1, 0.3, 1.0]), *usual))
-    # The stroke grows from its first value, and from its middle.
+    # The zero of the displacement lies at the first value, or in the middle of the stroke.
     return at_values(
         block,
         [
@@ -115,16 +133,16 @@ def _trials(setting: Setting) -> list:
 EFFECT = Effect(
     name="gain_drift",
     site="modulation",
-    sentence="the actuator warms by its own losses and its gain changes with the temperature",
+    sentence="the actuator is warmed by its own losses and its gain changes with the temperature",
     equation="y + g (y - y0 + z) T, tau dT/dt + T = |dy/dt / v|^p |(y - y0)/s|^(2 - p)",
     source="Zheng et al., J. Am. Ceram. Soc. 79 (1996) 3193; Actuators 10 (2021) 297",
     trials=_trials,
     separated_by={
-        "thermal_drift": "a record at constant drive after a hot run: drift goes on alone, a "
-        "change of gain shows only where the drive moves",
+        "thermal_drift": "a record at constant drive after a hot run: drift continues, a change of "
+        "gain shows only when the drive moves",
         "creep": "the same loop at two frequencies: a gain drifts with the power, creep with time",
     },
-    concealed_by="the gain k_l, which takes its average; ageing looks alike until the recording is "
-    "repeated when cool",
+    concealed_by="the gain k_l, which absorbs its average; ageing looks the same until the "
+    "recording is repeated when the actuator is cool",
     axes=("time", "level", "harmonics"),
 )

@@ -15,9 +15,16 @@ class InverseLFDH(AbstractLinearBlock):
 
         U_c/X_d = (1 + χ s^μ) / (k_0 + k_δ s^δ) = (c_0 + c_μ s^μ) / (1 + κ s^δ),   0 < μ, δ < 1
 
-    k_0, k_δ, χ as in LFDH; here c_0 = 1/k_0 = RC / ρ K_amp (n d33)² [response/drive],
-    c_μ = χ/k_0 [response/drive · s^μ] and the paper's κ = k_δ/k_0 [s^δ], so that both gains enter
-    linearly and it can be fitted on its own.  The default values are those of [L 12].
+    k_0, k_δ and χ are those of LFDH.  Both gains c_0 and c_μ enter linearly, so that the inverse
+    can be fitted by itself.  The default values are those of [L 12].
+
+    Attributes:
+        c_0: c_0 = 1/k_0 = RC / ρ K_amp (n d33)², one number [response/drive].
+        c_mu: c_μ = χ/k_0, one number [response/drive · s^μ].
+        kappa: the paper's κ = k_δ/k_0, one number [s^δ].
+        delta: δ, one number, dimensionless.
+        mu: μ, one number, dimensionless.
+
     Source: Zhu & Zhou (2012), equations (10) and (12).
     """
 
@@ -45,7 +52,14 @@ class InverseLFDH(AbstractLinearBlock):
 
     @classmethod
     def of(cls, lfdh: LFDH) -> InverseLFDH:
-        """The inverse of an LFDH, at its values."""
+        """The inverse of an LFDH block, with its parameter values.
+
+        Args:
+            lfdh: the block, whose response unit is this one's drive unit.
+
+        Returns:
+            The inverse.
+        """
         k_0 = lfdh.k_0.value
         values = {
             "c_0": 1 / k_0,

@@ -11,12 +11,19 @@ from ._physical import require_positive
 
 
 class LFDH(AbstractLinearBlock):
-    r"""A linear law with fractional powers in numerator and denominator [L 8, 9]:
+    r"""A linear model with fractional powers in numerator and denominator [L 8, 9]:
 
         G(s) = (k_0 + k_δ s^δ) / (1 + χ s^μ),      0 < μ, δ < 1
 
-    with k_0 = ρ K_amp (n d33)² / RC [response/drive] and k_δ = k_0 κ [response/drive · s^δ], so
-    that both gains enter linearly; χ [s^μ].  The default values are those identified in [L 11].
+    Both gains k_0 and k_δ enter linearly.  The default values are those identified in [L 11].
+
+    Attributes:
+        k_0: k_0 = ρ K_amp (n d33)² / RC, one number [response/drive].
+        k_delta: k_δ = k_0 κ, one number [response/drive · s^δ].
+        chi: χ, one number [s^μ].
+        delta: δ, one number, dimensionless.
+        mu: μ, one number, dimensionless.
+
     Source: Zhu & Zhou, Modeling and Compensation for Hysteresis Nonlinearity of a Piezoelectrically
     Actuated Fast Tool Servo Based on a Novel Linear Model (2012), equations (8), (9), (11).
     """
@@ -58,13 +65,28 @@ class LFDH(AbstractLinearBlock):
         delta: float,
         mu: float,
     ) -> LFDH:
-        """From the quantities of [L 9]: k_0 = ρ K_amp (n d33)²/RC and k_δ = k_0 κ.
+        """The block with the quantities of [L 9]: k_0 = ρ K_amp (n d33)²/RC and k_δ = k_0 κ.
 
-        K_amp amplification, n layers of piezoelectric constant d33 [m/V], R [ohm], C [F],
-        kappa [s^delta], chi [s^mu]; rho takes the unit that is left.  By [L 5] and [L 6] RC would
-        multiply only the rate of x: that [L 7] has it before x too, and so [L 9] 1/RC in its gain,
-        is a slip of the paper, which ρ makes up for.  Raises InputError unless R and C are
-        positive.
+        By [L 5] and [L 6] RC would multiply only the rate of x.  [L 7] multiplies x by it too, and
+        [L 9] has 1/RC in its gain: a mistake of the paper, for which ρ compensates.
+
+        Args:
+            rho: ρ, in the unit that gives k_0 the unit [response/drive].
+            K_amp: amplification, dimensionless.
+            n: number of layers.
+            d33: piezoelectric constant [m/V].
+            R: resistance [ohm].
+            C: capacitance [F].
+            kappa: κ [s^delta].
+            chi: χ [s^mu].
+            delta: δ, dimensionless.
+            mu: μ, dimensionless.
+
+        Returns:
+            The block.
+
+        Raises:
+            InputError: if R or C is not positive.
         """
         require_positive("LFDH", R=R, C=C)
         k_0 = rho * K_amp * (n * d33) ** 2 / (R * C)

@@ -13,26 +13,42 @@ from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
 
 _LEAST = 1e-9
+"""The smallest base of a power, as a share of the span."""
 _UNROLLED = 8
+"""Samples per iteration of the compiled loop; chosen by judgement."""
 
 
 class LostContact(AbstractBlock):
-    r"""Where the actuator draws back too far it no longer moves the load, or only partly:
+    r"""If the actuator retracts too far, it no longer moves the load, or only partly:
 
         x = y - w min(y - y_c, 0) - c Y^(1/3) max(y - y_c, 0)^(2/3)
 
-    Above the threshold y_c [response] the load follows, behind a contact that yields as Hertz's,
-    the less the more it is pressed (c Y is what it has yielded one span Y [response] above; c = 0:
-    a rigid one); below it, by the share 1 - w of the motion (w = 1: the load stays where a stop or
-    its own spring holds it).  y is counted from the response at the first sample, as y_c is, but
-    after a rest from that at rest: where a drive jumps from it, what follows at once depends on the
-    step.  For a recording does not tell where the zero of its sensor lies, and a law with memory
-    leaves its own level open by what happened before.  Recordings that are fitted together, or
+    Above the threshold y_c the load follows through a Hertzian contact, which stiffens with the
+    load: c Y is its deflection at one span Y above the threshold, and c = 0 is a rigid contact.
+    Below the threshold the load follows by the share 1 - w of the motion; for w = 1 a stop or its
+    own spring holds it.
+    y and y_c are counted from the response at the first sample, with `rest` history from zero.  The
+    reason is that a recording does not show where the zero of its sensor lies, and that the level
+    of a model with memory depends on its prior history.  Recordings that are fitted together, or
     predicted, must therefore start from the same displacement; and the response must count
     positive in the direction in which the actuator pushes.
-    Between samples nothing is assumed: the kink acts at each instant.  A load that its own inertia
-    throws off is `ThrownLoad`'s.
+    The kink acts at each sample, with no assumption about the motion between samples.
+    `ThrownLoad` describes a load that its own inertia throws off.
     Ranges: y_c anywhere in the stroke, w from 0 to 1 by its meaning, c some percent.
+
+    Args:
+        share: initial w.
+        threshold: initial y_c.
+        compliance: initial c.
+        low: the lowest response, counted from the first sample [response].
+        span: Y [response].
+
+    Attributes:
+        share: w, one number, dimensionless.
+        compliance: c, one number, dimensionless.
+        threshold: y_c, one number [response].
+        span: Y, peak to peak of the recorded response, one number [response].
+
     Source: Shaw & Holmes, J. Sound Vib. 90 (1983) 129: the piecewise linear oscillator; Johnson,
     Contact Mechanics (1985), chapter 4, for the contact.
     """
@@ -69,15 +85,23 @@ class LostContact(AbstractBlock):
 
 
 class ThrownLoad(AbstractBlock):
-    r"""Where the actuator draws back faster than its load can fall, the load flies until they meet:
+    r"""If the actuator retracts faster than its load can fall, the load flies until they meet:
 
         x_n = max(y_n, 2 x_{n-1} - x_{n-2} - a h²)
 
-    a [response/s²]: the acceleration that holds the load down, its preload over its mass, and its
-    weight; h the grid's step.  Where y'' > -a the load stays on it; else it goes on as a body
-    thrown, x'' = -a, and does not bounce where it lands.  The response must count positive in the
-    direction in which the actuator pushes, and be the load's.
-    Ranges: about what throws a load by the recording's stroke at its speed.
+    h [s] is the grid's step.  While y'' > -a the load stays on the actuator; otherwise it moves as
+    a thrown body, x'' = -a, and does not bounce when it lands.  The response must be the motion of
+    the load, and count positive in the direction in which the actuator pushes.
+    Ranges: around the acceleration of a motion with the recording's stroke and speed.
+
+    Args:
+        holding: initial a.
+        typical: the acceleration from which the ranges are derived [response/s²].
+
+    Attributes:
+        holding: a, the acceleration that holds the load down (preload over mass, plus gravity), one
+            number [response/s²].
+
     Source: Holmes, J. Sound Vib. 84 (1982) 173, with no restitution.
     """
 
@@ -116,8 +140,8 @@ def _trials(setting: Setting) -> list:
     block = LostContact(0.1, low + 0.2 * span, low=low, span=span)
     shapes = [{"threshold": low + share * span} for share in np.geomspace(0.003, 0.6, 14)]
     pressed = {"threshold": low + 0.08 * span, "compliance": 0.02}
-    # Thrown at the recording's speed v, a load rises by v²/2a.  How far a smooth motion throws it
-    # depends on little: some of these do nothing, some far too much, and one between them enough.
+    # Thrown at the recording's speed v, a load rises by v²/2a.  A small change of a decides how far
+    # a smooth motion throws it: some of these do nothing, some far too much, one is about right.
     typical = 0.5 * span * (setting.top_rate / setting.drive_span) ** 2
     thrown = at_values(
         ThrownLoad(typical, typical=typical),
@@ -129,8 +153,8 @@ def _trials(setting: Setting) -> list:
 EFFECT = Effect(
     name="lost_contact",
     site="response",
-    sentence="below a displacement, or where it draws back too fast, the actuator loses contact "
-    "with its load and no longer moves it, or only partly",
+    sentence="below a certain displacement, or when it retracts too fast, the actuator loses "
+    "contact with its load and no longer moves it, or only partly",
     equation="y - w min(y - y_c, 0) - c Y^(1/3) max(y - y_c, 0)^(2/3), or x'' = -a wherever x > y",
     source="Shaw & Holmes, J. Sound Vib. 90 (1983) 129; Holmes, J. Sound Vib. 84 (1982) 173",
     trials=_trials,
@@ -140,7 +164,7 @@ EFFECT = Effect(
         "backlash": "loops at a higher bias or preload: contact is then never lost, while backlash "
         "stays at every reversal",
         "electrostriction": "the same amplitude at another bias: a kink stays at its level, a "
-        "curvature is there at every level",
+        "curvature acts at every level",
     },
     concealed_by="the asymmetry term k_p of the hysteresis",
     axes=("level", "phase", "harmonics"),

@@ -1,4 +1,4 @@
-"""Lines of the mains in the sensor signal."""
+"""Mains frequency and its harmonics in the sensor signal."""
 
 from __future__ import annotations
 
@@ -12,8 +12,11 @@ from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
 
 _LINES = 5
+"""Harmonics that are fitted at most; chosen by judgement."""
 _WANDER = 0.002
+"""The plausible relative deviation of the mains' frequency, ±0.1 Hz at 50 Hz."""
 _MOST_TRIED = 6
+"""Trials of the frequency at most on either side of the nominal one; chosen by judgement."""
 
 
 class MainsInterference(AbstractBlock):
@@ -21,9 +24,19 @@ class MainsInterference(AbstractBlock):
 
         d(t) = Σ_{k=1}^{lines} a_k cos(2πk f t) + b_k sin(2πk f t)
 
-    a, b [response], f within 1 % of 50 or 60 Hz.  Harmonics above half the recording's rate are
-    left out, as by the filter before a converter: folded down, one would follow any slow drift.
-    Phases and f are each recording's own.
+    Harmonics above half the recording's rate are left out, as by the filter before a converter: an
+    aliased one could follow any slow drift.  Amplitudes, phases and f are separate for each
+    recording.
+
+    Args:
+        frequency: initial f [Hz].
+        lines: number of harmonics, with the fundamental.
+
+    Attributes:
+        cosines: a_k (lines,) [response].
+        sines: b_k (lines,) [response].
+        frequency: f, within 1 % of its initial value, one number [Hz].
+
     Source: Ott, Electromagnetic Compatibility Engineering (2009), chapter 3.
     """
 
@@ -61,10 +74,10 @@ def _trials(setting: Setting) -> list:
     for mains in (50.0, 60.0):
         count = int(np.clip(0.5 / setting.step // (mains * (1 + _WANDER)), 1, _LINES))
         lines = size * np.eye(count)
-        # A recording T long tells frequencies 1/T apart, and a search does not cross from one to
-        # the next.
+        # A recording of the duration T distinguishes frequencies that differ by 1/T, and an
+        # optimiser does not cross from one to the next.
         either_side = min(round(_WANDER * mains * setting.duration), _MOST_TRIED)
-        # At the nominal frequency itself sampling often folds one harmonic on another.
+        # At the nominal frequency itself sampling often aliases one harmonic to another.
         aside = min(0.25 / setting.duration, 0.25 * _WANDER * mains)
         shapes = [
             {"frequency": mains + k / setting.duration + aside, name: line}
@@ -79,11 +92,11 @@ def _trials(setting: Setting) -> list:
 EFFECT = Effect(
     name="mains_interference",
     site="additive",
-    sentence="the mains and its harmonics are in the sensor signal",
+    sentence="the sensor signal contains the mains frequency and its harmonics",
     equation="sum_k a_k cos(2 pi k f t) + b_k sin(2 pi k f t)",
     source="Ott, Electromagnetic Compatibility Engineering (2009), chapter 3",
     trials=_trials,
-    separated_by={"resonance": "a drive off the multiples of the mains frequency"},
+    separated_by={"resonance": "a drive at other frequencies than multiples of the mains'"},
     concealed_by="nothing, unless the drive itself runs at the mains frequency",
     axes=("frequency",),
     foreign=True,

@@ -18,13 +18,26 @@ class PEADynamics(AbstractLinearBlock):
         G(s) = (k_p + a s^μ) / (m s² + (c + c_p) s + k + k_p)
              = (g + g_μ s^μ) / (1 + 2 ζ s/ω_0 + s²/ω_0²),   ω_0 = 2π f_0
 
-    From drive to displacement only ratios can be identified; they are the parameters here:
-    gain g = k_p/(k + k_p) [response/drive], creep_gain g_μ = a/(k + k_p) [response/drive · s^μ],
-    order -0.95 < μ < 0.95, frequency f_0 = √((k + k_p)/m)/2π [Hz], and damping
-    ζ = (c + c_p)/(2 √(m (k + k_p))).  A displacement that goes on creeping has g_μ μ < 0.  As μ
-    goes to 0, g and g_μ are only known together.  With g = 0 the numerator is the fractional creep
-    of [F 11], of order -μ.  `fixed_gain` sets g to 1, for use after a hysteresis that has its own
-    gain; g_μ then is a/k_p [s^μ].
+    From drive to displacement only ratios can be identified; they are the parameters here.  A
+    displacement that keeps creeping has g_μ μ < 0.  As μ tends to 0, g and g_μ become strongly
+    correlated.  With g = 0 the numerator is the fractional creep of [F 11], of order -μ.
+
+    Args:
+        gain: initial g.
+        creep_gain: initial g_μ.
+        mu: initial μ.
+        frequency: initial f_0.
+        damping: initial ζ.
+        fixed_gain: whether g is fixed, for use after a hysteresis that has its own gain; g_μ is
+            then a/k_p [s^μ].
+
+    Attributes:
+        gain: g = k_p/(k + k_p), one number [response/drive].
+        creep_gain: g_μ = a/(k + k_p), one number [response/drive · s^μ].
+        mu: μ, -0.95 < μ < 0.95, one number, dimensionless.
+        frequency: f_0 = √((k + k_p)/m)/2π, one number [Hz].
+        damping: ζ = (c + c_p)/(2 √(m (k + k_p))), one number, dimensionless.
+
     Source: Xu, Luo, Luo, Chen, Liu, Fractal Fract. 8 (2024) 3, equations (17) to (20).
     """
 
@@ -45,7 +58,7 @@ class PEADynamics(AbstractLinearBlock):
         fixed_gain: bool = False,
     ):
         self.gain = Parameter(gain, "response/drive", gain=True, fixed=fixed_gain)
-        # No gain of the whole where another comes before it: then it is iterated, within bounds.
+        # If the gain is fixed, creep_gain is no gain of the whole model, and is iterated in bounds.
         self.creep_gain = (
             Parameter(creep_gain, "s^mu", lower=-10.0, upper=10.0, plausible=(-0.5, 0.5))
             if fixed_gain
@@ -72,12 +85,26 @@ class PEADynamics(AbstractLinearBlock):
         mu: float,
         n_d33: float = 1.0,
     ) -> PEADynamics:
-        """From mass m [kg], damping c, c_p [N s/m], stiffness k, k_p [N/m] of hinge and stack,
-        creep's gain a [N/V · s^mu] and order mu.
+        """The block of an actuator with known mechanical quantities.
 
-        n_d33 [m/V] is the stack's free displacement per volt: [F 18] then calls n d33 k_p [N/V] k_p
-        again, and so does the numerator of [F 20].  Where it is 1, k_p is taken as printed, the
-        same number in both places.  Raises InputError unless m, k + k_p and c + c_p are positive.
+        [F 18] calls n d33 k_p [N/V] k_p again, and so does the numerator of [F 20].  If n_d33 is 1,
+        k_p is used as printed, with the same value in both places.
+
+        Args:
+            m: moving mass [kg].
+            c: damping of the hinge [N s/m].
+            c_p: damping of the stack [N s/m].
+            k: stiffness of the hinge [N/m].
+            k_p: stiffness of the stack [N/m].
+            a: gain of creep [N/V · s^mu].
+            mu: order of creep, dimensionless.
+            n_d33: free displacement of the stack per volt [m/V].
+
+        Returns:
+            The block, in [m] per [V].
+
+        Raises:
+            InputError: if m, k + k_p or c + c_p is not positive.
         """
         stiffness, resistance = k + k_p, c + c_p
         require_positive("PEA dynamics", m=m, **{"k + k_p": stiffness, "c + c_p": resistance})

@@ -15,8 +15,11 @@ class QuasiStaticForce(AbstractLinearBlock):
 
         F = k_pzt x,     x = n d33 u_pzt
 
-    The drive is the displacement x, the response the force F; stiffness k_pzt [response/drive],
-    such as N/µm.  n d33 belongs to the law before it.
+    The drive is the displacement x, the response the force F.  n d33 belongs to the block before.
+
+    Attributes:
+        stiffness: k_pzt, one number [response/drive], such as N/µm.
+
     Source: Zhu & Zhou (2012), equation (6).
     """
 

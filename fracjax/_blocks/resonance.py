@@ -16,9 +16,12 @@ class Resonance(AbstractLinearBlock):
 
         G(s) = 1 / (1 + 2 ζ s/ω_0 + s²/ω_0²),   ω_0 = 2π f_0
 
-    f_0 [Hz], damping ratio ζ dimensionless.
-    Source: Xu et al., Fractal Fract. 8 (2024) 3, equation (17), its static gain left to the law
-    before it.
+    Attributes:
+        frequency: f_0, one number [Hz].
+        damping: damping ratio ζ, one number, dimensionless.
+
+    Source: Xu et al., Fractal Fract. 8 (2024) 3, equation (17), with the static gain in the block
+    before.
     """
 
     frequency: Parameter
@@ -47,7 +50,7 @@ class Resonance(AbstractLinearBlock):
 def _trials(setting: Setting) -> list:
     nyquist = 0.5 / setting.step
     lowest = max(min(2 * setting.top_frequency, 0.5 * nyquist), 10.0)
-    # Dense, since a narrow peak is found only from nearby.
+    # Dense, since a fit finds a narrow peak only from nearby.
     frequencies = np.geomspace(min(lowest, nyquist / 8), 2 * nyquist, 24)
     return at_values(
         Resonance(nyquist),
@@ -67,7 +70,7 @@ EFFECT = Effect(
         "delay": "a sweep up to a third of the suspected natural frequency, or fast steps",
         "drive_lag": "a sweep: a lag loses gain where a resonance gains it",
     },
-    concealed_by="the hysteresis, while the drive holds only low harmonics",
+    concealed_by="the hysteresis, if the drive contains only low harmonics",
     axes=("frequency", "rate", "reversal"),
     one_sided=True,
 )

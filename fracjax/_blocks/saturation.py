@@ -15,9 +15,18 @@ from ._effect import Effect, Setting, at_values
 class Saturation(AbstractBlock):
     r"""The amplifier cannot exceed its supply:
 
-        v = min(u, u_max),   u_max [drive]
+        v = min(u, u_max)
 
     The derivative with respect to u_max is 1 where the drive is cut and 0 elsewhere.
+
+    Args:
+        threshold: initial u_max.
+        low: the lowest drive of the recording [drive].
+        high: the highest drive of the recording [drive].
+
+    Attributes:
+        threshold: u_max, one number [drive].
+
     Source: Khalil, Nonlinear Systems (2002), section 1.2.
     """
 
@@ -38,8 +47,8 @@ class Saturation(AbstractBlock):
 def _trials(setting: Setting) -> list:
     low, high = setting.drive_low, setting.drive_high
     block = Saturation(0.5 * (low + high), low=low, high=high)
-    # Of a threshold just below the highest drive little is cut, and only that shows it; what lies
-    # between two trials a factor of three apart shows half of itself in either.
+    # A threshold just below the highest drive cuts, and shows itself, only at the peaks.  With
+    # trials a factor of three apart, one between them is found with half its strength in either.
     cut = np.geomspace(0.4, 1.5e-4, 20)
     return at_values(block, [{"threshold": high - share * (high - low)} for share in cut])
 

@@ -1,4 +1,4 @@
-"""Two mechanical modes side by side."""
+"""Two mechanical modes in parallel."""
 
 from __future__ import annotations
 
@@ -16,14 +16,21 @@ class SecondMode(AbstractLinearBlock):
 
         G(s) = (1 - p) G_1(s) + p G_2(s),   G_i(s) = 1 / (1 + 2 ζ_i s/ω_i + s²/ω_i²)
 
-    ω_1 = 2π f, ω_2 = ω_1 · ratio > ω_1, f in [Hz], ζ_1 = damping, ζ_2 = second_damping, p =
-    participation, dimensionless.  Where sensor and actuator share a place p lies between 0 and 1,
-    and a notch between the two peaks; elsewhere p or 1 - p is negative, and for p < 0 the notch
-    lies beyond both peaks or vanishes.  The second mode is the faster by definition: two free
-    frequencies could be exchanged with p and 1 - p.
-    p = 0 leaves one mode, which is Resonance; without any, f is beyond all that is driven.  A base
-    that has a mode of its own gains another beside it in the limit of a large ratio,
-    (1 - p) G_1 + p: a pole and a zero, of which the zero lies above or below as p does of 1.
+    If sensor and actuator are collocated, p lies between 0 and 1, and a notch lies between the two
+    peaks; otherwise p or 1 - p is negative, and for p < 0 the notch lies beyond both peaks or
+    vanishes.  The second mode has the higher frequency by definition: two free frequencies could be
+    exchanged together with p and 1 - p.
+    p = 0 is one mode, as in Resonance.  If the base has a mode itself, a further one is the limit
+    of a large ratio, (1 - p) G_1 + p: a pole pair and a pair of zeros, which lie above the poles
+    for p < 1 and below for p > 1.
+
+    Attributes:
+        frequency: f = ω_1/2π, one number [Hz].
+        ratio: ω_2/ω_1 > 1, one number, dimensionless.
+        damping: ζ_1, one number, dimensionless.
+        second_damping: ζ_2, one number, dimensionless.
+        participation: p, one number, dimensionless.
+
     Source: Preumont, Vibration Control of Active Structures (2011), chapter 2, for the sum over
     modes; Xu et al., Fractal Fract. 8 (2024) 3, equation (17), for each.
     """
@@ -69,12 +76,13 @@ class SecondMode(AbstractLinearBlock):
         return 1.0
 
 
-# Ratio and participation: two modes of like size, and one beside a mode that the base has.
 _SHAPES = ((1.5, 0.3), (1.5, -0.3), (3.0, 0.3), (10.0, 0.5), (10.0, 1.5))
+"""Ratio and participation of the trials: two modes of similar size, and one in addition to a mode
+of the base."""
 
 
 def _trials(setting: Setting) -> list:
-    # Well damped and dense: a refit then finds the modes from about twice their frequency.
+    # Well damped and dense: a refit then finds modes at half to twice these frequencies.
     lowest = max(0.6 * setting.top_frequency, 10.0)
     highest = max(min(24 * setting.top_frequency, 0.5 / setting.step), 2 * lowest)
     return at_values(
@@ -87,8 +95,9 @@ def _trials(setting: Setting) -> list:
     )
 
 
-def _as_the_upper(block: SecondMode) -> list:
-    """A mode that was found alone may be the upper of two: it moves more, and hides the lower."""
+def _with_lower_mode(block: SecondMode) -> list:
+    """Blocks with the fitted single mode as the upper of two: if that moves more, it hides the
+    lower one."""
     upper, lowest = block.frequency.value, block.frequency.lower
     return at_values(
         block,
@@ -102,17 +111,17 @@ def _as_the_upper(block: SecondMode) -> list:
 EFFECT = Effect(
     name="second_mode",
     site="response",
-    sentence="a second mechanical mode moves beside the first, with a peak of its own and a notch "
-    "where the two cancel",
+    sentence="a second mechanical mode moves in addition to the first, with a peak of its own and "
+    "a notch where the two cancel",
     equation="(1 - p) G1(s) + p G2(s), Gi = 1 / (1 + 2 zeta_i s/omega_i + s^2/omega_i^2)",
     source="Preumont, Vibration Control of Active Structures (2011), chapter 2",
     trials=_trials,
     separated_by={
-        "resonance": "a sweep through both suspected frequencies: two modes leave a notch beside "
+        "resonance": "a sweep through both suspected frequencies: two modes show a notch next to "
         "their peaks",
     },
-    concealed_by="one equivalent mode, while the drive stays below both",
+    concealed_by="one equivalent mode, if the drive stays below both",
     axes=("frequency", "reversal", "rate"),
     special_case="resonance",
-    beyond=_as_the_upper,
+    beyond=_with_lower_mode,
 )

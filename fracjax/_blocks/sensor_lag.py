@@ -13,14 +13,19 @@ from ._effect import Effect, Setting, at_values
 
 
 class SensorLag(AbstractLinearBlock):
-    r"""The reading is the displacement through n equal low-passes, one after the other:
+    r"""The reading is the displacement after n equal low-passes in series:
 
         G(s) = (1 + τ s)^-n,    τ = √(2^(1/n) - 1) / (2π f_c)
 
-    with corner f_c [Hz], where the gain is 1/√2, and order n = 1 to 4, which need not be whole: a
-    chain of unlike poles lies between two orders.  Below the corner it is late by n τ.
-    Behind a linear law the first order is the same as a lag of the drive, whatever the recording.
-    Corners run from 10 Hz (a filter set for resolution) over 1 kHz (LVDT) to 100 kHz (capacitive).
+    The order need not be an integer: low-passes with different poles lie between two orders.  Below
+    the corner the reading is late by n τ.  After a linear model the first order is equivalent to a
+    lag of the drive, in every recording.
+    Ranges: f_c from 10 Hz (a filter set for resolution) over 1 kHz (LVDT) to 100 kHz (capacitive).
+
+    Attributes:
+        corner: f_c, where the gain is 1/√2, one number [Hz].
+        order: n, from 1 to 4, one number, dimensionless.
+
     Source: A. J. Fleming, Sens. Actuators A 190 (2013) 106, whose table of sensors gives the
     bandwidths.
     """
@@ -36,7 +41,7 @@ class SensorLag(AbstractLinearBlock):
 
     @property
     def time_constant(self) -> Array:
-        """τ [s] of each of the low-passes."""
+        """The time constant τ of each low-pass, one number [s]."""
         return jnp.sqrt(2 ** (1 / self.order.value) - 1) / (2 * np.pi * self.corner.value)
 
     def symbol(self, s: Array) -> Array:
@@ -47,15 +52,21 @@ class SensorLag(AbstractLinearBlock):
 
 
 class SensorFilter(AbstractLinearBlock):
-    r"""The reading is the displacement through a filter whose poles come in pairs:
+    r"""The reading is the displacement after a filter with pairs of poles:
 
         G(s) = (1 + 2 ζ s/ω + (s/ω)²)^(-n/2),    |G(2πi f_c)| = 1/√2
 
-    with corner f_c [Hz], order n = 1 to 4, which need not be whole, and damping ζ: 0.87 is Bessel's
-    filter of second order, 0.71 Butterworth's, 1 the chain of `SensorLag`.  Those of third and
-    fourth order have unlike pairs: up to half the corner Bessel's are met to 8e-4 of the static
-    gain and Butterworth's to 6e-3, in the rms.  Below the corner it is late by n ζ/ω.
-    Ranges: as `SensorLag`; ζ from what still rings by 7 % of a step to a chain.
+    At second order ζ = 0.87 is Bessel's filter, 0.71 Butterworth's and 1 that of `SensorLag`.
+    Filters of third and fourth order have different pairs: up to half the corner Bessel's are
+    approximated to 8e-4 of the static gain and Butterworth's to 6e-3, rms.  Below the corner the
+    reading is late by n ζ/ω.
+    Ranges: f_c and n as in `SensorLag`; ζ from 0.65, with 7 % of overshoot, to 1.
+
+    Attributes:
+        corner: f_c, where the gain is 1/√2, one number [Hz].
+        order: n, from 1 to 4, not necessarily an integer, one number, dimensionless.
+        damping: ζ, one number, dimensionless.
+
     Source: A. J. Fleming, Sens. Actuators A 190 (2013) 106, for the bandwidths; Horowitz & Hill,
     The Art of Electronics (2015), section 6.2, for the filters.
     """
@@ -73,7 +84,7 @@ class SensorFilter(AbstractLinearBlock):
 
     @property
     def frequency(self) -> Array:
-        """ω [rad/s] of the poles."""
+        """The natural frequency ω of the poles, one number [rad/s]."""
         bend = 1 - 2 * self.damping.value**2
         squared = bend + jnp.sqrt(bend**2 + 2 ** (2 / self.order.value) - 1)
         return 2 * np.pi * self.corner.value / jnp.sqrt(squared)
@@ -102,8 +113,8 @@ EFFECT = Effect(
     source="Fleming, Sens. Actuators A 190 (2013) 106, for the bandwidths",
     trials=_trials,
     separated_by={
-        "drive_lag": "the voltage at the stack too: a lag of the drive shows there, a sensor's "
-        "does not",
+        "drive_lag": "the voltage at the stack too: a lag of the drive shows there, a lag of the "
+        "sensor does not",
         "delay": "a drive reaching a third of the suspected corner, where a filter loses gain",
         "resonance": "a sweep: a filter loses gain where a resonance gains it",
     },

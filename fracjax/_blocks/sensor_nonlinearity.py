@@ -16,15 +16,28 @@ class SensorNonlinearity(AbstractBlock):
 
         z = y + Y (s_2 x² + s_3 x³),   x = 2 (y - y_0)/Y
 
-    s_2, s_3 dimensionless: the shares of the range Y added at its ends, x = ±1.  A data sheet's
-    non-linearity, the largest distance from the best straight line, is |s_2|/2 and |s_3|/4 of the
-    range: 0.1 % for a capacitive or eddy-current sensor to 1 % for a strain gauge.
-    y [response] is the model's response, without the recording's offset, which is fitted beside it;
-    so the range is not the sensor's own but the recording's: Y [response] is the span of the
-    recorded response, and y_0 [response] what a proportional law makes of the drive's centre.
-    About another point, or with a constant added to y, the same law has the same s_3 and another
-    s_2, gain and offset: a base that is not proportional to the drive costs no generality.
-    Within the bounds z rises with y over the whole range.
+    A data sheet's non-linearity, the largest distance from the best straight line, is |s_2|/2 and
+    |s_3|/4 of the range: 0.1 % for a capacitive or eddy-current sensor to 1 % for a strain gauge.
+    y [response] is the model's response, without the recording's offset, which is fitted
+    separately.  The range is therefore not the sensor's own but that of the recording.  About
+    another point, or with a constant added to y, the same curve has the same s_3 and another s_2,
+    gain and offset, so that the choice of y_0 costs no generality.
+    Within the bounds z increases with y over the whole range.
+
+    Args:
+        s_2: initial s_2.
+        s_3: initial s_3.
+        centre: y_0 [response].
+        span: Y [response].
+
+    Attributes:
+        s_2: the even part at the ends of the range, x = ±1, as a share of Y, one number,
+            dimensionless.
+        s_3: the odd part there, one number, dimensionless.
+        centre: y_0, the response of a proportional model to the drive's centre, one number
+            [response].
+        span: Y, peak to peak of the recorded response, one number [response].
+
     Source: A. J. Fleming, Sens. Actuators A 190 (2013) 106: definition of non-linearity, and table
     of sensors.
     """

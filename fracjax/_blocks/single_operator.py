@@ -14,8 +14,12 @@ class SingleOperator(AbstractLinearBlock):
 
         G(s) = k s^μ,     -1 < μ < 1
 
-    k [response/drive · s^μ], μ dimensionless; the response to a sine leads by 90°·μ.  What was held
-    before t = 0 is not transmitted (Caputo).
+    The response to a sine leads by 90°·μ.  A constant drive before t = 0 has no influence (Caputo).
+
+    Attributes:
+        k: gain, one number [response/drive · s^μ].
+        mu: μ, one number, dimensionless.
+
     Source: Xu, Luo, Luo, Chen, Liu, Fractal Fract. 8 (2024) 3, equation (7) and figure 1.
     """
 

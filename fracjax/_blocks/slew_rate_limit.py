@@ -1,4 +1,4 @@
-"""Drive limited in rate by its amplifier's current."""
+"""Rate of the drive, limited by its amplifier's current."""
 
 from __future__ import annotations
 
@@ -18,14 +18,21 @@ class SlewRateLimit(AbstractBlock):
 
         |v̇| ≤ R = I_max / C,    v_n = v_{n-1} + clip(u_n - v_{n-1}, -R h, R h)
 
-    R [drive/s], h [s] the grid's step.  The voltage v follows the command u while it can and runs
-    after it at the rate R where it cannot.  Of second order in the step: only where the limit sets
-    in between samples is it late.  With `periodic` history it has settled: each half cycle
-    multiplies what is left of another start by (s - R)/(s + R), s the command's rate where v meets
-    it.
-    Ranges: R below the recording's top rate, for above it nothing happens; how far, the amplifier
-    alone says (I_max/C is 1 V/ms for 10 mA on 10 µF).  In a staircase, whose top rate is a jump
-    within one step, a far lower R has still little effect.
+    h [s] is the grid's step.  The voltage v equals the command u where it can, and follows it at
+    the rate R where it cannot.  Of second order in the step, since the limit may set in between
+    samples.  With `periodic` history v is steady: each half cycle multiplies the influence of the
+    start by (s - R)/(s + R), where s is the command's rate at the point where v meets it.
+    Ranges: R below the recording's top rate, above which there is no effect; how far below depends
+    on the amplifier (I_max/C is 1 V/ms for 10 mA on 10 µF).  A staircase has a top rate of one jump
+    per sample, and a far lower R still has little effect.
+
+    Args:
+        rate: initial R.
+        top: the highest rate of the recording's drive [drive/s].
+
+    Attributes:
+        rate: R, one number [drive/s].
+
     Source: Fleming & Leang, Design, Modeling and Control of Nanopositioning Systems (2014), chapter
     on electrical considerations.
     """
@@ -49,7 +56,8 @@ class SlewRateLimit(AbstractBlock):
 
 
 def _follow(reach: Array, voltage: Array, command: Array) -> Array:
-    """Exactly the command wherever it is within reach."""
+    """The voltage after a step: the command where it is within reach, otherwise as near as the
+    limit permits, in drive units."""
     return jnp.minimum(jnp.maximum(command, voltage - reach), voltage + reach)
 
 
@@ -62,24 +70,24 @@ def _trials(setting: Setting) -> list:
 EFFECT = Effect(
     name="slew_rate_limit",
     site="drive",
-    sentence="the amplifier's current charges the stack no faster than a limit, so that the drive "
-    "runs after fast commands on straight ramps",
+    sentence="the amplifier's current limits the rate at which it charges the stack, so that the "
+    "drive follows fast commands in straight ramps",
     equation="|dv/dt| <= R = I_max/C",
     source="Fleming & Leang, Design, Modeling and Control of Nanopositioning Systems (2014), "
     "chapter on electrical considerations",
     trials=_trials,
     separated_by={
-        "cubic_nonlinearity": "the same amplitude at several frequencies: a slew limit is there "
-        "only above one product of frequency and amplitude",
-        "minor_loop_memory": "the same amplitude at several frequencies: play stays, a slew limit "
-        "is gone at low ones",
-        "backlash": "the same amplitude at several frequencies: play stays, a slew limit is "
-        "gone at low ones",
+        "cubic_nonlinearity": "the same amplitude at several frequencies: a slew limit acts only "
+        "above one product of frequency and amplitude",
+        "minor_loop_memory": "the same amplitude at several frequencies: memory stays, a slew "
+        "limit vanishes at low ones",
+        "backlash": "the same amplitude at several frequencies: backlash stays, a slew limit "
+        "vanishes at low ones",
         "drive_lag": "half the amplitude at twice the frequency: a slew limit's share stays, "
         "a lag's doubles",
         "saturation": "the same amplitude at a lower frequency: a supply's limit stays",
     },
-    concealed_by="the rate-dependent terms of the hysteresis, the order alpha above all",
+    concealed_by="the rate-dependent terms of the hysteresis, mainly the order alpha",
     axes=("rate", "phase", "harmonics", "frequency"),
     one_sided=True,
 )

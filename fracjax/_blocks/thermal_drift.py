@@ -12,20 +12,30 @@ from ._block import AbstractBlock
 from ._effect import Effect, Setting, at_values
 
 
-def _usual_from(duration: float) -> float:
-    """The least usual time constant [s] in a recording of so many seconds."""
+def _shortest_plausible(duration: float) -> float:
+    """The shortest plausible time constant [s] for a recording of this duration [s]."""
     return max(0.02 * duration, min(1.0, duration))
 
 
 class ThermalDrift(AbstractBlock):
-    r"""The frame warms up while recording:
+    r"""The frame warms up during the recording:
 
         d(t) = a (1 - exp(-t/τ)) + b t
 
-    a [response], b [response/s], τ [s].  Independent of the drive: how far the frame has warmed
-    when a recording begins is another thing every time, so that a and b are that recording's own.
-    No frame warms up in less than a second: of τ that, or a fiftieth of the recording, to three
-    times the recording is usual.
+    It does not depend on the drive.  The warming at the start differs from recording to recording,
+    so that each has its own a and b.
+    Ranges: no frame warms up in less than a second; τ is plausible from that, or a fiftieth of the
+    recording's duration if that is longer, to three times the duration.
+
+    Args:
+        time_constant: initial τ.
+        longest: duration of the recording [s].
+
+    Attributes:
+        amplitude: a, one number [response].
+        slope: b, one number [response/s].
+        time_constant: τ, one number [s].
+
     Source: Slocum, Precision Machine Design (1992), section 2.3.
     """
 
@@ -41,7 +51,7 @@ class ThermalDrift(AbstractBlock):
             "s",
             lower=1e-3 * longest,
             upper=3 * longest,
-            plausible=(_usual_from(longest), 3 * longest),
+            plausible=(_shortest_plausible(longest), 3 * longest),
             logarithmic=True,
         )
 
@@ -57,7 +67,7 @@ class ThermalDrift(AbstractBlock):
 
 def _trials(setting: Setting) -> list:
     duration, size = setting.duration, 0.01 * setting.response_span
-    constants = np.maximum(np.array([0.03, 0.1, 0.3]) * duration, _usual_from(duration))
+    constants = np.maximum(np.array([0.03, 0.1, 0.3]) * duration, _shortest_plausible(duration))
     block = ThermalDrift(constants[-1], longest=duration)
     shapes = [{"amplitude": size, "time_constant": one} for one in np.unique(constants)]
     return at_values(block, [*shapes, {"slope": size / duration}])
@@ -66,11 +76,12 @@ def _trials(setting: Setting) -> list:
 EFFECT = Effect(
     name="thermal_drift",
     site="additive",
-    sentence="the displacement drifts slowly and independently of the drive, as a frame warming up",
+    sentence="the displacement drifts slowly and independently of the drive, as when a frame warms "
+    "up",
     equation="a (1 - exp(-t/tau)) + b t",
     source="Slocum, Precision Machine Design (1992), section 2.3",
     trials=_trials,
-    separated_by={"creep": "a record at constant drive: drift goes on, creep has died away"},
+    separated_by={"creep": "a record at constant drive: drift continues, creep dies away"},
     concealed_by="the offset and the slow tail of the order alpha",
     axes=("time", "frequency"),
 )

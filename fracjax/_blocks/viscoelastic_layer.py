@@ -1,4 +1,4 @@
-"""A viscoelastic layer between actuator and load: fractional Zener, or a few Maxwell arms."""
+"""A viscoelastic layer between actuator and load: fractional Zener, or a few Maxwell elements."""
 
 from __future__ import annotations
 
@@ -13,19 +13,26 @@ from ._ladder import RELAXATIONS, AbstractLadder, ladders
 
 
 class ViscoelasticLayer(AbstractLinearBlock):
-    r"""A layer of glue or polymer whose stiffness rises from E to a larger one over many decades:
+    r"""A layer of glue or polymer whose stiffness increases with frequency over many decades:
 
         G(s) = 1 - Δ z / (1 + z) = (1 + (1 - Δ) z) / (1 + z),    z = (τ s)^ν
 
-    Δ: share of the response that is missing at high frequency.  Positive where the layer acts
-    beside the actuator, against which it stiffens: the response lags and goes on after a step.
-    Negative where the response passes through it to a load: it leads and then gives way.
-    τ [s] the time of its relaxation, ν the breadth: 1 is Zener's single one, small values a phase
-    that is nearly constant over decades, -90° ν times the share that relaxes.
+    Δ is positive if the layer acts in parallel to the actuator: the response lags and keeps moving
+    after a step.  Δ is negative if the response passes through the layer to a load: it leads and
+    then yields.  ν = 1 is Zener's single relaxation; for small ν the phase is nearly constant over
+    decades, -90° ν times the share that relaxes.
     Ranges: ν 0.1–0.4 for stiff glues far from their glass transition, to 0.6 for damping polymers
-    (Bagley & Torvik), to 0.8 where one relaxation dominates; τ wherever temperature has put it.
+    (Bagley & Torvik), to 0.8 if one relaxation dominates; τ depends on temperature over many
+    decades.
+
+    Attributes:
+        strength: Δ, the share of the response that is missing at high frequency, one number,
+            dimensionless.
+        time_constant: τ, of the relaxation, one number [s].
+        order: ν, one number, dimensionless.
+
     Source: Bagley & Torvik, J. Rheol. 27 (1983) 201; Näsholm & Holm, Fract. Calc. Appl. Anal. 16
-    (2013) 26, for the fractional Zener law.
+    (2013) 26, for the fractional Zener model.
     """
 
     strength: Parameter
@@ -40,7 +47,7 @@ class ViscoelasticLayer(AbstractLinearBlock):
         self.order = Parameter(order, lower=0.05, upper=1.0, plausible=(0.1, 0.8))
 
     def symbol(self, s: Array) -> Array:
-        # Apart, for the power of s alone is the cheap one.
+        # As two powers, since the power of s alone is cheap.
         order = self.order.value
         power = s**order * self.time_constant.value**order
         return 1 - self.strength.value * power / (1 + power)
@@ -50,13 +57,24 @@ class ViscoelasticLayer(AbstractLinearBlock):
 
 
 class MaxwellLayer(AbstractLadder):
-    r"""A layer that the response passes through to a spring: it stiffens by a few relaxations,
+    r"""A layer through which the response passes to a spring, with a few relaxations:
 
         G(s) = 1 + Σ_i g_i τ_i s/(1 + τ_i s),    τ_i = τ ρ^(i-1),    i = 1 … 4
 
-    g_i ≥ 0: share by which the load moves further before arm i has given way, dimensionless; τ [s]
-    the fastest; ρ the ratio of one to the next.  Where the layer lies beside the actuator its
-    relaxations are those of a creep, and are named so.
+    If the layer lies in parallel to the actuator, its relaxations are those of creep, and
+    `KelvinVoigtCreep` describes them.
+
+    Args:
+        share: initial value of every g_i.
+        fastest: initial τ.
+        ratio: initial ρ.
+
+    Attributes:
+        shares: g_i ≥ 0 (4,), by which share the load moves further before element i has relaxed,
+            dimensionless.
+        fastest: τ, the shortest time constant, one number [s].
+        ratio: ρ, the ratio of one time constant to the next, one number, dimensionless.
+
     Source: Ferry, Viscoelastic Properties of Polymers (1980), chapter 1, generalised Maxwell body.
     """
 
@@ -87,8 +105,8 @@ def _trials(setting: Setting) -> list:
             for order in (0.15, 0.35, 0.7)
         ],
     )
-    arms = at_values(MaxwellLayer(), ladders(0.1 * fastest, fastest, 10 * fastest))
-    return [*zener, *arms]
+    maxwell = at_values(MaxwellLayer(), ladders(0.1 * fastest, fastest, 10 * fastest))
+    return [*zener, *maxwell]
 
 
 EFFECT = Effect(
@@ -106,7 +124,7 @@ EFFECT = Effect(
         "drive_lag": "a sweep over two decades: a lag turns the phase at its corner, a layer over "
         "the whole band",
     },
-    concealed_by="the orders and gains of fractional laws: alpha of FOH, chi and mu of LFDH, mu of "
-    "creep",
+    concealed_by="the orders and gains of fractional models: alpha of FOH, chi and mu of LFDH, mu "
+    "of creep",
     axes=("frequency", "phase", "time"),
 )

@@ -43,7 +43,8 @@ def _law(name: str, block: AbstractBlock) -> dict[str, Any]:
     import inspect
 
     parts = _parts(block)
-    lines = [inspect.cleandoc(type(part).__doc__ or "").splitlines() for part in parts]
+    texts = [inspect.cleandoc(type(part).__doc__ or "") for part in parts]
+    lines = [re.split(r"(?m)^(?:Args|Attributes):$", text)[0].splitlines() for text in texts]
     equations = [line.strip() for part in lines for line in part if line.startswith("    ")]
     openings = [re.sub(r" \[[FL][^]]*\]", "", part[0]).rstrip(":.") for part in lines]
     return {

@@ -1,4 +1,4 @@
-"""What a course of rounds amounts to: the verdict, and all that supports it."""
+"""The conclusion of a diagnosis: the verdict, and everything that supports it."""
 
 from __future__ import annotations
 
@@ -12,18 +12,15 @@ import numpy as np
 from .._blocks import EFFECTS
 from .._fit import Estimate, Fit, fit_of, with_profiled_intervals
 from .._models import Model
-from .._prepare import (
-    Noise,
-    Take,
-)
+from .._prepare import Noise, Take
 from .._solve import Progress
-from ._codes import seen_in_codes
+from ._codes import detected_in_codes
 from ._curve import Curve, find_curve
 from ._held_out import (
     Predict,
     Prediction,
-    foretells_worse,
     gain,
+    predicts_worse,
 )
 from ._judgement import (
     APART,
@@ -34,11 +31,11 @@ from ._judgement import (
     excess_doubt,
     explained_fraction,
     freedom_of,
-    is_exhausted,
-    leaves_a_pattern,
-    leftover,
     probability_of,
     reason,
+    remaining_excess,
+    residual_has_pattern,
+    residual_is_noise,
     rivals_of,
 )
 from ._jumps import Jumps, find_jumps, hidden_in_noise
@@ -61,13 +58,18 @@ from ._stage import Stage, path_of
 from ._warnings import warnings_of
 
 _MOST_RIVALS = 4
+"""Effects that a next experiment should distinguish at most; chosen by judgement."""
 _WORTH_FITTING = 0.5
+"""Share of the gain of the effects that jumps or a curve must promise to be fitted; chosen by
+judgement."""
 _NORMAL = 3.0
+"""Kurtosis of normal noise."""
 _CLEARLY = 0.4
+"""Excess χ² per sample from which the residual clearly exceeds the noise; chosen by judgement."""
 
 
 class Conclusion:
-    """What a course of rounds amounts to."""
+    """The conclusion from a course of rounds."""
 
     def __init__(
         self,
@@ -81,17 +83,18 @@ class Conclusion:
         self.model, self.base, self.numerics = model, base, numerics
         self.unseen, self.predict, self.course = unseen, predict, course
         noise = base.preparation.takes[0].noise
-        assert noise is not None  # settle() leaves none unknown
+        assert noise is not None  # settle() estimates every noise
         self.noise: Noise = noise
 
     @property
     def stage(self) -> Stage:
-        """What was adopted; the base alone, where effects have only followed what is no law."""
-        return self.course.stage if self.lawless is None else self.base
+        """The adopted stage; the base alone, if jumps or a curve explain the mismatch better."""
+        return self.course.stage if self.empirical is None else self.base
 
     @property
     def rounds(self) -> list[Round]:
-        return self.course.rounds if self.lawless is None else []
+        """The rounds of the adopted effects; none, if jumps or a curve explain it better."""
+        return self.course.rounds if self.empirical is None else []
 
     def diagnosis(self, limits: Limits, progress: Progress) -> Diagnosis:
         """The verdict and everything that supports it."""
@@ -99,7 +102,7 @@ class Conclusion:
         stage = self.stage
         base_fit = fit_of(self.model, self.base.solved)
         extended = self._extended(progress) if self.rounds else None
-        coded = seen_in_codes(self.base, stage)
+        coded = detected_in_codes(self.base, stage)
         effects = (*self._effects(extended), *((coded,) if coded else ()))
         verdict = self._verdict(effects)
         candidates = self._candidates({e.name for e in effects})
@@ -116,7 +119,7 @@ class Conclusion:
                 noise=self.noise,
                 held_out=held_out,
                 too_small=self.course.too_small,
-                free_form=self.lawless and self.lawless.sentence,
+                empirical=self.empirical and self.empirical.sentence,
                 in_the_noise=self._in_the_noise,
                 exceeds_the_noise=self.exceeds_the_noise,
             ),
@@ -125,7 +128,7 @@ class Conclusion:
             effects=effects,
             candidates=candidates,
             axes=axes,
-            where=where_of(axes, verdict, stage.adopted if effects else (), self._left),
+            where=where_of(axes, verdict, stage.adopted if effects else (), self._residual_ratios),
             noise=self.noise,
             numerics=self.numerics,
             p_value=self._p_value(effects),
@@ -135,59 +138,60 @@ class Conclusion:
         )
 
     def _verdict(self, effects: tuple[NamedEffect, ...]) -> Verdict:
+        """The verdict, from the named effects and the significance of the residual."""
         if effects:
             return "confusable" if any(e.confusable_with for e in effects) else "missing"
-        if self.lawless is not None:
+        if self.empirical is not None:
             return "unexplained"
-        # Where no effect gains anything, places alone must be surer: a noise level that was read
-        # from few samples with heavy tails is off by more than it says.
+        # If no effect improves the fit, the places must be more significant: the error of a noise
+        # level that was estimated from few samples with heavy tails is larger than estimated.
         limit = SIGNIFICANCE if self.course.gains else PLACES_ALONE
         return "none" if self.course.first.p_value >= limit else "unexplained"
 
     @property
     def exceeds_the_noise(self) -> bool:
-        """Whether the base clearly leaves more than noise whose tails are those that the noise
-        itself has shown.
+        """Whether the base's residual clearly exceeds noise with normal tails.
 
-        A burst does, which the tests take for a tail of the residual that it is in.
+        A burst does, which the tests would count as a heavy tail of the residual that contains it.
         """
         solved = self.base.solved
         doubt = excess_doubt(solved, _NORMAL)
         return self.base.excess > solved.samples * max(doubt, _CLEARLY)
 
     @property
-    def _left(self) -> list[tuple[str, float]]:
-        """What the base leaves in each recording, by its name, in its noise floors, rms."""
-        left = []
+    def _residual_ratios(self) -> list[tuple[str, float]]:
+        """The name of each recording, and the rms of the base's residual over its noise level."""
+        ratios = []
         takes, simulations = self.base.preparation.takes, self.base.solved.simulations
         for take, simulation in zip(takes, simulations, strict=True):
             assert take.noise is not None  # a diagnosis has one
             error = (take.recording.response - simulation)[take.used]
-            left.append((take.recording.source, float(error.std()) / take.noise.sigma))
-        return left
+            ratios.append((take.recording.source, float(error.std()) / take.noise.sigma))
+        return ratios
 
     def _p_value(self, effects: tuple[NamedEffect, ...]) -> float:
-        """The first test's, or that of jumps which it took for the noise's tails."""
+        """The p-value of the first test, or that of jumps, which the test may count as tails."""
         first = self.course.first
-        found = first.least if effects else first.p_value
-        return found if self.jumps is None else min(found, self.jumps.p_value(self.base))
+        p_value = first.least if effects else first.p_value
+        return p_value if self.jumps is None else min(p_value, self.jumps.p_value(self.base))
 
     @property
-    def lawless(self) -> Jumps | Curve | None:
-        """What describes the mismatch without a law, and better than any law."""
+    def empirical(self) -> Jumps | Curve | None:
+        """Jumps or a curve that describe the mismatch better than any effect of the catalogue."""
         return self.jumps or self.curve
 
     @cached_property
     def jumps(self) -> Jumps | None:
-        """Jumps, if they tell enough, and more than the effects that were adopted or may have been.
+        """Jumps, if they explain enough, and more than the effects that were adopted or could be.
 
-        Jumps foretell no other recording: what the effects have foretold is none.  They exclude an
-        effect as another effect would: one step comes near a slow law that is hardly seen.
+        Jumps predict no other recording: a mismatch that effects have predicted in one is no jump.
+        They must exclude an effect as another effect would, since a step resembles a slow effect
+        that is hardly significant.
         """
         base, stage = self.base, self.course.stage
         if self.course.first.least >= SIGNIFICANCE and not self.exceeds_the_noise:
             return None
-        if any(round_.winner.foretells_a_recording for round_ in self.course.rounds[-1:]):
+        if any(round_.winner.predicts_a_recording for round_ in self.course.rounds[-1:]):
             return None
         gained = base.solved.bic - stage.solved.bic
         jumps = find_jumps(base, _WORTH_FITTING * max(gained, base.excess))
@@ -198,8 +202,8 @@ class Conclusion:
 
     @cached_property
     def curve(self) -> Curve | None:
-        """A static curve, if it tells enough, and clearly more than any effect that was adopted or
-        may have been."""
+        """A static curve, if it explains enough, and clearly more than any effect that was adopted
+        or could be."""
         base, stage = self.base, self.course.stage
         if self.course.first.least >= SIGNIFICANCE or not self.course.is_real:
             return None
@@ -215,45 +219,45 @@ class Conclusion:
         gained = base.solved.bic - stage.solved.bic
         if not all(curve.is_ahead_of(other, gained) for other in others):
             return None
-        foretold = self.predict(stage.solved)
+        by_stage = self.predict(stage.solved)
         by_curve = self.predict(curve.solved)
-        return None if foretells_worse(self.predict, foretold, by_curve) else curve
+        return None if predicts_worse(self.predict, by_stage, by_curve) else curve
 
     def _extended(self, progress: Progress) -> Fit:
-        """The fit with what was adopted, and the intervals of what is named."""
+        """The fit with the adopted effects, with profiled intervals if they are named."""
         stage = self.stage
         fit = fit_of(Model(stage.solved.block, stage.name), stage.solved)
         if not self.is_explained:
             return fit
         paths = tuple(path_of(stage.layers, k) for k in range(len(self.rounds)))
         own = [e.name for e in fit.estimates if e.name.startswith(paths)]
-        progress(f"finding the intervals of {len(own)} parameters")
+        progress(f"computing the intervals of {len(own)} parameters")
         return with_profiled_intervals(fit, own)
 
     @cached_property
     def is_explained(self) -> bool:
-        """Whether what was adopted explains the mismatch."""
+        """Whether the adopted effects explain the mismatch."""
         stage = self.stage
         return (
             explained_fraction(self.base, stage.solved) >= EXPLAINED
-            and is_exhausted(self.base, stage)
-            and not leaves_a_pattern(self.base, stage, self.course.last.axes)
-            # However well it fits, it has followed something else.
-            and not foretells_worse(self.predict, *self._predicted)
+            and residual_is_noise(self.base, stage)
+            and not residual_has_pattern(self.base, stage, self.course.last.axes)
+            # However well it fits, a worse prediction shows that it has followed another cause.
+            and not predicts_worse(self.predict, *self._predicted)
             and not self._stands_in
         )
 
     @property
     def _stands_in(self) -> bool:
-        """Whether several effects leave more than noise, and are much further from a recording held
-        out than from the training.
+        """Whether several effects have a residual above the noise, and a much larger error on a
+        held-out recording than on the training recordings.
 
-        The law of one may differ from ours, and need not reach as far; laws of the catalogue that
-        are stacked without coming down to the noise stand in for one that is not in it.  That their
-        many numbers are open is no excuse.
+        A single effect may differ from its model and need not be that accurate.  Several models of
+        the catalogue whose residual still exceeds the noise compensate for an effect that is not in
+        it.  The uncertainty of their many parameters does not excuse them.
         """
         stage = self.stage
-        if self.unseen is None or len(stage.layers) < 2 or leftover(stage) <= 0:
+        if self.unseen is None or len(stage.layers) < 2 or remaining_excess(stage) <= 0:
             return False
         return not self._predicted[1].is_as_good_as(stage.solved.excess_ratio)
 
@@ -267,43 +271,49 @@ class Conclusion:
         )
 
     def _named(self, round_: Round, own: tuple[Estimate, ...]) -> NamedEffect:
+        """The named effect of one round, with its estimates and its rivals."""
         winner = round_.winner
         return NamedEffect(
             name=winner.name,
             site=winner.layer.site,
-            probability=probability_of(winner, round_.found),
+            probability=probability_of(winner, round_.candidates),
             explained_fraction=float(np.clip(winner.explained, 0.0, 1.0)),
             parameters=own,
             confusable_with=tuple(
-                j.name for j in rivals_of(winner, round_.found) if j.name not in self.stage.adopted
+                rival.name
+                for rival in rivals_of(winner, round_.candidates)
+                if rival.name not in self.stage.adopted
             ),
         )
 
     def _own_parameters(self, k: int, extended: Fit) -> tuple[Estimate, ...]:
-        """The estimates that came with the k-th effect, by its own names."""
+        """The estimates of the k-th effect's parameters, by their names in its own block."""
         path = path_of(self.stage.layers, k)
         own = [e for e in extended.estimates if e.name.startswith(path)]
         return tuple(replace(e, name=e.name.removeprefix(path)) for e in own)
 
     def _candidates(self, named: Collection[str]) -> tuple[Candidate, ...]:
-        """Every effect of the catalogue, by the evidence for it: those that were refitted first."""
+        """Every effect of the catalogue: first those that were refitted, ordered by evidence."""
         scores, judged = self.course.first.scores, self.course.judged
-        found = [self._candidate(s, judged.get(s.effect.name), named) for s in scores]
+        candidates = [self._candidate(s, judged.get(s.effect.name), named) for s in scores]
         return tuple(
-            sorted(found, key=lambda c: (c.delta_bic is not None, c.log_evidence), reverse=True)
+            sorted(
+                candidates, key=lambda c: (c.delta_bic is not None, c.log_evidence), reverse=True
+            )
         )
 
     def _candidate(
         self, score: EffectScore, judged: Judged | None, named: Collection[str]
     ) -> Candidate:
+        """One effect of the catalogue, with its score and, if it was refitted, its judgement."""
         adopted, p_value = self.stage.adopted, self.course.first.p_value
         forbidding = 0.0 if self.course.is_real else self.numerics
         why = reason(score, judged, adopted, p_value, forbidding)
         if score.effect.name in named and score.effect.name not in adopted:
             why = "named: the response lies on a grid whose steps are as large as the noise"
-        if self.lawless is not None and judged is not None and judged.admissible:
-            told = "jumps of the response tell" if self.jumps else "a static curve tells"
-            why = f"rejected: {told} more"
+        if self.empirical is not None and judged is not None and judged.admissible:
+            better = "jumps of the response explain" if self.jumps else "a static curve explains"
+            why = f"rejected: {better} more"
         return Candidate(
             name=score.effect.name,
             site=score.effect.site,
@@ -318,28 +328,28 @@ class Conclusion:
         )
 
     def _axes(self, effects: tuple[NamedEffect, ...]) -> tuple[Axis, ...]:
-        """The axes, those first along which the named effect's signature is known to stand out,
-        then those whose places take most of the residual."""
+        """The axes: first those along which the named effect's signature stands out by the
+        catalogue, then those whose places explain most of the residual."""
         leading = [round_.winner.name for round_ in self.rounds] + [e.name for e in effects]
         natural = EFFECTS[leading[0]].axes if leading else ()
 
         def order(axis: Axis) -> tuple[bool, int, float, float]:
             silent = axis.p_value >= SIGNIFICANCE
-            # What is seen in the codes alone has no place in the residual.
-            known = axis.axis in natural and not (silent and self.rounds)
-            place = natural.index(axis.axis) if known else len(natural)
-            return silent and not known, place, -axis.excess, axis.p_value
+            # An effect that only the codes show has no place in the residual.
+            leads = axis.axis in natural and not (silent and self.rounds)
+            place = natural.index(axis.axis) if leads else len(natural)
+            return silent and not leads, place, -axis.excess, axis.p_value
 
         axes = self.course.first.axes
         if natural == ("frequency",):
-            # Of lines that it was read with, the floor hides the place.
+            # A noise floor that contains spectral lines hides their place.
             axes = [self._frequency() if a.axis == "frequency" else a for a in axes]
         axes = sorted(axes, key=order)
         return tuple(self._placed(axes, natural) if effects and self.rounds else axes)
 
     def _placed(self, axes: list[Axis], natural: Sequence[str]) -> list[Axis]:
-        """The axes, of which the named effect's own says where that acts, if no place of it stands
-        out by itself; and comes first, where none of them does."""
+        """The axes, with the places where the named effect acts on its own axis, if no place stands
+        out there; that axis comes first if no axis of the effect does."""
         own = next((axis for name in natural for axis in axes if axis.axis == name), None)
         if own is None or own.intervals:
             return axes
@@ -354,7 +364,7 @@ class Conclusion:
         return [acting, *(axis for axis in axes if axis is not own)]
 
     def _frequency(self) -> Axis:
-        """The axis of frequency, the lines that the noise was read with taken for mismatch."""
+        """The axis of frequency, with the spectral lines in the noise counted as mismatch."""
         solved, preparation = self.base.solved, self.base.preparation
         bare = preparation.with_noises(
             [t.noise.without_lines() for t in preparation.takes if t.noise]
@@ -365,38 +375,38 @@ class Conclusion:
 
     @cached_property
     def _predicted(self) -> tuple[Prediction, Prediction]:
-        """What the base and what was adopted make of data held out."""
+        """The predictions of held-out data by the base and by the adopted stage."""
         base, stage = self.base, self.stage
         before = self.predict(base.solved)
         return before, self.predict(stage.solved) if self.rounds else before
 
     @property
     def held_out(self) -> HeldOut:
-        """The scores on data held out."""
+        """The scores on held-out data."""
         take, (base, extended) = self.unseen, self._predicted
         source = "" if take is None else take.recording.source
         method = "stretches set aside in turn" if take is None else "recording"
         if not self.rounds:
             return HeldOut(method, base.rmse, None, base.folds, (), source)
-        found = gain(base, extended)
-        if take is not None or not any(found.foretold):
+        gained = gain(base, extended)
+        if take is not None or not any(gained.predicted_folds):
             return HeldOut(method, base.rmse, extended.rmse, base.folds, extended.folds, source)
-        # A stretch that the others do not foretell says nothing of either model.
+        # A stretch that the others do not predict is no evidence about either model.
         before, after = (
-            tuple(itertools.compress(prediction.folds, found.foretold))
+            tuple(itertools.compress(prediction.folds, gained.predicted_folds))
             for prediction in (base, extended)
         )
-        return HeldOut(method, found.base_rmse, found.extended_rmse, before, after, source)
+        return HeldOut(method, gained.base_rmse, gained.extended_rmse, before, after, source)
 
     def _next_experiment(
         self, verdict: Verdict, limits: Limits, progress: Progress
     ) -> NextExperiment | None:
-        """The drive that tells apart what this recording cannot: the look-alikes of an effect, or
-        the best guesses where none explains the mismatch."""
+        """The drive that distinguishes what this recording cannot: the look-alikes of an effect, or
+        the best candidates if none explains the mismatch."""
         if verdict == "confusable":
-            sets = [[r.winner, *rivals_of(r.winner, r.found)] for r in self.rounds]
+            sets = [[r.winner, *rivals_of(r.winner, r.candidates)] for r in self.rounds]
             rivals = max(sets, key=len)
-        elif verdict == "unexplained" and self.lawless is None:
+        elif verdict == "unexplained" and self.empirical is None:
             rivals = sorted(self.course.judged.values(), key=lambda j: -j.delta_bic)
         else:
             return None
@@ -409,28 +419,28 @@ class Conclusion:
 
     @cached_property
     def hidden(self) -> list[tuple[str, str]]:
-        """Jumps that count as noise, for what repeats does not have them: whose they are, and in
-        words."""
-        # Beside a mismatch steps would follow that.
-        if self.lawless is not None or self.course.gains:
+        """Jumps that count as noise, since they do not repeat: the name of the recording, and a
+        sentence."""
+        # If there is a mismatch, steps would follow that.
+        if self.empirical is not None or self.course.gains:
             return []
-        told = []
+        sentences = []
         for k, take in enumerate(self.base.preparation.takes):
             hidden = hidden_in_noise(self.base, k)
             if hidden is not None:
-                jumps, beside = hidden
+                jumps, without = hidden
                 words = (
-                    f"the noise floor holds what looks like {jumps.listed}; beside them the noise "
-                    f"is {beside.sigma:.3g} {beside.unit}. They count as noise and hide what is "
-                    "smaller; leave out the time that they spoil (--mask), or record the same "
+                    f"the noise floor contains what looks like {jumps.listed}; without them the "
+                    f"noise is {without.sigma:.3g} {without.unit}. They count as noise and hide "
+                    "smaller effects; leave out the affected time (--mask), or record the same "
                     "drive again."
                 )
-                told.append((take.recording.source, words))
-        return told
+                sentences.append((take.recording.source, words))
+        return sentences
 
     @property
     def _in_the_noise(self) -> str | None:
-        """What the sentence says of them: of the first recording that has any."""
+        """The sentence on the jumps in the first recording that has any."""
         if not self.hidden:
             return None
         source, words = self.hidden[0]

@@ -1,4 +1,4 @@
-"""What a stage leaves: every effect's score, every place's, and whether that is beyond noise."""
+"""The residual of a stage: the score of every effect and every place, and its significance."""
 
 from __future__ import annotations
 
@@ -17,10 +17,11 @@ from ._stage import Stage
 
 @dataclass(frozen=True)
 class Detection:
-    """What the residual of a stage shows: every effect's score, every axis' map, one p-value.
+    """The test of a stage's residual: the score of every effect, the map of every axis, and one
+    p-value.
 
-    `hidden` is the p-value about the best fit within the usual ranges, where the fit has left them
-    and shows nothing.
+    `hidden` is the p-value of the best fit within the usual ranges, if the fit itself lies outside
+    them and its residual is not significant.
     """
 
     scores: list[EffectScore]
@@ -35,13 +36,14 @@ class Detection:
 
     @property
     def least(self) -> float:
-        """The lesser of both."""
+        """The smaller of both p-values."""
         return min(self.p_value, self.hidden)
 
 
 def detect(stage: Stage, seed: int, progress: Progress) -> Detection:
-    """Score every effect not yet adopted and every place; one p-value, Holm-adjusted."""
-    progress(f"testing what {stage.name} leaves")
+    """Score every effect not yet adopted and every place, with one p-value, adjusted for the number
+    of tests."""
+    progress(f"testing the residual of {stage.name}")
     problems = stage.preparation.problems()
     residual = residual_of(stage.solved)
     scores = scored(stage, stage.solved, residual)
@@ -49,22 +51,22 @@ def detect(stage: Stage, seed: int, progress: Progress) -> Detection:
     freedom = freedom_of(stage.preparation, stage.solved.kurtosis)
     axes = locate(stage.preparation, problems, residual, freedom)
     tests = [family_wise_p(scores, freedom, seed), *(axis.p_value for axis in axes)]
-    found = Detection(scores, axes, min(1.0, min(tests) * len(tests)))
-    if found.p_value < SIGNIFICANCE or stage.layers or not stage.displaced:
-        return found
+    detection = Detection(scores, axes, min(1.0, min(tests) * len(tests)))
+    if detection.p_value < SIGNIFICANCE or stage.layers or not stage.displaced:
+        return detection
     within = scored_within(stage, progress)
-    return replace(found, hidden=min(1.0, 2 * family_wise_p(within, freedom, seed)))
+    return replace(detection, hidden=min(1.0, 2 * family_wise_p(within, freedom, seed)))
 
 
 def scored_within(stage: Stage, progress: Progress) -> list[EffectScore]:
-    """Every effect not yet adopted, scored about the best fit within the usual ranges."""
-    progress(f"testing what {stage.name} leaves within its usual ranges")
+    """The scores of every effect not yet adopted at the best fit within the usual ranges."""
+    progress(f"testing the residual of {stage.name} within its usual ranges")
     kept = stage.undisplaced
     return scored(stage, kept, residual_of(kept))
 
 
 def scored(stage: Stage, solved: Solved, residual: Residual) -> list[EffectScore]:
-    """Every effect not yet adopted, scored about a fit and what it leaves."""
+    """The scores of every effect not yet adopted, for a fit and its residual."""
     scorer = Scorer(solved.blocks, stage.preparation.problems(), residual)
     setting = stage.preparation.setting
     others = [effect for name, effect in EFFECTS.items() if name not in stage.adopted]

@@ -29,14 +29,16 @@ from ._held_out import (
     predict_stretches,
 )
 from ._next_experiment import Limits, parse_limits, recorded_limits
-from ._procedure import explained_by_noise, run, with_noise_beyond_mismatch
+from ._procedure import run, with_noise_profile, with_noise_without_mismatch
 from ._result import (
     Diagnosis,
 )
 from ._stage import Stage
 
 _STARTS = 8
+"""Starts of the base fit; chosen by judgement."""
 _MOST_READINGS = 2
+"""How often the noise may be estimated anew, without the mismatch; chosen by judgement."""
 
 
 def diagnose(
@@ -53,18 +55,34 @@ def diagnose(
     seed: int = 0,
     progress: Progress = silent,
 ) -> Diagnosis:
-    """Say whether, where and why a model, or that of a name, and recordings differ beyond noise.
+    """State whether, where and why a model and recordings differ by more than the noise.
 
-    `holdout` is a recording that no fit sees; without one, and for effects that it does not show,
-    stretches are set aside in turn.
-    `repeat` holds the drive of a recording a second time, for the noise floor, or several do those
-    of several; what shows no noise of its own, in periods or rests, has that of another with the
-    same rate.  `noise` is the sensor's specification, rms, a number in the response's unit or a
-    text such as "0.07 um", used where nothing of this shows the noise.
-    `limits` of the drive, "0..100 V, 50 V/ms", bound the next experiment; without them the range
-    that was recorded and ten times its fastest change do.  `mask` leaves out times [s] from the
-    first sample, ends included, of every recording but those two.
-    Raises InputError where the recordings do not fit together.
+    Args:
+        model: the base model, or the name of one.
+        recordings: one recording or several, each with a drive (N,) and a response (N,) in its
+            units.
+        holdout: a recording that no fit uses; without one, and for effects that it does not show,
+            stretches of the recordings are held out in turn.
+        repeat: a recording with the same drive as one of `recordings`, or several, from which the
+            noise floor is estimated.  A recording whose noise neither a repeat, nor periods, nor
+            rests show, has the noise of another with the same sampling rate.
+        noise: the sensor's specification, rms, a number in the response's unit or a text such as
+            "0.07 um", used if no recording shows the noise.
+        history: the prior history of the drive, such as "constant"; None if the data decide.
+        settling: the start that is left out, a number of samples or a time such as "1 s"; None if
+            the data decide.
+        limits: of the drive in the next experiment, such as "0..100 V, 50 V/ms"; by default the
+            recorded range and ten times its fastest change.
+        mask: times [s] from the first sample, ends included, that are left out of every recording
+            except `holdout` and `repeat`.
+        seed: of the random starts, a whole number ≥ 0.
+        progress: is called with a text at every step.
+
+    Returns:
+        The diagnosis; its results state their units.
+
+    Raises:
+        InputError: if the recordings have different units, or an option is unusable.
     """
     listed = recordings_of(recordings)
     model = model_of(model, listed)
@@ -77,7 +95,7 @@ def diagnose(
         limits = parse_limits(limits, listed)
     seed = require_whole_number(seed, "seed", 0)
     with computing():
-        progress("reading the noise floor")
+        progress("estimating the noise floor")
         preparation = prepare(
             listed,
             repeats=repeats,
@@ -88,7 +106,7 @@ def diagnose(
         )
         progress(f"fitting {model.name} from {_STARTS} starts")
         solved = settle(model.block, preparation, history=history, starts=_STARTS, seed=seed)
-        readings_left, earlier = _MOST_READINGS, []
+        remaining_readings, earlier = _MOST_READINGS, []
         while True:
             solved, numerics = refine_until_accurate(solved, progress)
             base = Stage(model.name, model.block, (), solved)
@@ -97,22 +115,28 @@ def diagnose(
                 predict_stretches if unseen is None else partial(predict_recording, take=unseen)
             )
             course = run(
-                base, numerics, predict, seed, progress, earlier, may_read_again=readings_left > 0
+                base,
+                numerics,
+                predict,
+                seed,
+                progress,
+                earlier,
+                may_read_again=remaining_readings > 0,
             )
-            clearer = with_noise_beyond_mismatch(base, course) if readings_left else None
+            clearer = with_noise_without_mismatch(base, course) if remaining_readings else None
             if clearer is None:
                 break
-            progress("reading the noise again, without the mismatch")
+            progress("estimating the noise again, without the mismatch")
             solved = solve_from([solved.block, model.block], clearer)
-            readings_left, earlier = readings_left - 1, course.opening
-        base, course = explained_by_noise(base, course, seed, progress) or (base, course)
+            remaining_readings, earlier = remaining_readings - 1, course.opening
+        base, course = with_noise_profile(base, course, seed, progress) or (base, course)
         limits = limits or recorded_limits(listed)
         conclusion = Conclusion(model, base, numerics, unseen, predict, course)
         return conclusion.diagnosis(limits, progress)
 
 
 def held_out_take(first: Take, holdout: Recording) -> Take:
-    """The held-out recording under the assumptions of the first training recording."""
+    """The held-out recording, with the history and the noise of the first training recording."""
     require_units_of(first.recording, holdout)
     noise = measured_noise(holdout) or first.noise
     if first.history != "periodic":

@@ -1,13 +1,13 @@
-r"""Jumps of the response that nothing in the drive calls for: a description without a law.
+r"""Jumps of the response without a cause in the drive: an empirical description of a mismatch.
 
 A mount that slips, a domain that switches, a counter that loses a fringe, a reading that is held:
 
     y + Σ_i a_i 1[t ≥ t_i]
 
-found one after the other by the projected score test, with a step at every sample for a column,
-then fitted together with the base.  Each costs two numbers in BIC.  Effects of the catalogue that
-leave more than that have only followed them.  What is back after a few samples is no jump but a
-tail of the noise, and says nothing for or against an effect.
+They are found one after the other by the projected score test, with a step at every sample as a
+column, then fitted together with the base.  Each costs two parameters in BIC.  Effects of the
+catalogue with a larger residual than that have only followed the jumps.  A jump that returns after
+a few samples is a tail of the noise, and no evidence for or against an effect.
 Source: Basseville & Nikiforov, Detection of Abrupt Changes (1993), section 2.6.
 """
 
@@ -27,14 +27,22 @@ from ._score import Residual
 from ._stage import Stage
 
 _MOST = 6
+"""Jumps that are searched for at most; chosen by judgement."""
 _LEAST_SEEN = 1e-6
-_BRIEF, _BACK = 5, 0.5
-_LIKELIER, _CLEARLY_LESS = 10.0, 0.85
+"""Norm of a step, per sample, below which the fit absorbs it completely."""
+_BRIEF = 5
+"""Samples within which a jump that returns counts as a tail of the noise; chosen by judgement."""
+_BACK = 0.5
+"""Remaining share of such a jump; chosen by judgement."""
+_LIKELIER = 10.0
+"""Gain in BIC from which jumps are more likely than noise of one spectrum."""
+_CLEARLY_LESS = 0.85
+"""Ratio of the noise without jumps to that with them; chosen by judgement."""
 
 
 @dataclass(frozen=True)
 class Jumps:
-    """The base fitted together with jumps at the samples that its preparation says."""
+    """The base fitted together with jumps at the samples that its preparation lists."""
 
     solved: Solved
 
@@ -44,54 +52,54 @@ class Jumps:
 
     @property
     def count(self) -> int:
-        """Of all recordings together."""
+        """The number of jumps in all recordings together."""
         return sum(len(take.jumps) for take in self.preparation.takes)
 
     @property
     def searched(self) -> float:
-        """What the times cost in BIC, which are numbers too and not among those of the fit."""
+        """The cost in BIC of the times, which are parameters in addition to those of the fit."""
         return self.count * float(np.log(self.solved.samples))
 
     @property
     def sizes(self) -> list[np.ndarray]:
-        """Of each recording's jumps, in the response's unit."""
+        """The sizes of each recording's jumps, in the response's unit."""
         takes = zip(self.preparation.takes, self.solved.own, strict=True)
         return [own[own.size - len(take.jumps) :] for take, own in takes]
 
     def ahead_of(self, other: Solved) -> float:
-        """What jumps that last gain in BIC over another fit, where the noise is not in its tails;
-        -inf where none lasts."""
+        """The gain in BIC of the lasting jumps over another fit, without the samples of brief ones;
+        -inf if none lasts."""
         if 2 * sum(len(self._brief(k)) for k in range(len(self.sizes))) == self.count:
             return -np.inf
-        cost, numbers = 0.0, self.solved.free - other.free + self.count
+        cost, parameters = 0.0, self.solved.free - other.free + self.count
         pairs = zip(self.solved.whitened, other.whitened, strict=True)
         for k, (own, others) in enumerate(pairs):
             counted = np.ones(own.size, dtype=bool)
             for brief in self._brief(k):
                 counted[brief] = False
-                numbers -= 4
+                parameters -= 4
             cost += float(np.sum((others**2 - own**2)[counted]))
-        return cost / self.solved.excess_ratio - numbers * float(np.log(self.solved.samples))
+        return cost / self.solved.excess_ratio - parameters * float(np.log(self.solved.samples))
 
     def _brief(self, k: int) -> list[slice]:
-        """Where a jump of the k-th recording is back after a few samples, with what whitening makes
-        of it."""
+        """The samples of the k-th recording's brief jumps, those that return after a few samples,
+        extended by the length of the whitening filter."""
         take = self.preparation.takes[k]
         assert take.noise is not None  # a diagnosis has one
         steps = sorted(zip(take.jumps, self.sizes[k], strict=True))
-        found = []
+        brief = []
         while len(steps) > 1:
             (at, size), (then, back), *_ = steps
             returns = abs(size + back) < _BACK * max(abs(size), abs(back))
             if then - at <= _BRIEF and returns:
-                found.append(slice(at, then + take.noise.whitening.size))
+                brief.append(slice(at, then + take.noise.whitening.size))
             steps = steps[2 if then - at <= _BRIEF and returns else 1 :]
-        return found
+        return brief
 
     @property
     def gradual(self) -> bool:
-        """Whether ramps in their places take more than they do, each so long that a true jump would
-        be told from it, or as long as its neighbours leave room for."""
+        """Whether ramps instead of the jumps reduce χ² more, each so long that it could be
+        distinguished from a jump, or as long as its neighbours permit."""
         plain = self.preparation.with_jumps([()] * len(self.sizes))
         problems, residual = plain.problems(), _without_jumps(self, plain)
         ramps, steps = [], []
@@ -108,52 +116,52 @@ class Jumps:
                 steps.append(step)
                 ramps.append(ramp)
 
-        def taken(columns: list[np.ndarray]) -> float:
+        def reduction(columns: list[np.ndarray]) -> float:
             directions = orthonormal_basis(np.stack(columns, axis=1))
             return float(np.sum((directions.T @ residual.whitened) ** 2))
 
-        return taken(ramps) > taken(steps)
+        return reduction(ramps) > reduction(steps)
 
     def p_value(self, base: Stage) -> float:
-        """P(jumps that gain so much in χ²) where the base is right, wherever they may be."""
+        """P(jumps at any times reduce χ² as much), if the base is right."""
         fall = base.solved.cost - self.solved.cost
         return float(np.exp(min(0.0, chi2.logsf(fall, 2 * self.count) + self.searched)))
 
     @property
     def listed(self) -> str:
         """Sizes and times in words."""
-        told, several = [], len(self.preparation.takes) > 1
+        listed, several = [], len(self.preparation.takes) > 1
         for take, sizes in zip(self.preparation.takes, self.sizes, strict=True):
             recording = take.recording
             for at, size in zip(take.jumps, sizes, strict=True):
                 of = f" of {recording.source}" if several else ""
-                told.append(
+                listed.append(
                     f"{size:+.3g} {recording.response_unit} at {at * recording.dt:.4g} s{of}"
                 )
-        return f"{'jumps' if len(told) > 1 else 'a jump'} of the response: {', '.join(told)}"
+        return f"{'jumps' if len(listed) > 1 else 'a jump'} of the response: {', '.join(listed)}"
 
     @property
     def sentence(self) -> str:
-        """What they are, and what to do."""
+        """The jumps and the remedy, in words."""
         if self.gradual:
             return (
-                f"It is followed best by {self.listed}; yet these come gradually, as what is slow "
-                "or a law of the drive would make them. Record the same drive again: what that "
-                "causes comes at the same times."
+                f"It is described best by {self.listed}; but these are gradual, as a slow change "
+                "or an effect of the drive would make them. Record the same drive again: effects "
+                "of the drive come at the same times."
             )
         return (
             f"It looks like {self.listed}. Record the same drive "
-            "again, for such jumps come at other times and what the drive causes at the same; or "
-            "leave out the time that they spoil (--mask)."
+            "again, since such jumps come at other times and effects of the drive at the same; or "
+            "leave out the affected time (--mask)."
         )
 
 
 def find_jumps(base: Stage, least: float) -> Jumps | None:
-    """As many jumps as each lower BIC; None where all of them together gain less than `least` in
-    the linear test.
+    """The jumps that each lower BIC; None if all of them together gain less than `least` in the
+    linear test.
 
-    Large ones have led the base so far astray that the test finds more than there are: it is taken
-    again about the fit that it led to.
+    Large jumps distort the fit of the base so much that the test finds too many: it is repeated at
+    the fit that it has led to.
     """
     problems, residual = base.preparation.problems(), residual_of(base.solved)
     places, gained = _places(problems, residual)
@@ -165,12 +173,12 @@ def find_jumps(base: Stage, least: float) -> Jumps | None:
 
 
 def hidden_in_noise(base: Stage, k: int) -> tuple[Jumps, Noise] | None:
-    """Jumps that the k-th recording's noise floor holds, and the noise beside them: where two
-    periods differ by a jump, what does not repeat is as large as that.
+    """Jumps that the k-th recording's noise floor contains, and the noise without them: if two
+    periods differ by a jump, the jump counts as noise.
 
-    They are sought beside white noise of the size by which neighbouring samples differ.  None where
-    they are not likelier than noise of one colour, or leave it nearly as large: steps here and
-    there follow a slow noise too, but take little from it.
+    They are searched for under white noise with the standard deviation of neighbouring samples'
+    differences.  None if they are not more likely than noise of one spectrum, or the noise without
+    them is nearly as large: a few steps follow a slow noise too, but reduce it little.
     """
     take, before = base.preparation.takes[k], base.solved.simulations[k]
     recording, floor = take.recording, take.noise
@@ -184,34 +192,34 @@ def hidden_in_noise(base: Stage, k: int) -> tuple[Jumps, Noise] | None:
     jumps = find_jumps(replace(base, solved=solved), 0.0)
     if jumps is None:
         return None
-    whole, beside = (
+    whole, without = (
         residual_noise(recording.response - simulation, take.used, recording)
         for simulation in (before, jumps.solved.simulations[0])
     )
-    fall = 2 * jumps.solved.samples * np.log(whole.innovation / beside.innovation)
+    fall = 2 * jumps.solved.samples * np.log(whole.innovation / without.innovation)
     if fall < 2 * jumps.searched + _LIKELIER:
         return None
-    return (jumps, beside) if beside.sigma < _CLEARLY_LESS * floor.sigma else None
+    return (jumps, without) if without.sigma < _CLEARLY_LESS * floor.sigma else None
 
 
 def _fitted(places: list[tuple[int, int]], base: Stage, solved: Solved) -> Jumps:
-    """The base fitted together with jumps, from where it was and from its nominal point."""
+    """The base fitted together with jumps, from its last fit and from its nominal parameters."""
     count = len(base.preparation.takes)
     jumps = [tuple(sorted(at for k, at in places if k == j)) for j in range(count)]
     preparation = base.preparation.with_jumps(jumps)
     return Jumps(solve_from([solved.block, base.nominal], preparation))
 
 
-def _without_jumps(found: Jumps, preparation: Preparation) -> Residual:
-    """What the base would leave at the orders that the fit with jumps found."""
-    places = [(k, at) for k, take in enumerate(found.preparation.takes) for at in take.jumps]
+def _without_jumps(jumps: Jumps, preparation: Preparation) -> Residual:
+    """The residual of the base with the parameters that were fitted together with jumps."""
+    places = [(k, at) for k, take in enumerate(jumps.preparation.takes) for at in take.jumps]
     steps = _steps(preparation.problems(), places)
-    left = np.concatenate(found.solved.whitened) + np.concatenate(found.sizes) @ steps
-    return beside_fit(left, found.solved.on(preparation))
+    whitened = np.concatenate(jumps.solved.whitened) + np.concatenate(jumps.sizes) @ steps
+    return beside_fit(whitened, jumps.solved.on(preparation))
 
 
 def _places(problems: tuple[Problem, ...], residual: Residual) -> tuple[list, float]:
-    """The recording and sample of each jump, and what they gain in BIC."""
+    """The recording and sample of each jump, and their gain in BIC."""
     price = 2 * float(np.log(np.count_nonzero(residual.whitened)))
     places: list[tuple[int, int]] = []
     gained = 0.0
@@ -222,7 +230,7 @@ def _places(problems: tuple[Problem, ...], residual: Residual) -> tuple[list, fl
             break
         places.append(place)
         gained += size**2 - price
-        # A jump that was found is one thing more that the fit absorbs.
+        # The fit now absorbs this jump too.
         basis = np.concatenate([residual.basis, column[:, None]], axis=1)
         residual = Residual(residual.whitened - size * column, basis)
     return places, gained
@@ -231,26 +239,26 @@ def _places(problems: tuple[Problem, ...], residual: Residual) -> tuple[list, fl
 def _strongest(
     problems: tuple[Problem, ...], residual: Residual
 ) -> tuple[tuple[int, int], np.ndarray]:
-    """Where a step would take the most, and its column (ΣL,) of unit length beside the fit."""
+    """The place where a step reduces χ² most, and its projected column (ΣL,) of unit length."""
     starts = np.cumsum([0] + [problem.response.shape[0] for problem in problems])
     signals = np.column_stack([residual.whitened, residual.basis])
     pieces = zip(problems, np.split(signals, starts[1:-1]), strict=True)
     of_steps = [_of_steps(problem, piece) for problem, piece in pieces]
     products, squares = (np.concatenate(each) for each in zip(*of_steps, strict=True))
-    beside = squares - np.sum(products[:, 1:] ** 2, axis=1)
-    seen = beside > _LEAST_SEEN**2 * residual.whitened.size
-    seen[starts[:-1]] = False  # a step there is a constant
-    strength = np.where(seen, products[:, 0] ** 2 / np.where(seen, beside, 1.0), 0.0)
-    found = int(np.argmax(strength))
-    k = int(np.searchsorted(starts, found, "right")) - 1
-    place = (k, found - int(starts[k]))
+    projected = squares - np.sum(products[:, 1:] ** 2, axis=1)
+    visible = projected > _LEAST_SEEN**2 * residual.whitened.size
+    visible[starts[:-1]] = False  # a step there is a constant
+    strength = np.where(visible, products[:, 0] ** 2 / np.where(visible, projected, 1.0), 0.0)
+    strongest = int(np.argmax(strength))
+    k = int(np.searchsorted(starts, strongest, "right")) - 1
+    place = (k, strongest - int(starts[k]))
     column = residual.project(_steps(problems, [place]))[0]
     return place, column / max(float(np.linalg.norm(column)), 1e-300)
 
 
 def _of_steps(problem: Problem, signals: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Of the whitened steps from each sample on: inner products (L, K) with whitened signals
-    (L, K), and squares (L,).
+    """Inner products (L, K) of whitened steps, one from each sample on, with whitened signals
+    (L, K), and the steps' squares (L,).
 
     A step from a on, whitened with weights w and the filter's step response c, is w_t c_{t-a}:
     both are sums over what follows a, and all of them one cumulative sum.
@@ -266,8 +274,8 @@ def _of_steps(problem: Problem, signals: np.ndarray) -> tuple[np.ndarray, np.nda
 def _steps(
     problems: tuple[Problem, ...], places: list[tuple[int, int]], half: int = 0
 ) -> np.ndarray:
-    """Whitened steps (K, ΣL), each from its sample of its recording on; or ramps in their places,
-    `half` samples longer at either end."""
+    """Whitened steps (K, ΣL), each from its sample of its recording on; or ramps instead, that
+    extend by `half` samples on either side."""
     pieces = []
     for k, problem in enumerate(problems):
         samples = np.arange(problem.response.shape[0])[:, None]

@@ -1,4 +1,4 @@
-"""What a fit leaves over, and what it can absorb."""
+"""The residual of a fit, and the changes that the fit can absorb."""
 
 from __future__ import annotations
 
@@ -9,7 +9,8 @@ from ._score import Residual
 
 
 def errors_of(solved: Solved) -> tuple[np.ndarray, np.ndarray]:
-    """What a fit leaves (ΣL,) at the padded recordings' samples, as it is and whitened."""
+    """The errors of a fit (ΣL,) at the samples of the padded recordings, in the response's unit and
+    whitened."""
     takes, problems, errors = solved.preparation.takes, solved.preparation.problems(), []
     for take, problem, simulation in zip(takes, problems, solved.simulations, strict=True):
         error = np.zeros(problem.response.shape[0])
@@ -25,6 +26,6 @@ def residual_of(solved: Solved) -> Residual:
 
 
 def beside_fit(whitened: np.ndarray, solved: Solved) -> Residual:
-    """Whitened errors (ΣL,) without what a small change of a solved block's numbers absorbs."""
+    """Whitened errors (ΣL,) minus what a small change of the fit's parameters absorbs."""
     basis = orthonormal_basis(solved.sensitivity().whitened)
     return Residual(whitened - basis @ (basis.T @ whitened), basis)

@@ -1,4 +1,4 @@
-"""A model as far as effects have been added to it."""
+"""A model with the effects that have been added to it so far."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from .._solve import Solved, solve_from
 
 @dataclass(frozen=True)
 class Layer:
-    """An effect round a model, with the shape it was first tried at."""
+    """An effect inserted at a model, with the trial that the refit started from."""
 
     effect: Effect
     trial: AbstractBlock
@@ -26,30 +26,30 @@ class Layer:
 
     @property
     def place(self) -> str:
-        """The effect's own part of the block that `Effect.insert` makes."""
+        """The name of the effect's own part of the block that `Effect.insert` returns."""
         return "first" if self.site == "drive" else "second"
 
     def own(self, block: AbstractBlock) -> dict[str, Parameter]:
-        """The effect's own parameters in a block that it is the outermost layer of, by their paths,
-        in the order of the block's layout."""
+        """The effect's own parameters, by their dotted names in the block whose outermost layer it
+        is, in the order of the block's layout."""
         parameters, layout = named_parameters(block), layout_of(block)
         names = [name for name, _ in layout.shapes + layout.gains]
         return {n: parameters[n] for n in names if n.startswith(f"{self.place}.")}
 
     def own_shapes(self, block: AbstractBlock) -> dict[str, Parameter]:
-        """Those of them that are no gains."""
+        """Those of the effect's own parameters that are not gains."""
         shapes = dict(layout_of(block).shapes)
         return {name: p for name, p in self.own(block).items() if name in shapes}
 
     @property
     def inside(self) -> str:
-        """The part of that block that holds the model."""
+        """The name of the part of that block that contains the model."""
         return "second" if self.site == "drive" else "first"
 
 
 @dataclass(frozen=True)
 class Stage:
-    """The base model with layers of effects round it, the last outermost, fitted together."""
+    """The base model with layers of effects, the last one outermost, fitted together."""
 
     base: str
     nominal: AbstractBlock
@@ -61,7 +61,7 @@ class Stage:
         return self.solved.preparation
 
     def on(self, preparation: Preparation) -> Stage:
-        """The same fit beside another grid's recordings."""
+        """The same fit with the recordings prepared for another grid."""
         return replace(self, solved=self.solved.on(preparation))
 
     @property
@@ -70,12 +70,12 @@ class Stage:
 
     @property
     def excess(self) -> float:
-        """χ² beyond what noise explains."""
+        """χ² minus its expectation under noise alone."""
         return self.solved.cost - self.solved.samples
 
     @property
     def name(self) -> str:
-        """The model as one would write it."""
+        """The model as a user would write it."""
         name = self.base
         for layer in self.layers:
             grouped = f"({name})" if " " in name else name
@@ -87,17 +87,17 @@ class Stage:
         return name
 
     def extended(self, layer: Layer, solved: Solved) -> Stage:
-        """One effect further."""
+        """The stage with one more effect."""
         return Stage(self.base, self.nominal, (*self.layers, layer), solved)
 
     def start(self) -> AbstractBlock:
-        """Base and effects at their nominal points."""
+        """Base and effects at their nominal parameters."""
         return wrapped(self.nominal, [(layer, layer.trial) for layer in self.layers])
 
     @property
     def displaced(self) -> dict[str, Parameter]:
-        """The shapes that have ended outside their usual ranges: they may stand in for physics that
-        is missing, and hide it from a test about that fit."""
+        """The shapes that were fitted outside their usual ranges: they may compensate for missing
+        physics, and hide it from a test at that fit."""
         return {
             n: self._parameters[n] for n in self._shapes if not self._parameters[n].is_plausible
         }
@@ -111,14 +111,16 @@ class Stage:
 
     @property
     def _parameters(self) -> dict[str, Parameter]:
+        """All parameters of the fitted block, by their dotted names."""
         return named_parameters(self.solved.block)
 
     @property
     def _shapes(self) -> list[str]:
+        """The dotted names of the parameters that are not gains."""
         return [name for name, _ in layout_of(self.solved.block).shapes]
 
     def without(self, dropped: int) -> Stage:
-        """One effect less, fitted again."""
+        """The stage with one effect less, fitted again."""
         layers = (*self.layers[:dropped], *self.layers[dropped + 1 :])
         solved = solve_from([self.fitted_without(dropped)], self.preparation)
         return replace(self, layers=layers, solved=solved)
@@ -134,13 +136,13 @@ class Stage:
 
 
 def wrapped(block: AbstractBlock, parts: Sequence[tuple[Layer, AbstractBlock]]) -> AbstractBlock:
-    """A block with effects round it, the first innermost."""
+    """A block with effects inserted one after the other, the first innermost."""
     for layer, part in parts:
         block = layer.effect.insert(block, part)
     return block
 
 
 def path_of(layers: Sequence[Layer], k: int) -> str:
-    """Dotted path of layer k's own block within the whole."""
+    """Dotted name of layer k's own block within the whole."""
     inward = "".join(f"{layer.inside}." for layer in reversed(layers[k + 1 :]))
     return f"{inward}{layers[k].place}."

@@ -1,4 +1,4 @@
-"""What speaks against a diagnosis: the recording, the noise floor, the numerics, odd parameters."""
+"""Reasons for doubt in a diagnosis: recording, noise floor, numerics and unusual parameters."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ def warnings_of(
     numerics: float,
     hidden: Sequence[tuple[str, str]],
 ) -> tuple[str, ...]:
-    """Every warning; `hidden`: jumps that count as noise, whose they are and in words."""
+    """Every warning; `hidden`: jumps that count as noise, by the recording's name, in words."""
     warnings = [
         warning
         for take in base.preparation.takes
@@ -26,8 +26,8 @@ def warnings_of(
     ]
     if noise.method == "residual":
         warnings.append(
-            "The noise floor was taken from the residual itself, for want of repeats, rests or "
-            "a specification: mismatch that looks like noise cannot be excluded."
+            "The noise floor was estimated from the residual itself, since there are no repeats, "
+            "rests or specification: a mismatch that looks like noise cannot be excluded."
         )
     warnings += discretisation_warnings(numerics)
     if not base.solved.converged:
@@ -37,7 +37,7 @@ def warnings_of(
 
 
 def _tones(stage: Stage) -> list[str]:
-    """Tones that count as noise, for no drive causes them, if they are not of the mains."""
+    """Tones other than the mains', which count as noise, since no drive causes them."""
     if "mains_interference" in stage.adopted:
         return []
     sentences = []
@@ -45,23 +45,23 @@ def _tones(stage: Stage) -> list[str]:
         tone, recording = take.noise and take.noise.tone, take.recording
         if tone:
             sentences.append(
-                f"{recording.source}: the noise floor holds a tone near "
+                f"{recording.source}: the noise floor contains a tone near "
                 f"{tone.frequency * recording.rate:.4g} Hz of about {tone.rms:.2g} "
                 f"{recording.response_unit} rms, such as interference or a vibration. It "
-                "counts as noise and hides what is smaller; keep it out of the recording."
+                "counts as noise and hides smaller effects; remove its cause and record again."
             )
     return sentences
 
 
 def _displaced(base: Stage) -> list[str]:
-    """Base parameters outside their usual range: what is missing may hide in them."""
+    """Base parameters outside their usual range, which may absorb a missing effect."""
     sentences = []
     for name, p in base.displaced.items():
         low, high = p.plausible
         ends = f"{float(np.min(low)):.3g} to {float(np.max(high)):.3g}"
         sentences.append(
-            f"{name} of {base.base} ended at {float(np.ravel(p.value)[0]):.3g}, "
-            f"outside its usual range of {ends}: it may stand in for physics that the "
+            f"{name} of {base.base} was fitted as {float(np.ravel(p.value)[0]):.3g}, "
+            f"outside its usual range of {ends}: it may compensate for physics that the "
             "model lacks."
         )
     return sentences

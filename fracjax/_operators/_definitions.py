@@ -1,6 +1,6 @@
 r"""The classical fractional derivatives D^a f of a sampled signal, -2 ≤ a ≤ 2, under their names.
 
-All are one convolution with the kernel of s^a; they differ in what they do with the start.  With
+All are one convolution with the kernel of s^a; they differ in how they treat the start.  With
 g = f - f(0) - f'(0) t, which starts flat, so that its convolution keeps the quadrature's order,
 
     Riemann–Liouville    D^a f = D^a g + f(0) t^-a/Γ(1-a) + f'(0) t^(1-a)/Γ(2-a)
@@ -30,41 +30,72 @@ from ._convolution_quadrature import derivative
 from ._grid import Grid
 
 _LARGEST_ORDER = 2.0
-# One-sided difference of fourth order for f'(0), in units of the step.
+"""The largest |a|: the start is corrected by f(0) and f'(0) only, which suffice up to there."""
 _FIRST_SLOPE = np.array([-25.0, 48.0, -36.0, 16.0, -3.0]) / 12
+"""Weights of the one-sided difference of fourth order for f'(0), in units of the step."""
 
 
 def riemann_liouville(order: ArrayLike, signal: ArrayLike, step: ArrayLike) -> Array:
-    """The Riemann–Liouville derivative (N,) [L 1] of a signal (N,) that is zero before t = 0.
+    """The Riemann–Liouville derivative [L 1] of a signal that is zero before t = 0.
 
-    `order`: a, from -2 to 2, negative for the integral; `step` [s].  Units: signal · s^-a.
     Differentiable in order and signal; of second order in the step or better for a signal that is
-    smooth from t = 0 on.  Of a signal that does not start at zero the derivative diverges at t = 0:
-    there the first sample holds the value half a step later.
-    Raises InputError for anything but one real channel.
+    smooth from t = 0 on.  If the signal does not start at zero, the derivative diverges at t = 0,
+    and the first sample holds the value half a step later.
+
+    Args:
+        order: a, dimensionless, from -2 to 2; negative for the integral.
+        signal: (N,), N ≥ 5, real, in any unit.
+        step: time between samples [s].
+
+    Returns:
+        The derivative (N,), in units of the signal · s^-a.
+
+    Raises:
+        InputError: if the signal is not one real channel, or order or step is out of range.
     """
     return _on_one_channel("riemann_liouville", order, signal, step, _from_start(0))
 
 
 def fractional_integral(order: ArrayLike, signal: ArrayLike, step: ArrayLike) -> Array:
-    """The Riemann–Liouville integral (1/Γ(b)) ∫_0^t f(τ) (t-τ)^(b-1) dτ (N,) of a signal (N,).
+    """The Riemann–Liouville integral (1/Γ(b)) ∫_0^t f(τ) (t-τ)^(b-1) dτ of a signal.
 
-    `order`: b, from 0 to 2; `step` [s].  Units: signal · s^b.  Otherwise as `riemann_liouville`.
+    It is `riemann_liouville` of order -b.
+
+    Args:
+        order: b, dimensionless, from 0 to 2.
+        signal: (N,), N ≥ 5, real, in any unit, zero before t = 0.
+        step: time between samples [s].
+
+    Returns:
+        The integral (N,), in units of the signal · s^b.
+
+    Raises:
+        InputError: if the signal is not one real channel, or order or step is out of range.
     """
     minus = -jnp.asarray(order) if isinstance(order, jax.Array) else -np.asarray(order)
     return _on_one_channel("fractional_integral", minus, signal, step, _from_start(0))
 
 
 def caputo(order: float, signal: ArrayLike, step: ArrayLike) -> Array:
-    """The Caputo derivative (N,) [F 2] of a signal (N,) that starts, or was held, before t = 0:
+    """The Caputo derivative [F 2] of a signal that had its first value for all t < 0.
 
         (1/Γ(m-a)) ∫_0^t f^(m)(τ) (t-τ)^(m-a-1) dτ,        m-1 < a ≤ m
 
-    `order`: a, from -2 to 2, for a ≤ 0 the fractional integral; `step` [s].  Units: signal · s^-a.
     It is Riemann–Liouville's without f(0) t^-a/Γ(1-a), for a > 1 also without f'(0) t^(1-a)/Γ(2-a),
-    and so jumps where the order passes 0 or 1.  The order is therefore a plain number; to fit or
-    differentiate it, use `fracjax.derivative` on a grid of constant history.
-    Raises InputError for anything but one real channel and a plain number.
+    and therefore jumps where the order passes 0 or 1.  To fit or differentiate the order, use
+    `fracjax.derivative` on a grid of constant history.
+
+    Args:
+        order: a, dimensionless, a plain number from -2 to 2; for a ≤ 0 the fractional integral.
+        signal: (N,), N ≥ 5, real, in any unit.
+        step: time between samples [s].
+
+    Returns:
+        The derivative (N,), in units of the signal · s^-a.
+
+    Raises:
+        InputError: if the signal is not one real channel, the order is traced by JAX, or order or
+            step is out of range.
     """
     if isinstance(order, Tracer):
         raise InputError.at(
@@ -78,14 +109,23 @@ def caputo(order: float, signal: ArrayLike, step: ArrayLike) -> Array:
 
 
 def grunwald_letnikov(order: ArrayLike, signal: ArrayLike, step: ArrayLike) -> Array:
-    """The Grünwald–Letnikov sum (N,) [L 2] of a signal (N,) that is zero before its first sample:
+    """The Grünwald–Letnikov sum [L 2] of a signal that is zero before its first sample.
 
         h^-a Σ_{j=0}^{n} w_j f_{n-j},        w_0 = 1,  w_j = w_{j-1} (j - 1 - a)/j
 
-    `order`: a, from -2 to 2; `step`: h [s].  Units: signal · s^-a.  Differentiable in order and
-    signal; of first order in the step, and equal to the direct sum to 1e-10 of its peak (1e-9 for
-    a < -1).
-    Raises InputError for anything but one real channel.
+    Differentiable in order and signal; of first order in the step, and equal to the direct sum to
+    1e-10 of its peak (1e-9 for a < -1).
+
+    Args:
+        order: a, dimensionless, from -2 to 2; negative for the integral.
+        signal: (N,), N ≥ 5, real, in any unit.
+        step: h, time between samples [s].
+
+    Returns:
+        The sum (N,), in units of the signal · s^-a.
+
+    Raises:
+        InputError: if the signal is not one real channel, or order or step is out of range.
     """
 
     def compute(a: Array, f: Array, h: Array) -> Array:
@@ -95,14 +135,23 @@ def grunwald_letnikov(order: ArrayLike, signal: ArrayLike, step: ArrayLike) -> A
 
 
 def weyl(order: ArrayLike, signal: ArrayLike, step: ArrayLike) -> Array:
-    """The Weyl derivative (N,) of a signal (N,) that is one or more whole steady periods:
+    """The Weyl derivative of a signal that is one or more whole steady periods.
 
         A sin(ωt + φ) → A ω^a sin(ωt + φ + a π/2)
 
-    `order`: a, from -2 to 2, negative for the integral; `step` [s].  Units: signal · s^-a.
     Differentiable in order and signal; exact for every harmonic below half the sampling rate.  The
-    mean is not transmitted.
-    Raises InputError for anything but one real channel.
+    result has zero mean.
+
+    Args:
+        order: a, dimensionless, from -2 to 2; negative for the integral.
+        signal: (N,), N ≥ 5, real, in any unit.
+        step: time between samples [s].
+
+    Returns:
+        The derivative (N,), in units of the signal · s^-a.
+
+    Raises:
+        InputError: if the signal is not one real channel, or order or step is out of range.
     """
 
     def compute(a: Array, f: Array, h: Array) -> Array:
@@ -118,36 +167,37 @@ def _on_one_channel(
     step: ArrayLike,
     compute: Callable[[Array, Array, Array], Array],
 ) -> Array:
-    """Check what is known of the arguments, and compute in float64."""
-    values = jnp.result_type(signal)
-    if jnp.ndim(signal) != 1 or jnp.size(signal) < len(_FIRST_SLOPE) or values.kind == "c":
+    """Check the arguments, as far as JAX does not trace them, and compute in float64."""
+    dtype = jnp.result_type(signal)
+    if jnp.ndim(signal) != 1 or jnp.size(signal) < len(_FIRST_SLOPE) or dtype.kind == "c":
         raise InputError.at(
             where,
             f"a real signal (N,) of at least {len(_FIRST_SLOPE)} samples",
-            f"{values} of shape {jnp.shape(signal)}",
+            f"{dtype} of shape {jnp.shape(signal)}",
             "give one channel at a time, or jax.vmap over channels",
         )
     for name, value, usable, wanted in (
         ("order", order, lambda x: abs(x) <= _LARGEST_ORDER, "one number from -2 to 2"),
         ("step", step, lambda x: 0 < x < np.inf, "one positive number of seconds"),
     ):
-        known = not isinstance(value, Tracer)
-        if jnp.ndim(value) or (known and not usable(np.asarray(value))):
-            raise InputError.at(f"{where}, {name}", wanted, f"{value}", "correct it")
+        is_concrete = not isinstance(value, Tracer)
+        if jnp.ndim(value) or (is_concrete and not usable(np.asarray(value))):
+            raise InputError.at(f"{where}, {name}", wanted, f"{value}", f"give {wanted}")
     traced = any(isinstance(x, Tracer) for x in (order, signal, step))
     if traced and not jax.config.read("jax_enable_x64"):
         raise InputError.at(
             where,
             "float64 inside a JAX transformation",
             "float32",
-            "run the program under `with jax.enable_x64(True):`",
+            "run the transformation under `with jax.enable_x64(True):`",
         )
     with jax.enable_x64(True):
         return compute(*(jnp.asarray(x, jnp.float64) for x in (order, signal, step)))
 
 
 def _from_start(left_out: int) -> Callable[[Array, Array, Array], Array]:
-    """D^a of a signal that starts at t = 0, without the first terms of its Taylor series there."""
+    """A function that computes D^a (N,) of a signal (N,) that starts at t = 0, without the powers
+    of t that the first `left_out` terms of its Taylor series cause."""
 
     def compute(order: Array, signal: Array, step: Array) -> Array:
         times = step * jnp.arange(signal.shape[0])

@@ -1,4 +1,4 @@
-"""The time grid a block runs on, and how a recorded drive is carried onto a finer one."""
+"""The time grid that a block runs on, and the interpolation of a recorded drive on a finer one."""
 
 from __future__ import annotations
 
@@ -16,31 +16,54 @@ HISTORIES: tuple[History, ...] = get_args(History)
 
 
 class Grid(eqx.Module):
-    """Uniform grid with what is assumed before its first sample.
+    """Uniform time grid, with the assumption about the drive before its first sample.
 
-    `step` [s].  `history` says what the drive did for t < 0: `rest` (zero), `constant`
-    (its first value, for ever: the Caputo convention) or `periodic` (the samples are whole steady
-    periods).
+    Attributes:
+        step: time between samples, one number [s].
+        history: the drive for t < 0: `rest` (zero), `constant` (its first value at all times
+            before, the Caputo convention) or `periodic` (the samples are whole steady periods).
     """
 
     step: float | np.ndarray | Array
     history: History = eqx.field(static=True, default="constant")
 
     def before(self, signal: Array) -> Array:
-        """What a signal (N,) was just before its first sample."""
+        """The value of a signal just before its first sample.
+
+        Args:
+            signal: (N,), in any unit.
+
+        Returns:
+            One number, in the signal's unit: 0, the first or the last sample.
+        """
         return {"rest": jnp.zeros(()), "constant": signal[0], "periodic": signal[-1]}[self.history]
 
     def origin(self, signal: Array) -> Array:
-        """What a signal (N,) is counted from: zero where it began at rest, or its first sample."""
+        """The value from which a signal is counted.
+
+        Args:
+            signal: (N,), in any unit.
+
+        Returns:
+            One number, in the signal's unit: 0 with `rest` history, otherwise the first sample.
+        """
         return jnp.zeros(()) if self.history == "rest" else signal[0]
 
     def changes(self, signal: Array) -> Array:
-        """How far a signal goes from sample to sample (N,), the first from before it."""
+        """The change of a signal from sample to sample.
+
+        Args:
+            signal: (N,), in any unit.
+
+        Returns:
+            The changes (N,), in the signal's unit, the first one from `before(signal)`.
+        """
         return jnp.diff(signal, prepend=self.before(signal))
 
 
-# A staircase changes rarely, and from one sample to the next; a ramp's changes follow each other.
 _STAIRCASE_SHARE = 0.05
+"""The largest share of samples at which a staircase changes; a ramp changes at successive samples.
+Chosen by judgement."""
 _INTERPOLATORS = {
     "linear": lambda t, u: interp1d(t, u),
     "akima": lambda t, u: Akima1DInterpolator(t, u, method="makima"),
@@ -49,30 +72,36 @@ _INTERPOLATORS = {
 
 
 def _is_staircase(drive: np.ndarray) -> bool:
+    """Whether a drive (N,) is constant except for a few isolated changes."""
     changes = np.abs(np.diff(drive)) > 1e-9 * np.ptp(drive)
     isolated = not np.any(changes[1:] & changes[:-1])
     return bool(0 < changes.sum() <= _STAIRCASE_SHARE * drive.size) and isolated
 
 
 def interpolate(drive: np.ndarray, oversampling: int) -> tuple[np.ndarray, str]:
-    """Carry a drive (N,), of any unit, onto a grid `oversampling` times finer.
+    """Interpolate a drive on a finer grid.
 
-    Of shape ((N-1)·oversampling + 1,).
+    A staircase is held.  Otherwise linear, Akima and cubic interpolation each predict the odd
+    samples from the even ones and vice versa, and the method with the smallest mean absolute error
+    in either direction is used: straight for triangles, smooth for sines.  The mean square would
+    give the few corners of a triangle, which a straight line must miss, more weight than all
+    samples that it follows exactly.
 
-    A staircase is held.  Otherwise linear, Akima and cubic interpolation are each asked to predict
-    the odd samples from the even ones and back, and the one that errs least either way is used, in
-    the mean of its errors' sizes: straight for triangles, smooth for sines.  By their squares the
-    few corners that a straight line must miss would count more than all that it follows exactly.
-    Returns the finer drive and the name of the method.
+    Args:
+        drive: (N,), in any unit.
+        oversampling: how many times finer the grid is.
+
+    Returns:
+        The drive ((N-1)·oversampling + 1,), in its unit, and the name of the method.
     """
     samples = np.arange(drive.size)
     fine = np.linspace(0, drive.size - 1, (drive.size - 1) * oversampling + 1)
     if _is_staircase(drive):
         return drive[np.floor(fine + 1e-9).astype(int)], "hold"
 
-    def error(make: Callable, known: np.ndarray) -> float:
-        asked = known[:-1] + 1
-        return float(np.mean(np.abs(make(known, drive[known])(asked) - drive[asked])))
+    def error(make: Callable, nodes: np.ndarray) -> float:
+        between = nodes[:-1] + 1
+        return float(np.mean(np.abs(make(nodes, drive[nodes])(between) - drive[between])))
 
     errors = {
         name: min(error(make, samples[::2]), error(make, samples[1::2]))
@@ -83,9 +112,16 @@ def interpolate(drive: np.ndarray, oversampling: int) -> tuple[np.ndarray, str]:
 
 
 def refine(drive: np.ndarray, oversampling: int, history: History) -> np.ndarray:
-    """A drive (N,), of any unit, on the grid that a law with this history runs on.
+    """A drive on the finer grid that a block with this history runs on.
 
-    Whole periods stay whole.
+    Args:
+        drive: (N,), in any unit.
+        oversampling: how many times finer the grid is.
+        history: with `periodic`, whole periods stay whole.
+
+    Returns:
+        The drive, in its unit: (N·oversampling,) with `periodic` history, otherwise
+        ((N-1)·oversampling + 1,).
     """
     if oversampling == 1:
         return drive

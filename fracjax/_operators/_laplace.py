@@ -1,4 +1,4 @@
-"""The Laplace variable on a contour known in advance, whose fractional powers are cheap."""
+"""The Laplace variable on a contour that is known when a program is compiled."""
 
 from __future__ import annotations
 
@@ -9,39 +9,45 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-_KNOWN = (np.ndarray, np.generic, float)
+_CONCRETE = (np.ndarray, np.generic, float)
+"""Types whose values are known when a program is compiled."""
 
 
 class Laplace:
-    """s = points/step at `points` (F,), complex, and a step [s]; units: 1/s.
+    """The Laplace variable s = points/step, complex (F,), in units of 1/s.
 
-    A fractional power is s^a = exp(a log points) step^-a: of points in a NumPy array the logarithm
-    is taken once, when the program is compiled, which makes a kernel's evaluation one complex
-    exponential per point.  Where the exponent is NumPy's too, so is the power.
-    In sums, products and quotients it acts as the complex array that it stands for; any other
-    function wants `jnp.asarray(s)`.
+    A fractional power is s^a = exp(a log points) step^-a.  If the points are a NumPy array, their
+    logarithm is taken once, when the program is compiled, and a kernel costs one complex
+    exponential per point.  If the exponent is NumPy's too, so is the power.
+    Sums, products and quotients treat it as the complex array that it stands for; any other
+    function needs `jnp.asarray(s)`.
+
+    Args:
+        points: s · step (F,), complex, dimensionless.
+        step: the grid's step, one number [s].
     """
 
     __array_ufunc__ = None  # NumPy leaves `array * s` to this class
 
     def __init__(self, points: np.ndarray | Array, step: ArrayLike):
         self._points, self._step = points, step
-        known = isinstance(points, np.ndarray)
-        self._logarithm = np.log(points) if known else jnp.log(points)
+        is_concrete = isinstance(points, np.ndarray)
+        self._logarithm = np.log(points) if is_concrete else jnp.log(points)
 
     def __jax_array__(self) -> Array:
         # A complex quotient costs many times the product.
         return jnp.asarray(self._points) * (1 / self._step)
 
     def _values(self) -> Any:
-        known = isinstance(self._points, np.ndarray) and isinstance(self._step, _KNOWN)
-        return self._points / self._step if known else self.__jax_array__()
+        """s (F,), complex [1/s], in NumPy if its points and its step are."""
+        is_concrete = isinstance(self._points, np.ndarray) and isinstance(self._step, _CONCRETE)
+        return self._points / self._step if is_concrete else self.__jax_array__()
 
     def __pow__(self, exponent: Any) -> Any:
         if isinstance(exponent, int):
             return self._values() ** exponent
-        known = (isinstance(x, _KNOWN) for x in (self._logarithm, self._step, exponent))
-        if all(known):
+        concrete = (isinstance(x, _CONCRETE) for x in (self._logarithm, self._step, exponent))
+        if all(concrete):
             return np.exp(exponent * self._logarithm) * self._step**-exponent
         power = jnp.exp(exponent * jnp.asarray(self._logarithm))
         return power * jnp.asarray(self._step) ** -exponent

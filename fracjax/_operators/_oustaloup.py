@@ -23,24 +23,43 @@ from jax import Array
 from .._recording import InputError
 
 _SERIES_BELOW = 1e-3
+"""pole · step below which a series replaces the closed form, which cancels there: the first term
+left out is 3e-15 of the result."""
 
 
 class PoleZero(NamedTuple):
-    """gain · Π (s + zeros)/(s + poles): zeros and poles (n,) [rad/s], both counted positive."""
+    """The filter gain · Π (s + zeros)/(s + poles).
+
+    Attributes:
+        zeros: (n,) [rad/s], counted positive.
+        poles: (n,) [rad/s], counted positive.
+        gain: G(s) for s → ∞, in response unit per drive unit.
+    """
 
     zeros: np.ndarray
     poles: np.ndarray
     gain: float
 
     def symbol(self, s: np.ndarray | Array) -> np.ndarray | Array:
-        """G(s) at complex s [1/s]."""
+        """G(s), the transfer function.
+
+        Args:
+            s: complex, of any shape [1/s].
+
+        Returns:
+            G(s), complex, of s's shape, in the unit of the gain.
+        """
         response = self.gain + 0 * s
         for zero, pole in zip(self.zeros, self.poles, strict=True):
             response = response * ((s + zero) / (s + pole))
         return response
 
     def residues(self) -> np.ndarray:
-        """r (n,) of G(s) = gain + Σ r_k/(s + poles_k)  [1/s]."""
+        """The residues of G(s) = gain + Σ_k r_k/(s + poles_k).
+
+        Returns:
+            r (n,) [unit of the gain · rad/s].
+        """
         residues = np.empty_like(self.poles)
         for k, pole in enumerate(self.poles):
             others = np.delete(self.poles, k)
@@ -52,12 +71,22 @@ class PoleZero(NamedTuple):
 def oustaloup(
     order: float, low: float, high: float, number: int = 4, *, unit_gain_at_centre: bool = False
 ) -> PoleZero:
-    """Oustaloup's filter of s^order, -1 < order < 1, on the band [low, high] rad/s [F 3–6].
+    """Oustaloup's filter of s^μ on a band of frequencies [F 3–6].
 
-    `number`: N, the filter has 2N+1 pole–zero pairs.  With the true gain K = high^order it follows
-    s^order inside the band; with `unit_gain_at_centre` it is 1 at sqrt(low·high), as the paper's
-    [F 10], and tends to (high/low)^(∓order/2) for s → 0 and s → ∞.
-    Raises InputError for an order or band out of range.
+    Args:
+        order: μ, dimensionless, -1 < μ < 1.
+        low: ω_b, the lower end of the band [rad/s].
+        high: ω_h, the upper end of the band [rad/s].
+        number: N, 0 to 50; the filter has 2N+1 pole–zero pairs.
+        unit_gain_at_centre: if true, |G| is 1 at sqrt(low·high), as in [F 10], and tends to
+            (high/low)^(∓μ/2) for s → 0 and s → ∞; if false, the gain is K = high^μ, and the filter
+            follows s^μ inside the band.
+
+    Returns:
+        The filter, with n = 2N+1.
+
+    Raises:
+        InputError: if the order, the band or N is out of range.
     """
     if not -1 < order < 1:
         raise InputError.at("oustaloup", "an order between -1 and 1", f"{order}", "cascade filters")
@@ -66,7 +95,7 @@ def oustaloup(
             "oustaloup", "a band 0 < low < high in rad/s", f"{low} to {high}", "correct the band"
         )
     if not 0 <= number <= 50:
-        raise InputError.at("oustaloup", "N from 0 to 50", f"{number}", "choose 4 or so")
+        raise InputError.at("oustaloup", "N from 0 to 50", f"{number}", "choose N near 4")
     places = np.arange(2 * number + 1)
     ratio = high / low
     zeros = low * ratio ** ((places + (1 - order) / 2) / (2 * number + 1))
@@ -81,9 +110,15 @@ def oustaloup(
 class StreamingFilter(NamedTuple):
     """A pole–zero filter as difference equations, one sample in, one sample out.
 
-    Each state follows a drive that is straight between samples exactly, with E = exp(-poles step):
-    x_n = E x_{n-1} + before · u_{n-1} + now · u_n, and the response is y_n = direct · u_n + Σ x_n.
-    All arrays (n,); the states are in the response's unit.
+        x_n = E x_{n-1} + before · u_{n-1} + now · u_n,    y_n = direct · u_n + Σ x_n
+
+    The states x (n,), in response units, are exact for a drive u that is straight between samples.
+
+    Attributes:
+        decay: E = exp(-poles · step) (n,), dimensionless.
+        before: factor (n,) of the sample before, in response unit per drive unit.
+        now: factor (n,) of the present sample, in response unit per drive unit.
+        direct: feed-through, one number, in response unit per drive unit.
     """
 
     decay: np.ndarray
@@ -92,19 +127,45 @@ class StreamingFilter(NamedTuple):
     direct: float
 
     def start(self, drive: float, *, settled: bool = True) -> np.ndarray | Array:
-        """States (n,) before the first sample: settled at a drive held for ever, or at rest."""
+        """The states before the first sample.
+
+        Args:
+            drive: the first sample, one number, in drive units.
+            settled: if true, the drive had this value at all times before; if false, it was zero.
+
+        Returns:
+            The states (n,), in response units.
+        """
         gains = (self.before + self.now) / (1 - self.decay)
         return gains * drive if settled else gains * 0.0
 
     def step(
         self, states: np.ndarray | Array, previous: float | Array, drive: float | Array
     ) -> tuple[np.ndarray | Array, float | Array]:
-        """The states (n,) and the response after one more sample."""
+        """The states and the response after one more sample.
+
+        Args:
+            states: (n,), in response units.
+            previous: the drive at the sample before, one number, in drive units.
+            drive: the drive at this sample, one number, in drive units.
+
+        Returns:
+            The states (n,) and the response, one number, both in response units.
+        """
         states = self.decay * states + self.before * previous + self.now * drive
         return states, self.direct * drive + states.sum()
 
     def run(self, drive: Array, *, settled: bool = True) -> Array:
-        """The response (N,) to a drive (N,), by `lax.scan` over its samples."""
+        """The response to a whole drive, by `lax.scan` over its samples.
+
+        Args:
+            drive: (N,), in drive units.
+            settled: if true, the drive had its first value at all times before; if false, it was
+                zero.
+
+        Returns:
+            The response (N,), in response units.
+        """
 
         def one(carry: tuple[Array, Array], sample: Array) -> tuple[tuple[Array, Array], Array]:
             states, response = self.step(carry[0], carry[1], sample)
@@ -117,15 +178,25 @@ class StreamingFilter(NamedTuple):
 
 
 def streaming(filtered: PoleZero, step: float) -> StreamingFilter:
-    """The filter's difference equations at a step [s], exact for a drive straight between samples.
+    """The filter's difference equations, exact for a drive that is straight between samples.
 
-    Raises InputError where the step is not positive.
+    Args:
+        filtered: the filter, with n poles [rad/s].
+        step: time between samples [s].
+
+    Returns:
+        The difference equations, with n states.
+
+    Raises:
+        InputError: if the step is not positive.
     """
     if not 0 < step < math.inf:
-        raise InputError.at("streaming", "a positive step in seconds", f"{step}", "correct it")
+        raise InputError.at(
+            "streaming", "a positive step in seconds", f"{step}", "give the time between samples"
+        )
     x = filtered.poles * step
     decay = np.exp(-x)
-    # ∫ exp(-p (h - τ)) τ/h dτ and its mirror image, over h; as series where the difference cancels.
+    # ∫ exp(-p (h - τ)) τ/h dτ and its mirror image, over h; a series where the closed form cancels.
     small = np.minimum(x, _SERIES_BELOW)
     now = np.where(
         x < _SERIES_BELOW,

@@ -10,30 +10,44 @@ from ._grid import Grid
 
 
 def rate(signal: ArrayLike, grid: Grid) -> Array:
-    """d/dt of a signal (N,) by fourth-order central differences; units: signal / s.
+    """The derivative du/dt of a signal by fourth-order central differences.
 
-    Before the first sample the signal counts as held (`periodic`: as wrapped), after the last one
-    as going on by `ahead`.
+    Before the first sample the signal has its first value, and after the last one it continues as
+    `ahead` extrapolates it; with `periodic` history it wraps round.
+
+    Args:
+        signal: (N,), N > 2, in any unit.
+        grid: step [s] and history.
+
+    Returns:
+        The derivative (N,), in the signal's unit / s.
     """
-    longer = _longer(jnp.asarray(signal), grid)
-    near = longer[3:-1] - longer[1:-3]
-    far = longer[4:] - longer[:-4]
+    padded = _padded(jnp.asarray(signal), grid)
+    near = padded[3:-1] - padded[1:-3]
+    far = padded[4:] - padded[:-4]
     return (8 * near - far) / (12 * grid.step)
 
 
 def speed(signal: ArrayLike, grid: Grid) -> Array:
-    """|d/dt| of a signal (N,); units: signal / s.
+    """The absolute rate |du/dt| of a signal.
 
-    As `rate` has it, but for the corners of a triangle: there the rate leaps from one sign to the
-    other, and its size is what it is on both sides, of which the lesser counts.
+    It is the absolute value of `rate`, except at the corners of a triangle, where the rate changes
+    its sign: there it is the smaller of the absolute rates on both sides.
+
+    Args:
+        signal: (N,), N > 2, in any unit.
+        grid: step [s] and history.
+
+    Returns:
+        The absolute rate (N,), in the signal's unit / s.
     """
-    steps = jnp.diff(_longer(jnp.asarray(signal), grid)) / grid.step
-    left, right = 1.5 * steps[1:-2] - 0.5 * steps[:-3], 1.5 * steps[2:-1] - 0.5 * steps[3:]
-    turned = jnp.where(left * right < 0, jnp.minimum(jnp.abs(left), jnp.abs(right)), 0.0)
-    return jnp.maximum(jnp.abs(rate(signal, grid)), turned)
+    steps = jnp.diff(_padded(jnp.asarray(signal), grid)) / grid.step
+    before, after = 1.5 * steps[1:-2] - 0.5 * steps[:-3], 1.5 * steps[2:-1] - 0.5 * steps[3:]
+    at_corner = jnp.where(before * after < 0, jnp.minimum(jnp.abs(before), jnp.abs(after)), 0.0)
+    return jnp.maximum(jnp.abs(rate(signal, grid)), at_corner)
 
 
-def _longer(signal: Array, grid: Grid) -> Array:
+def _padded(signal: Array, grid: Grid) -> Array:
     """A signal (N,) and two samples on each side of it (N + 4,)."""
     if grid.history == "periodic":
         return jnp.concatenate([signal[-2:], signal, signal[:2]])
@@ -41,20 +55,26 @@ def _longer(signal: Array, grid: Grid) -> Array:
 
 
 def ahead(signal: Any) -> tuple[Any, Any]:
-    """The two samples after the last of a signal (N,), N > 2: by the cubic through the last four,
-    or straight on.
+    """Extrapolate the two samples after the last, by a cubic or by a straight line.
 
-    Of the two the one is taken that would have foretold the last three samples better: the cubic
-    where the signal is smooth, a straight line where it has just turned a corner or is noisy, for
-    there a cubic overshoots by several times the corner or the noise.
+    The cubic passes through the last four samples, the line through the last two.  The one that
+    would have predicted the last three samples better is used: the cubic where the signal is
+    smooth, the straight line where it has just turned a corner or is noisy, since there a cubic
+    overshoots by several times the corner or the noise.
+
+    Args:
+        signal: (N,), N > 2, in any unit.
+
+    Returns:
+        The two samples, in the signal's unit.
     """
     straight = 2 * signal[-1] - signal[-2], 3 * signal[-1] - 2 * signal[-2]
     if signal.shape[0] < 5:
         return straight
     last = signal[-7:]
-    of_line = last[2:] - 2 * last[1:-1] + last[:-2]
-    of_cubic = of_line[2:] - 2 * of_line[1:-1] + of_line[:-2]
-    smooth = (of_cubic**2).mean() < (of_line[-3:] ** 2).mean()
+    line_errors = last[2:] - 2 * last[1:-1] + last[:-2]
+    cubic_errors = line_errors[2:] - 2 * line_errors[1:-1] + line_errors[:-2]
+    smooth = (cubic_errors**2).mean() < (line_errors[-3:] ** 2).mean()
     a, b, c, d = last[-4:]
     cubic = 4 * d - 6 * c + 4 * b - a, 10 * d - 20 * c + 15 * b - 4 * a
     one, two = (line + smooth * (curve - line) for line, curve in zip(straight, cubic, strict=True))

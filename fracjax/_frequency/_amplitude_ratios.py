@@ -156,15 +156,15 @@ def _rises(drive: np.ndarray) -> np.ndarray:
 def _successive_tones(recording: Recording) -> list[_Stretch]:
     """Stretches of one tone each: runs of equal intervals between rises of the drive.
 
-    The list is empty if they cover less than half of the recording, or if the drive is no sine in
-    one of them.
+    The list is empty if they cover less than half of the recording, or if the tones do not
+    explain the drive in one of them.
     """
     rises = _rises(recording.drive)
     intervals = np.diff(rises)
     stretches, first = [], 0
     for last in range(1, intervals.size + 1):
         period = np.mean(intervals[first:last])
-        tolerance = max(_SAME_PERIOD * period, 0.1)
+        tolerance = max(_SAME_PERIOD * period, 0.1)  # [samples]; 0.1 by judgement
         if last < intervals.size and abs(intervals[last] - period) <= tolerance:
             continue
         if last - first >= _LEAST_PERIODS:
@@ -231,6 +231,7 @@ def _design_matrix(recording: Recording, stretch: _Stretch, frequencies: np.ndar
     x = np.linspace(0, 1, times.size)
     angles = 2 * np.pi * times[:, None] * frequencies
     waves = np.stack([np.cos(angles), np.sin(angles)], axis=2).reshape(times.size, -1)
+    # Logarithms with knees at 2 % and 20 % of the stretch, by judgement.
     slow = [np.ones_like(x), x, x**2, np.log(x + 0.02), np.log(x + 0.2)]
     return np.concatenate([np.stack(slow, axis=1), waves], axis=1)
 
@@ -290,6 +291,7 @@ def _ratios(recording: Recording, stretch: _Stretch) -> list[tuple[float, float,
         settling = int(np.ceil(max(recording.rate / tones[0], _SETTLING * length)))
         stretch = stretch._replace(start=stretch.start + settling)
         overtones = tones[0] * np.arange(2, _HARMONICS + 1)
+        # Well below the Nyquist frequency, 0.5 of the rate.
         frequencies = np.concatenate([tones, overtones[overtones < 0.4 * recording.rate]])
     design = _design_matrix(recording, stretch, frequencies)
 

@@ -167,6 +167,7 @@ def _split_by_jacobian(
     samples = data.used.sum()
     remainder = data.residual @ data.residual - projections @ projections
     noise = max(1.0, remainder / samples)
+    # 20 sizes per decade, three decades around the size that the residual suggests; by judgement.
     taus = np.geomspace(1e-3, 1e3, 121) * np.sqrt(samples * noise) / np.linalg.norm(white)
     variances = noise + np.square(taus[:, None] * sizes)
     log_likelihoods = -np.sum(projections**2 / variances + np.log(variances / noise), axis=1) / 2

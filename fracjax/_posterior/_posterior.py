@@ -129,6 +129,7 @@ def sample_posterior(
 
         def report(partial_chain: Chain) -> None:
             """Report the chain's estimates so far."""
+            # The estimate comes from the last 500 steps, a number chosen by judgement.
             recent = partial_chain.kept[-min(len(partial_chain.kept), 500) :].reshape(-1, size)
             values = physical_values(density, approximation.at(recent))
             progress(
@@ -158,7 +159,7 @@ def _check_run_length(walkers: int, size: int, steps: int) -> None:
         raise InputError.at(
             "walkers", f"an even number of at least {least}", f"{walkers}", "give more"
         )
-    if steps < 40:
+    if steps < 40:  # ten for each quarter of the chain, which R-hat compares; by judgement
         raise InputError.at("steps", "at least 40", f"{steps}", "give more")
 
 

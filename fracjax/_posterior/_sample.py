@@ -88,8 +88,8 @@ def chain_of(backend: Backend) -> Chain:
     steps = np.asarray(backend.get_chain())
 
     def times_of(part: np.ndarray) -> np.ndarray:
-        # A walker that has not moved has none; the time is then taken to be that of the run.
         """Autocorrelation times (D,) of steps (n, walkers, D)."""
+        # A walker that has not moved has no such time; the length of the run takes its place.
         if np.any(np.all(part == part[0], axis=(0, 2))):
             return np.full(part.shape[2], float(len(part)))
         return np.asarray(emcee.autocorr.integrated_time(part, tol=0, quiet=True))
@@ -190,7 +190,7 @@ def initial_walkers(
     """
     points = generator.standard_normal((walkers, size))
     lowest = log_density(np.zeros((1, size)))[0] - 5 * size - 20
-    for _ in range(20):
+    for _ in range(20):  # halves a distance to a millionth
         log_densities = log_density(points)
         low = log_densities < lowest
         if not low.any():

@@ -29,7 +29,7 @@ judgement."""
 @jax.custom_jvp
 def _truncated(v: Array, below: Array, above: Array) -> Array:
     """z with Φ(z) = below + (1 - below - above) Φ(v)."""
-    # From the nearer tail: far out in the other, 1 - Φ(v) would lose all digits.
+    # From the nearer tail, because far out in the upper one 1 - Φ(v) loses all digits.
     tail = jnp.where(v < 0, below, above) + (1 - below - above) * ndtr(jnp.where(v < 0, v, -v))
     quantile = ndtri(tail)
     return jnp.asarray(jnp.where(v < 0, quantile, -quantile))

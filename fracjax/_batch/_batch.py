@@ -1,12 +1,13 @@
-"""Many recordings, each fitted by itself, into one table that survives being interrupted.
+"""Many recordings, each fitted by itself, into one table that survives interruptions.
 
-On one machine every core takes a recording and runs `fit` on it: of many recordings in a process of
-its own, for most of a short fit is Python, whose lock lets one thread through.  All recordings of
-one structure (model, length bucket, oversampling, history) run one compiled program, that of `fit`,
-so that their results are its results to the last bit.  What recordings of one drive share, `fit`
-keeps: the signals that span the model's responses, and their factorisation.  Mapping the program
-over recordings by `lax.map` with a batch size was tried instead: with two cores busy it was no
-faster at 2,000 samples, took twice as long to compile, and took another path from each start.
+On one machine every core fits one recording at a time by `fit`.  If there are many recordings, each
+core runs a process of its own, because most of a short fit is Python code, whose lock lets only one
+thread run.  All recordings of one structure (model, length bucket, oversampling, history) run one
+compiled program, that of `fit`, so their results equal its results to the last bit.  For recordings
+with the same drive, `fit` keeps the signals that span the model's responses, and their
+factorisation.  Mapping the program over recordings by `lax.map` with a batch size was tried
+instead: with two cores busy it was no faster at 2,000 samples, took twice as long to compile, and
+the optimiser's steps differed from those of `fit`.
 """
 
 from __future__ import annotations
@@ -23,20 +24,22 @@ import pandas as pd
 
 from .._fit import Loss
 from .._models import Model
-from .._prepare import HistoryOption, Mask, ModelOptions, history_of, require_whole_number
+from .._prepare import Mask, ModelOptions, HistoryOption, history_of, require_whole_number
 from .._recording import parse_quantity
 from ._cluster import on_cluster
-from ._jobs import Given, Job, jobs_of
+from ._jobs import Job, RecordingInput, jobs_of
 from ._parts import Parts
-from ._processes import Unfit, in_processes
+from ._processes import CannotStart, in_processes
 from ._rows import Row, Rows, Work, row_of
 
 FITS = "fits.parquet"
 _MANY = 96
-"""From here on processes pay: they take as long to start as threads lose on so many fits of FOH to
-5,000 samples (measured; .32 s a fit on two threads, .12 s on two processes)."""
+"""Number of recordings from which processes are faster than threads: the time that they take to
+start equals what threads lose on so many fits of FOH to 5,000 samples (measured: 0.32 s per fit on
+two threads, 0.12 s on two processes)."""
 _PATIENCE = 30.0
-"""Longest time [s] for which finished rows wait to be written: what a kill may cost."""
+"""Longest time [s] that finished rows wait to be written, and so the most that a killed run loses;
+chosen by judgement."""
 
 Count = Callable[[int, int], None]
 
@@ -47,7 +50,7 @@ def silent(done: int, total: int) -> None:
 
 def fit_batch(
     model: Model | str,
-    recordings: Given | Iterable[Given],
+    recordings: RecordingInput | Iterable[RecordingInput],
     *,
     out: str | os.PathLike[str],
     cluster: str | None = None,
@@ -60,37 +63,50 @@ def fit_batch(
     seed: int = 0,
     chunk: int = 64,
     progress: Count = silent,
-    **asked: Unpack[ModelOptions],
+    **options: Unpack[ModelOptions],
 ) -> pd.DataFrame:
     """Fit a model to each of many recordings, as `fit` does to one.
 
-    **Arguments:** `model`, or its name, then made for each recording's own size; `recordings`, in
-    memory or as files, folders (searched for files with the suffix of a recording) and patterns
-    such as "data/**/*.csv"; `out`, a folder for the table; `cluster`, the address of a dask
-    scheduler whose workers see the same files; `read_options`, those of `read`; `history`, `mask`,
-    `loss`, `starts`, `seed`, and of parameters `fixed`, `bounds`, `priors` and `tied` as in `fit`;
-    `settling`, samples or a time such as "1 s"; `chunk`, rows that make a file of the table;
-    `progress`, told how many of how many are done.
+    The table is stored in `out`/fits.parquet as a Parquet dataset, to which finished chunks are
+    added as whole files.  The same call again fits only the recordings that are missing, were
+    changed, or could not be read or fitted.  Only one call at a time may write to a folder.
 
-    **Returns:** one row per recording, in the order given.  `status` is "fitted", "not converged",
-    "unreadable" or "failed", and `reason` says why; a parameter p has the columns p.value,
-    p.standard_error, p.low, p.high, p.unit, p.identified and p.at_bound.
+    Args:
+        model: The model, or its name; a name is made into a model for each recording's own size.
+        recordings: Recordings in memory (drive and response (N,) in their units), files, folders
+            (searched for files with the suffix of a recording), or patterns such as
+            "data/**/*.csv".
+        out: Folder for the table.
+        cluster: Address of a dask scheduler whose workers see the same files; by default this
+            machine's cores are used.
+        read_options: Options of `read`, for files.
+        history: Assumption on the prior history of the drive, as in `fit`.
+        settling: Samples at the start that do not count, or a time such as "1 s".
+        mask: Time intervals [s] whose samples do not count, as in `fit`.
+        loss: Loss function, as in `fit`.
+        starts: Number of starting points of each fit.
+        seed: Seed of the random starting points.
+        chunk: Number of rows in each file of the table.
+        progress: Called with the number of finished recordings and of all.
+        **options: `fixed`, `bounds`, `priors` and `tied`, as in `fit`.
 
-    The table stands in `out`/fits.parquet as a Parquet dataset, to which finished chunks are added
-    whole.  The same call again fits what is missing, was changed, or could not be read or fitted.
-    One call at a time may write to a folder.
+    Returns:
+        One row per recording, in the order given.  `status` is "fitted", "not converged",
+        "unreadable" or "failed", and `reason` says why.  A parameter p has the columns p.value,
+        p.standard_error, p.low, p.high (in p.unit), p.unit, p.identified and p.at_bound.
 
-    **Raises:** `InputError` for an unknown model or parameter, for paths that lead to no file, for
-    an `out` with rows of other settings, and for a cluster that cannot be reached.
+    Raises:
+        InputError: The model or a parameter is unknown, a path leads to no file, `out` holds rows
+            of other settings, or the cluster cannot be reached.
     """
-    for given, name, least in ((starts, "starts", 1), (seed, "seed", 0), (chunk, "chunk", 1)):
-        require_whole_number(given, name, least)
+    for value, name, least in ((starts, "starts", 1), (seed, "seed", 0), (chunk, "chunk", 1)):
+        require_whole_number(value, name, least)
     history_of(history)
     if isinstance(settling, str):
         parse_quantity(settling, "s", "--settle")
-    wishes = {**asked, "mask": mask, "loss": loss if loss != "least_squares" else None}
-    told = {name: wish for name, wish in wishes.items() if wish}
-    work = Work(model, history, settling, starts, seed, read_options or {}, told)
+    all_options = {**options, "mask": mask, "loss": loss if loss != "least_squares" else None}
+    used_options = {name: wish for name, wish in all_options.items() if wish}
+    work = Work(model, history, settling, starts, seed, read_options or {}, used_options)
     parts = Parts(Path(out) / FITS, work.table_schema())
     jobs = jobs_of(recordings, parts.folder)
     parts.check()
@@ -98,17 +114,17 @@ def fit_batch(
     done = len(jobs) - len(missing)
     progress(done, len(jobs))
     rows: list[Row] = []
-    written = time.monotonic()
-    found = on_cluster(cluster, missing, work) if cluster else on_this_machine(missing, work)
+    last_write = time.monotonic()
+    row_groups = on_cluster(cluster, missing, work) if cluster else on_this_machine(missing, work)
     try:
-        with closing(found):
-            for some in found:
-                rows += some
-                done += len(some)
+        with closing(row_groups):
+            for group in row_groups:
+                rows += group
+                done += len(group)
                 progress(done, len(jobs))
-                if len(rows) >= chunk or time.monotonic() - written > _PATIENCE:
+                if len(rows) >= chunk or time.monotonic() - last_write > _PATIENCE:
                     parts.write(rows)
-                    rows, written = [], time.monotonic()
+                    rows, last_write = [], time.monotonic()
     finally:
         if rows:
             parts.write(rows)
@@ -116,23 +132,26 @@ def fit_batch(
 
 
 def on_this_machine(jobs: list[Job], work: Work) -> Rows:
-    """Rows in the order in which they are done: of many recordings from processes, which take
-    seconds to start, of few from threads, and from threads where processes cannot do the work."""
+    """Rows in the order in which they are finished, from processes or threads.
+
+    Processes take seconds to start and are used for many recordings; threads for few, and where
+    processes cannot do the work.
+    """
     cores = os.cpu_count() or 1
     if len(jobs) >= _MANY and cores > 1:
         try:
             yield from in_processes(jobs, work, cores)
             return
-        except Unfit:
+        except CannotStart:
             pass
     yield from in_threads(jobs, work)
 
 
 def in_threads(jobs: list[Job], work: Work) -> Rows:
-    """Rows in the order in which they are done, from as many threads as there are cores.
+    """Rows in the order in which they are finished, from as many threads as there are cores.
 
-    Compiled programs run without the interpreter's lock; threads that meet a new one compile it
-    once.
+    Compiled programs run without the interpreter's lock; a program that several threads need is
+    compiled once.
     """
     threads = os.cpu_count() or 1
     pool = ThreadPoolExecutor(threads)
@@ -145,5 +164,5 @@ def in_threads(jobs: list[Job], work: Work) -> Rows:
                 yield [future.result() for future in done]
         yield [future.result() for future in pending]
     finally:
-        # After an interrupt nobody waits for the fits that are under way.
+        # After an interrupt, running fits are not waited for.
         pool.shutdown(wait=False, cancel_futures=True)

@@ -19,18 +19,24 @@ if TYPE_CHECKING:
     from distributed import Client, Future
 
 _TASK = 8
-"""Recordings per task: enough that the scheduler keeps up, few enough to spread and to lose."""
+"""Recordings per task: enough that the scheduler keeps up, few enough to share out evenly and to
+repeat if a worker dies; chosen by judgement."""
 _SECONDS = 10
+"""Longest time [s] to wait for an answer from the scheduler or a worker; chosen by judgement."""
 _PATIENCE = 60
-"""How long [s] work may stand still for want of a worker."""
+"""Longest time [s] without a finished task before a missing worker is an error; by judgement."""
 _RETRIES = 3
+"""How often dask repeats a task that raised an error; chosen by judgement."""
 
 
 def on_cluster(address: str, jobs: list[Job], work: Work) -> Rows:
-    """Rows in the order in which they are done; the workers read the files themselves.
+    """Rows in the order in which they are finished, from workers that read the files themselves.
 
-    Workers may come and go.  **Raises:** `InputError` where dask is not installed, where scheduler
-    or workers cannot be reached, and where the workers cannot do the work.
+    Workers may join and leave.
+
+    Raises:
+        InputError: Dask is not installed, the scheduler or the workers cannot be reached, or the
+            workers cannot do the work.
     """
     where = f"--cluster {address}"
     with _client(address, where) as client:
@@ -39,21 +45,24 @@ def on_cluster(address: str, jobs: list[Job], work: Work) -> Rows:
         except (CancelledError, OSError):
             raise InputError.at(
                 where,
-                "a scheduler that stays",
-                "that it went away",
-                "start it and run the same again; what was finished is kept",
+                "a scheduler that keeps running",
+                "that the connection to it was lost",
+                "start it and run the same call again; finished rows are kept",
             ) from None
 
 
 def _rows_from(client: Client, where: str, jobs: list[Job], work: Work) -> Rows:
-    """A task whose worker dies is given to another.  One that has cost several workers, or whose
-    result went with one, is taken apart; its recordings are tried one after the other, and the one
-    that still costs workers becomes a row with that reason."""
+    """Rows of all tasks; a task whose worker dies is given to another worker.
+
+    A task that has cost several workers, or whose result was lost with its worker, is divided.  Its
+    recordings are then tried one after the other, and one that still costs workers becomes a row
+    with that reason.
+    """
     import cloudpickle
     from distributed import KilledWorker
 
     tasks = (jobs[at : at + _TASK] for at in range(0, len(jobs), _TASK))
-    under_way: dict[Hashable, list[Job]] = {}
+    running: dict[Hashable, list[Job]] = {}
     suspects: list[Job] = []
     on_trial: set[Hashable] = set()
     done: Queue[Future] = Queue()
@@ -61,27 +70,27 @@ def _rows_from(client: Client, where: str, jobs: list[Job], work: Work) -> Rows:
     def submit(task: list[Job]) -> Hashable:
         call = cloudpickle.dumps(_Call(task, work))
         future = client.submit(pickle.loads, call, pure=False, retries=_RETRIES)
-        under_way[future.key] = task
+        running[future.key] = task
         future.add_done_callback(done.put)
         return future.key
 
     def refill() -> None:
-        # Twice what runs at once: no worker waits, and what is held here stays small.
-        for task in islice(tasks, max(2 * max(_threads(client), 1) - len(under_way), 0)):
+        # Twice as many as run at once: no worker waits, and few tasks are in memory.
+        for task in islice(tasks, max(2 * max(_threads(client), 1) - len(running), 0)):
             submit(task)
-        # One at a time: two suspects on one worker would be taken for each other.
+        # One at a time: of two suspects on one worker, either may have ended it.
         if suspects and not on_trial:
             on_trial.add(submit([suspects.pop(0)]))
 
     refill()
-    while under_way:
+    while running:
         try:
             future = done.get(timeout=_PATIENCE)
         except Empty:
             if not _threads(client):
                 raise _without_worker(where) from None
             continue
-        task = under_way.pop(future.key)
+        task = running.pop(future.key)
         on_trial.discard(future.key)
         try:
             rows, error = _outcome(future)
@@ -96,28 +105,28 @@ def _rows_from(client: Client, where: str, jobs: list[Job], work: Work) -> Rows:
                 where,
                 "workers with the same fracjax, and all that the model needs",
                 f"{type(error).__name__}: {' '.join(str(error).split())}",
-                "install it there",
+                "install them there",
             )
         elif len(task) > 1:
             suspects.extend(task)
         else:
-            yield [lost_row(task[0], work, "every worker that took it died.")]
+            yield [lost_row(task[0], work, "every worker that fitted it died.")]
         refill()
 
 
 def _outcome(future: Future) -> tuple[list[Row], BaseException | None]:
-    """What a task came to, which a worker still holds; `TimeoutError` where that worker left."""
-    if future.status == "lost":  # to wait for it is to wait for a worker that may never come
+    """The rows of a finished task and its error, if any; TimeoutError if its worker has left."""
+    if future.status == "lost":  # waiting would take until another worker joins, perhaps for ever
         raise TimeoutError
-    error: Any = future.exception(timeout=_SECONDS)  # a coroutine only of asynchronous clients
+    error: Any = future.exception(timeout=_SECONDS)  # a coroutine only with asynchronous clients
     return (future.result(timeout=_SECONDS) if error is None else []), error
 
 
 class _Call:
-    """A task in transit: to unpickle it is to do it.
+    """A task on its way to a worker: unpickling it runs it.
 
-    Dask unpickles what it is given on arrival, and a worker that cannot goes down.  So it is given
-    bytes; the task itself unpickles them, and what a worker lacks is an error like any other.
+    Dask unpickles what it receives on arrival, and a worker that cannot do so ends.  Therefore dask
+    is given bytes, which the task itself unpickles; what a worker lacks is then an ordinary error.
     """
 
     def __init__(self, jobs: list[Job], work: Work):
@@ -128,17 +137,21 @@ class _Call:
 
 
 def _rows_of(jobs: list[Job], work: Work) -> list[Row]:
+    """The rows of a task."""
     return [row_of(job, work) for job in jobs]
 
 
 def _threads(client: Client) -> int:
     """How many tasks the workers run at once."""
-    threads: Any = client.nthreads()  # a coroutine only of asynchronous clients
+    threads: Any = client.nthreads()  # a coroutine only with asynchronous clients
     return sum(threads.values())
 
 
 def _without_worker(where: str) -> InputError:
-    remedy = "start one by dask worker ADDRESS and run the same again; what was finished is kept"
+    """The error that no worker is there."""
+    remedy = (
+        "start one by `dask worker ADDRESS` and run the same call again; finished rows are kept"
+    )
     return InputError.at(where, "a worker", "none", remedy)
 
 
@@ -150,10 +163,13 @@ def _client(address: str, where: str) -> Iterator[Client]:
         from distributed.comm.addressing import get_address_host_port
     except ImportError:
         raise InputError.at(
-            "--cluster", "dask", "that it is missing", 'run pip install "fracjax[cluster]"'
+            "--cluster",
+            "the package dask",
+            "that it is not installed",
+            'run pip install "fracjax[cluster]"',
         ) from None
     try:
-        # Tried first: a Client that finds nobody complains once more when it is collected.
+        # Tried first: a Client without a connection reports an error again when it is deleted.
         socket.create_connection(get_address_host_port(address), _SECONDS).close()
         client = Client(address, timeout=_SECONDS, set_as_default=False)
     except (OSError, ValueError) as error:

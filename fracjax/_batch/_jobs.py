@@ -1,4 +1,4 @@
-"""Which recordings a call means: files, folders, patterns, or recordings in memory."""
+"""The recordings that a call means: files, folders, patterns, or recordings in memory."""
 
 from __future__ import annotations
 
@@ -13,26 +13,28 @@ from typing import Any
 from .._io import SUFFIXES, read
 from .._recording import InputError, Recording, found_in
 
-Given = Recording | str | PathLike[str]
+RecordingInput = Recording | str | PathLike[str]
 
 
 @dataclass(frozen=True)
 class File:
-    """A recording in a file, at its absolute path.
+    """A recording in a file, whose key is its absolute path.
 
-    Its key is the path.  Whether it has changed is told by a digest of what it holds: size and time
-    of change do not outlive a copy to another machine, and within the clock's grain they miss an
-    instrument that writes the file anew; reading it costs next to nothing beside a fit.
+    A digest of its content shows whether it has changed.  Size and time of change are not enough:
+    they differ on another machine, and they can stay the same if an instrument writes the file
+    again within the clock's resolution.  Reading the file takes little time compared with a fit.
     """
 
     path: Path
 
     @property
     def source(self) -> str:
+        """The path, for messages and tables."""
         return str(self.path)
 
     @property
     def key(self) -> str:
+        """The path, by which a row is recognised."""
         return str(self.path)
 
     def digest(self) -> str:
@@ -44,72 +46,84 @@ class File:
             return ""
 
     def recording(self, columns: Mapping[str, Any]) -> Recording:
+        """The recording, read with these options of `read`."""
         return read(self.path, **columns)
 
 
 @dataclass(frozen=True, eq=False)
 class Held:
-    """A recording in memory, whose name and content together are its key."""
+    """A recording in memory, whose key is its name and content."""
 
-    held: Recording
+    content: Recording
 
     @property
     def source(self) -> str:
-        return self.held.source
+        """The recording's name."""
+        return self.content.source
 
     @property
     def key(self) -> str:
-        return f"{self.held.source} {self.digest()}"
+        """The recording's name and digest, by which a row is recognised."""
+        return f"{self.content.source} {self.digest()}"
 
     def digest(self) -> str:
         """SHA-256 of samples, step and units."""
-        recording = self.held
+        recording = self.content
         facts = repr((recording.dt, recording.drive_unit, recording.response_unit)).encode()
         content = recording.drive.tobytes() + recording.response.tobytes() + facts
         return hashlib.sha256(content).hexdigest()
 
     def recording(self, columns: Mapping[str, Any]) -> Recording:
-        return self.held
+        """The recording; options for reading do not apply."""
+        return self.content
 
 
 Job = File | Held
 
 
-def jobs_of(given: Given | Iterable[Given], own: Path) -> dict[str, Job]:
-    """Every recording once, by key, in the order given; the batch's `own` folder is no recording.
+def jobs_of(recordings: RecordingInput | Iterable[RecordingInput], own: Path) -> dict[str, Job]:
+    """Every recording once, by key, in the order given, without files in the batch's `own` folder.
 
-    **Raises:** `InputError` where a folder or pattern, or all of it, leads to no file.
+    Raises:
+        InputError: A folder or pattern leads to no file, or nothing is left.
     """
-    listed = list(given) if isinstance(given, Iterable) and not isinstance(given, str) else [given]
-    found: list[Job] = []
-    for one in listed:
-        if isinstance(one, Recording):
-            found.append(Held(one))
-        elif isinstance(one, str | PathLike):
-            found += map(File, _files(fspath(one), own.resolve()))
+    listed = (
+        list(recordings)
+        if isinstance(recordings, Iterable) and not isinstance(recordings, str)
+        else [recordings]
+    )
+    jobs: list[Job] = []
+    for item in listed:
+        if isinstance(item, Recording):
+            jobs.append(Held(item))
+        elif isinstance(item, str | PathLike):
+            jobs += map(File, _files(fspath(item), own.resolve()))
         else:
             raise InputError.at(
-                "recordings", "Recordings, files, folders or patterns", found_in(one), "give these"
+                "recordings",
+                "Recordings, files, folders or patterns",
+                found_in(item),
+                "give one of these",
             )
-    if not found:
+    if not jobs:
         raise InputError("recordings: expected at least one, found none; give a file or a folder.")
-    return {job.key: job for job in found}
+    return {job.key: job for job in jobs}
 
 
 def _files(text: str, own: Path) -> list[Path]:
-    """The files that a path or a pattern means, absolute."""
+    """Absolute paths of the files that a path or pattern means, except those in `own`."""
     pattern = glob.has_magic(text) and not Path(text).exists()
     places = sorted(glob.glob(text, recursive=True)) if pattern else [text]
-    found = [path.resolve() for place in places for path in _within(Path(place))]
-    kept = [path for path in found if own not in path.parents]
-    if not kept:
-        expected = "a pattern that meets files" if pattern else f"files in {', '.join(SUFFIXES)}"
+    paths = [path.resolve() for place in places for path in _within(Path(place))]
+    outside = [path for path in paths if own not in path.parents]
+    if not outside:
+        expected = "a pattern that matches files" if pattern else f"files in {', '.join(SUFFIXES)}"
         raise InputError.at(text, expected, "none", "correct the path")
-    return kept
+    return outside
 
 
 def _within(place: Path) -> Iterator[Path]:
-    """A file itself; of a folder all files whose suffix is that of a recording."""
+    """The file itself; for a folder, all files in it with the suffix of a recording."""
     if not place.is_dir():
         yield place
         return

@@ -1,4 +1,4 @@
-"""The table of a batch on disk: a Parquet dataset that grows by whole files, never by halves."""
+"""The table of a batch on disk: a Parquet dataset that grows by whole files."""
 
 from __future__ import annotations
 
@@ -22,93 +22,99 @@ _FINISHED = ("fitted", "not converged")
 
 @dataclass(frozen=True)
 class Parts:
-    """Rows in a folder, one Parquet file for each chunk, all of one schema and the same settings.
+    """Rows in a folder, one Parquet file for each chunk, all with one schema and the same settings.
 
-    A part is written under a hidden name, which readers of datasets pass over, forced to disk, and
-    renamed: it is there whole or not at all.  Its name is a digest of its rows' keys, so that the
-    same rows written again replace themselves.
+    A part is written under a hidden name, which readers of datasets ignore, forced to disk and
+    renamed: either all of it is there or nothing.  Its name is a digest of its rows' keys, so the
+    same rows written again replace the file.
     """
 
     folder: Path
     schema: pa.Schema
 
     def check(self) -> None:
-        """Clear away what a killed run left half written, and see that the settings are the same.
+        """Remove incomplete files of a killed run, and check that the settings are the same.
 
-        **Raises:** `InputError` for other settings, or for files that are not of this kind.
+        Raises:
+            InputError: The folder holds rows of other settings, or files of another kind.
         """
-        for torn in self.folder.glob(".*.part"):
-            torn.unlink()
-        wanted = json.loads(self.schema.metadata[SETTINGS])
+        for incomplete in self.folder.glob(".*.part"):
+            incomplete.unlink()
+        required = json.loads(self.schema.metadata[SETTINGS])
         for part in self._all():
             settings = _settings_of(part)
-            for name in sorted({*wanted, *settings}):
-                old, new = (told.get(name, "not given") for told in (settings, wanted))
+            for name in sorted({*required, *settings}):
+                old, new = (values.get(name, "not given") for values in (settings, required))
                 if old != new:
                     raise InputError.at(
                         str(self.folder),
                         f"the settings that its rows were made with ({name}: {old})",
-                        f"others ({name}: {new})",
+                        f"other settings ({name}: {new})",
                         "give another --out",
                     )
 
     def write(self, rows: list[Row]) -> None:
-        """One more part."""
+        """Add the rows as one more part."""
         keys = "\n".join(row["key"] for row in rows)
         name = f"{hashlib.sha256(keys.encode()).hexdigest()[:16]}.parquet"
         self._save(pa.Table.from_pylist(rows, self.schema), self.folder / name)
 
     def missing(self, jobs: dict[str, Job]) -> list[Job]:
-        """The recordings without one fit of their present content; other rows are taken out.
+        """The recordings without a fit of their present content; their other rows are removed.
 
-        Those that could not be read or fitted are tried again: the cause may have been outside.
+        Those that could not be read or fitted are tried again, because the cause may have been
+        temporary.
         """
-        fitted, void = set(), set()
+        fitted, outdated = set(), set()
         for part in self._all():
             for row in pq.read_table(part, columns=["key", "digest", "status"]).to_pylist():
                 if job := jobs.get(row["key"]):
-                    good = row["status"] in _FINISHED and row["digest"] == job.digest()
-                    first = row["key"] not in fitted
-                    (fitted if good and first else void).add(row["key"])
-        if void:
+                    is_valid = row["status"] in _FINISHED and row["digest"] == job.digest()
+                    is_first = row["key"] not in fitted
+                    (fitted if is_valid and is_first else outdated).add(row["key"])
+        if outdated:
             for part in self._all():
-                self._take_out(part, void)
-        return [job for key, job in jobs.items() if key not in fitted - void]
+                self._remove(part, outdated)
+        return [job for key, job in jobs.items() if key not in fitted - outdated]
 
     def table(self, keys: Iterable[str]) -> pd.DataFrame:
-        """The rows of these recordings, in their order."""
+        """The rows of the recordings with these keys, in this order."""
         keys = list(keys)
         rows = pd.read_parquet(self.folder, filters=[("key", "in", keys)])
         return rows.set_index("key", drop=False).loc[keys].reset_index(drop=True)
 
     def _all(self) -> list[Path]:
+        """The files of all parts, sorted by name."""
         return sorted(self.folder.glob("*.parquet"))
 
-    def _take_out(self, part: Path, keys: set[str]) -> None:
+    def _remove(self, part: Path, keys: set[str]) -> None:
+        """Remove the rows with these keys from a part."""
         rows = pq.read_table(part)
-        kept = rows.filter(pa.array([key not in keys for key in rows["key"].to_pylist()]))
-        if not kept.num_rows:
+        remaining = rows.filter(pa.array([key not in keys for key in rows["key"].to_pylist()]))
+        if not remaining.num_rows:
             part.unlink()
-        elif kept.num_rows < rows.num_rows:
-            self._save(kept, part)
+        elif remaining.num_rows < rows.num_rows:
+            self._save(remaining, part)
 
     def _save(self, rows: pa.Table, part: Path) -> None:
+        """Write rows as a part, all at once."""
         self.folder.mkdir(parents=True, exist_ok=True)
-        torn = part.with_name(f".{part.name}.part")
+        incomplete = part.with_name(f".{part.name}.part")
         try:
-            with torn.open("wb") as file:
+            with incomplete.open("wb") as file:
                 pq.write_table(rows, file)
                 file.flush()
                 os.fsync(file.fileno())
-            torn.replace(part)
+            incomplete.replace(part)
         finally:
-            torn.unlink(missing_ok=True)
+            incomplete.unlink(missing_ok=True)
 
 
 def _settings_of(part: Path) -> dict[str, str]:
+    """The settings by which the rows of a part were made."""
     try:
         return json.loads((pq.read_schema(part).metadata or {})[SETTINGS])
-    except (OSError, KeyError, ValueError):  # pyarrow's errors are kinds of these
+    except (OSError, KeyError, ValueError):  # pyarrow's errors are subclasses of these
         raise InputError.at(
             str(part), "rows written by fracjax", "something else", "give another --out"
         ) from None

@@ -1,4 +1,4 @@
-"""What a process of its own does for a batch: fits what it is sent, until nobody sends any more."""
+"""The main function of a batch's process: fit recordings until no more are sent."""
 
 from __future__ import annotations
 
@@ -8,21 +8,21 @@ import sys
 
 
 def serve() -> None:
-    """Read the work, say that it was understood, then read recordings and write rows.
+    """Read the work, confirm it by an empty answer, then read recordings and write rows.
 
-    It ends with its standard input: of a driver that was killed no worker stays behind.
+    The process ends with its standard input, so no worker outlives a caller that was killed.
     """
-    given, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
-    # What a fit prints is no answer.
+    tasks, answers = os.fdopen(os.dup(0), "rb"), os.fdopen(os.dup(1), "wb")
+    # What a fit prints must not reach the answers.
     os.dup2(2, 1)
-    sys.path[:] = pickle.load(given)
+    sys.path[:] = pickle.load(tasks)
     from ._rows import row_of
 
-    work, task = pickle.load(given), []
+    work, task = pickle.load(tasks), []
     while True:
         pickle.dump([row_of(job, work) for job in task], answers)
         answers.flush()
         try:
-            task = pickle.load(given)
+            task = pickle.load(tasks)
         except EOFError:
             return

@@ -1,4 +1,4 @@
-"""The gradient fit beside bounded L-BFGS, particle swarm and evolution."""
+"""The gradient fit compared with bounded L-BFGS, particle swarm and differential evolution."""
 
 from ._crosscheck import Crosscheck as Crosscheck
 from ._crosscheck import Optimum as Optimum

@@ -1,7 +1,7 @@
-"""A model's objective over the unit cube, where searches between bounds move.
+"""A model's objective over the unit cube, in which the bounded searches move.
 
-Each coordinate is a parameter's share of the way between its bounds, on the parameter's own scale;
-a logarithmic one moves evenly in its logarithm.
+Each coordinate is a parameter's share of the interval between its bounds, on the parameter's own
+scale: for a logarithmic parameter, of the interval between their logarithms.
 """
 
 from __future__ import annotations
@@ -23,12 +23,18 @@ from ._variable_projection import project, projected_residual
 
 Objective = Callable[[Array], Array]
 
-AT_ONCE = 8  # of a population, evaluated side by side
-_ROOM = 3.0
+BATCH_SIZE = 8
+"""Members of a population that are evaluated in one vectorised call; it decides speed only."""
+_BOUND_FACTOR = 3.0
+"""Bounds of a gain that has none, as a multiple of its expected size; chosen by judgement."""
 
 
-class Found(NamedTuple):
-    """Where a search ended in the unit cube (n,), the objective there, and how often it looked."""
+class SearchResult(NamedTuple):
+    """The end of a search.
+
+    `position` (n,) is its best point in the unit cube, `cost` the objective there, and
+    `evaluations` the number of evaluations of the objective.
+    """
 
     position: Array
     cost: Array
@@ -36,12 +42,12 @@ class Found(NamedTuple):
 
 
 def dimension(block: AbstractBlock) -> int:
-    """How many numbers a search over the block's shapes moves."""
+    """Number of coordinates of a search: components of the block's free shape parameters."""
     return sum(size for _, size in layout_of(block).shapes)
 
 
 def objective(block: AbstractBlock, problems: tuple[AbstractProblem, ...]) -> Objective:
-    """χ² over the unit cube, gains and own terms at their best; ∞ where the model breaks down."""
+    """χ² over the unit cube (n,), with optimal gains and own terms; ∞ where it is not finite."""
 
     def cost(position: Array) -> Array:
         _, residual, _ = project(with_shapes_at(block, position), problems)
@@ -51,51 +57,57 @@ def objective(block: AbstractBlock, problems: tuple[AbstractProblem, ...]) -> Ob
 
 
 @compiled
-def with_gradient(
+def cost_and_gradient(
     block: AbstractBlock, problems: tuple[AbstractProblem, ...], position: Array
 ) -> tuple[Array, Array]:
-    """χ² and its gradient (n,) at a point of the unit cube.
+    """χ² and its gradient (n,) at a point (n,) of the unit cube.
 
-    The residual is orthogonal to what Kaufman's derivative leaves out: the gradient is exact.
+    The residual is orthogonal to the term that Kaufman's derivative omits, so the gradient is
+    exact.
     """
 
     def residual(position: Array) -> tuple[Array, Array]:
-        found = projected_residual(with_shapes_at(block, position), problems)
-        return found, found
+        value = projected_residual(with_shapes_at(block, position), problems)
+        return value, value
 
-    derivative, found = jax.jacfwd(residual, has_aux=True)(position)
-    return jnp.sum(found**2), 2 * derivative.T @ found
+    derivative, value = jax.jacfwd(residual, has_aux=True)(position)
+    return jnp.sum(value**2), 2 * derivative.T @ value
 
 
 def with_bounded_shapes(block: AbstractBlock, fitted: AbstractBlock) -> AbstractBlock:
-    """The block with bounds for the gains that are not eliminated, because another stands before
-    them or something nonlinear after: ±3 times the fitted value, or the block's own if larger."""
-    parameters, found = named_parameters(block), named_parameters(fitted)
+    """The block with bounds for those gains that cannot be eliminated.
+
+    These have another gain in front of them, or a nonlinear part behind them.  Their bounds are ±3
+    times the fitted value, or ±3 times the block's own value if that is larger.
+    """
+    parameters, fitted_parameters = named_parameters(block), named_parameters(fitted)
     bounded = {}
     for name, _ in layout_of(block).shapes:
         p = parameters[name]
         if not p.bounded:
-            reach = _ROOM * np.maximum(np.abs(found[name].value), np.abs(p.value))
-            bounded[name] = Parameter(p.value, p.unit, lower=-reach, upper=reach)
+            limit = _BOUND_FACTOR * np.maximum(
+                np.abs(fitted_parameters[name].value), np.abs(p.value)
+            )
+            bounded[name] = Parameter(p.value, p.unit, lower=-limit, upper=limit)
     return replace_parameters(block, bounded)
 
 
 def with_bounded_gains(block: AbstractBlock, problems: tuple[Problem, ...]) -> AbstractBlock:
-    """The block with its gains bounded and searched for, no longer eliminated, as in the papers.
+    """The block with its gains bounded and searched for instead of eliminated, as in the papers.
 
-    The bounds are ±3 times the gain with which its own column alone would span the response, or
-    ±3 times the block's own gain where that is larger.
+    The bounds are ±3 times the gain with which the gain's own column would span the response, or ±3
+    times the block's own gain if that is larger.
     """
     layout = layout_of(block)
     columns = np.asarray(jacobian(block, problems)[0])
     response = np.concatenate([p.response for p in problems])
-    counts = np.concatenate([p.weights for p in problems]) > 0
+    used = np.concatenate([p.weights for p in problems]) > 0
     parameters, bounded = named_parameters(block), {}
     at = dimension(block)
     for name, size in layout.gains:
         p = parameters[name]
-        ratio = np.ptp(response[counts]) / np.ptp(columns[counts, at : at + size], axis=0)
-        reach = _ROOM * np.maximum(ratio.reshape(np.shape(p.value)), np.abs(p.value))
-        bounded[name] = Parameter(p.value, p.unit, lower=-reach, upper=reach)
+        ratio = np.ptp(response[used]) / np.ptp(columns[used, at : at + size], axis=0)
+        limit = _BOUND_FACTOR * np.maximum(ratio.reshape(np.shape(p.value)), np.abs(p.value))
+        bounded[name] = Parameter(p.value, p.unit, lower=-limit, upper=limit)
         at += size
     return replace_parameters(block, bounded)

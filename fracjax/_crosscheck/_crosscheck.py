@@ -1,4 +1,4 @@
-"""One objective, minimised in five ways: does the gradient fit stand at the optimum?"""
+"""One objective, minimised by several methods: is the gradient fit at the optimum?"""
 
 from __future__ import annotations
 
@@ -19,38 +19,31 @@ from .._fit import Fit, fit_of, scores_of, settle_finely
 from .._models import Model
 from .._parameters import named_parameters
 from .._prepare import (
-    HistoryOption,
     Layout,
     Noise,
+    HistoryOption,
     Preparation,
     Problem,
     SearchOptions,
-    free_parameters_of,
     layout_of,
     model_of,
+    free_parameters_of,
     prepare_fit,
     recordings_of,
     require_whole_number,
 )
 from .._recording import InputError, Recording
-from .._solve import (
-    Objective,
-    Progress,
-    Solved,
-    fit_block,
-    limit_compiled_programs,
-    silent,
-    solved_at,
-    starts_of,
-)
-from ._bounded import bounded, require_jaxopt
-from ._box import Found, dimension, objective, with_bounded_gains, with_bounded_shapes
+from .._solve import Objective, Progress, Solved, fit_block, limit_compiled_programs, silent, solved_at, starts_of
+from ._bounded import bounded_lbfgs, require_jaxopt
+from ._box import SearchResult, dimension, objective, with_bounded_gains, with_bounded_shapes
 from ._evolution import DifferentialEvolution
 from ._swarm import ParticleSwarm
 
 SCHEMA = "fracjax.crosscheck/1"
 TOLERANCE = 1e-4
+"""Relative excess of an error over the best one up to which methods agree; chosen by judgement."""
 _SMALLEST_POPULATION = 4
+"""A mutant of the evolution needs three members besides the one that it challenges."""
 
 Search = ParticleSwarm | DifferentialEvolution
 
@@ -59,11 +52,17 @@ Search = ParticleSwarm | DifferentialEvolution
 class Optimum:
     """Where one method ended.
 
-    rmse (the papers' e_RMS) in the response's unit and e_r = ‖y-ŷ‖/‖y - mean‖; `over_best` is the
-    square root of its objective over the best method's: the ratio of the e_RMS where the noise is
-    white, and of what was minimised in any case.  `agrees` where that is 1.0001 at most.
-    `evaluations` of the objective, each with its derivatives where `derivatives` says so; `seconds`
-    without compilation.
+    Attributes:
+        method: Name of the method.
+        rmse: Root mean square error (the papers' e_RMS), in the response's unit.
+        e_r: Relative error ‖y - ŷ‖/‖y - mean‖.
+        over_best: Square root of its χ² over that of the best method; the ratio of their e_RMS if
+            the noise is white.
+        agrees: Whether `over_best` is at most 1.0001.
+        parameters: Values of the parameters by label, in their units.
+        evaluations: Number of evaluations of the objective.
+        derivatives: Whether each evaluation includes derivatives.
+        seconds: Time [s] without compilation.
     """
 
     method: str
@@ -81,8 +80,12 @@ class Optimum:
 class Crosscheck:
     """The same objective minimised by several methods, the gradient fit first.
 
-    `fit` is the gradient fit, and carries `warning` where another method beats it.  `units` and
-    `bounds` (of the searches that move all parameters) are by parameter.
+    Attributes:
+        fit: The gradient fit; it carries `warning` if another method has a smaller error.
+        rows: The result of each method.
+        units: Units of the parameters, by label.
+        bounds: Lower and upper bounds of the searches over all parameters, by label, in these
+            units.
     """
 
     fit: Fit
@@ -92,16 +95,20 @@ class Crosscheck:
 
     @property
     def best(self) -> Optimum:
-        """The first of the methods that agree with the least objective."""
+        """The first of the methods that agree with the smallest objective."""
         return next(row for row in self.rows if row.agrees)
 
     @property
     def warning(self) -> str | None:
-        """What speaks against the gradient fit, if anything does."""
+        """Why the gradient fit is not at the optimum; None if it is."""
         return next(iter(self.fit.warnings), None)
 
     def to_dict(self) -> dict:
-        """Plain data, as in crosscheck.json."""
+        """The result as plain data, as in crosscheck.json.
+
+        Returns:
+            A dictionary that JSON can store.
+        """
         return {
             "schema": SCHEMA,
             "model": self.fit.model.name,
@@ -115,7 +122,11 @@ class Crosscheck:
         }
 
     def save(self, path: str | Path) -> None:
-        """Write crosscheck.json."""
+        """Write the result as crosscheck.json.
+
+        Args:
+            path: The file to write.
+        """
         Path(path).write_text(json.dumps(self.to_dict(), indent=1) + "\n", encoding="utf-8")
 
 
@@ -131,75 +142,97 @@ def crosscheck(
     iterations: int = 200,
     seed: int = 0,
     progress: Progress = silent,
-    **asked: Unpack[SearchOptions],
+    **options: Unpack[SearchOptions],
 ) -> Crosscheck:
-    """Fit a model by gradients, by bounded L-BFGS, by a particle swarm and by evolution.
+    """Fit a model by gradients, bounded L-BFGS, a particle swarm and differential evolution.
 
-    `fit` decides noise, history, settling and grid; then every method minimises the same χ², from
-    its own starts: `starts` points for the two that follow gradients, `population` × `iterations`
-    evaluations for the others.  These search twice: with gains eliminated, as the gradient fit
-    does, and over all parameters, as the papers do.  A recording's own offset is always eliminated.
-    Arguments as in `fit`, of what is `asked` those that every search knows: fixed, bounds, weights
-    and mask.  Errors are in the response's unit.  Raises InputError for others, where jaxopt is not
-    installed, and as `fit` does.
+    `fit` decides noise, history, settling and grid; then every method minimises the same χ² from
+    its own starting points.  The swarm and the evolution search twice: with the gains eliminated,
+    as in the gradient fit, and over all parameters, as in the papers.  A recording's own offset is
+    always eliminated.
+
+    Args:
+        model: The model, or its name.
+        recordings: One recording or several, each with drive and response (N,) in their units.
+        noise: The noise, or its standard deviation in the response's unit, as in `fit`.
+        history: Assumption on the prior history of the drive, as in `fit`.
+        settling: Samples at the start that do not count, or a time such as "1 s", as in `fit`.
+        starts: Starting points of each of the two gradient methods.
+        population: Members of the swarm and of the evolution.
+        iterations: Iterations of both; each takes `population` evaluations.
+        seed: Seed of all random numbers.
+        progress: Called with a line of text at each stage.
+        **options: `fixed`, `bounds`, `weights` and `mask`, as in `fit`.
+
+    Returns:
+        The gradient fit, and the optimum of each method; errors are in the response's unit.
+
+    Raises:
+        InputError: Parameters are tied, have priors, or differ between recordings; no parameter but
+            gains is free; the population or the iterations are too few; jaxopt is not installed; or
+            as `fit`.
     """
     listed = recordings_of(recordings)
     model = model_of(model, listed)
     starts, seed = require_whole_number(starts, "starts", 1), require_whole_number(seed, "seed", 0)
-    require_jaxopt()  # before minutes are spent
+    require_jaxopt()  # checked before the long fits
     with computing():
         block, preparation = prepare_fit(
-            model, listed, noise=noise, history=history, settling=settling, **asked
+            model, listed, noise=noise, history=history, settling=settling, **options
         )
-        _require_plain(block, preparation)
+        _require_no_conditions(block, preparation)
         _require_searchable(model.name, block, population, iterations)
         progress(f"fitting {model.name}")
-        first, _ = settle_finely(
+        settled, _ = settle_finely(
             block, preparation, history=history, starts=starts, seed=seed, progress=progress
         )
-        preparation = first.preparation
-        block = with_bounded_shapes(block, first.block)
-        # Once more on what was settled, as the others will: its programs are compiled by now.
-        began = time.perf_counter()
+        preparation = settled.preparation
+        block = with_bounded_shapes(block, settled.block)
+        # Fitted again with these settings, to be timed without compilation as the others are.
+        start_time = time.perf_counter()
         solved = fit_block(block, preparation, starts, seed)
-        ways = [_Way("gradient fit", solved, True, time.perf_counter() - began)]
+        results = [_MethodResult("gradient fit", solved, True, time.perf_counter() - start_time)]
         progress("fitting by bounded L-BFGS")
         problems = preparation.problems()
-        ways.append(_by_bounded(starts_of(block, starts, seed), problems, preparation))
-        freed = with_bounded_gains(solved.block, problems)
+        results.append(_result_of_bounded(starts_of(block, starts, seed), problems, preparation))
+        all_free = with_bounded_gains(solved.block, problems)
         spaces = {"gains eliminated": block}
         if layout_of(block).gains:
-            spaces["all parameters"] = freed
+            spaces["all parameters"] = all_free
         searches: dict[str, Search] = {
             "PSO": ParticleSwarm(population, iterations),
             "DE": DifferentialEvolution(population, iterations),
         }
         generator = np.random.default_rng(seed)
         for name, search in searches.items():
-            for space, searched in spaces.items():
+            for space, search_block in spaces.items():
                 method = f"{name}, {space}"
                 progress(f"searching by {method}")
-                ways.append(_by_search(method, search, searched, preparation, generator))
-        return _compared(model, ways, layout_of(block), freed)
+                results.append(
+                    _result_of_search(method, search, search_block, preparation, generator)
+                )
+        return _crosscheck_of(model, results, layout_of(block), all_free)
 
 
-def _require_plain(block: AbstractBlock, preparation: Preparation) -> None:
-    asked = preparation.conditions
-    own = free_parameters_of(block, len(preparation.takes), asked).own
-    told = {"priors": asked.priors, "tied": asked.ties, "own": own}
-    if any(told.values()):
+def _require_no_conditions(block: AbstractBlock, preparation: Preparation) -> None:
+    """Raise InputError for priors, ties and parameters that differ between recordings."""
+    conditions = preparation.conditions
+    own = free_parameters_of(block, len(preparation.takes), conditions).own
+    unsupported = {"priors": conditions.priors, "tied": conditions.ties, "own": own}
+    if any(unsupported.values()):
         raise InputError(
-            "crosscheck: expected parameters fixed or bounded at most, found "
-            f"{', '.join(name for name, names in told.items() if names)}; the searches know none "
-            "of these, leave them out"
+            "crosscheck: expected parameters that are fixed or bounded only, found "
+            f"{', '.join(name for name, names in unsupported.items() if names)}; the searches "
+            "cannot use these, leave them out"
         )
 
 
 def _require_searchable(name: str, block: AbstractBlock, population: int, iterations: int) -> None:
+    """Raise InputError if only gains are free, or if the population or iterations are too few."""
     if dimension(block) == 0:
         raise InputError(
             f"{name}: expected a free parameter that is no gain, found none; a linear fit needs no "
-            "cross-check, or set one free"
+            "cross-check; free another parameter to use it"
         )
     if population < _SMALLEST_POPULATION or iterations < 1:
         raise InputError(
@@ -209,8 +242,12 @@ def _require_searchable(name: str, block: AbstractBlock, population: int, iterat
 
 
 @dataclass(frozen=True)
-class _Way:
-    """What one method solved, and what it took."""
+class _MethodResult:
+    """The result of one method and its cost.
+
+    `derivatives` says whether each evaluation includes derivatives; `seconds` is the time [s]
+    without compilation.
+    """
 
     method: str
     solved: Solved
@@ -218,83 +255,86 @@ class _Way:
     seconds: float
 
 
-def _by_bounded(
+def _result_of_bounded(
     starts: list[AbstractBlock], problems: tuple[Problem, ...], preparation: Preparation
-) -> _Way:
-    bounded(starts[:1], problems)  # compiles
-    found, seconds = _timed(lambda: bounded(starts, problems))
-    solved = _solved(starts[0], found, preparation)
-    return _Way("bounded L-BFGS", solved, True, seconds)
+) -> _MethodResult:
+    """Bounded L-BFGS from all starts, timed after a first run that compiles it."""
+    bounded_lbfgs(starts[:1], problems)  # compiles it
+    result, seconds = _with_time(lambda: bounded_lbfgs(starts, problems))
+    solved = _as_solved(starts[0], result, preparation)
+    return _MethodResult("bounded L-BFGS", solved, True, seconds)
 
 
-def searched(
+def run_search(
     search: Search, block: AbstractBlock, problems: tuple[Problem, ...], draws: Any
-) -> Found:
-    """A search over the block's shapes, with its own draws, as one compiled program."""
+) -> SearchResult:
+    """A search over the block's shapes with these random numbers, to be compiled as one program."""
     return search(objective(block, problems), draws)
 
 
-def _by_search(
+def _result_of_search(
     method: str,
     search: Search,
     block: AbstractBlock,
     preparation: Preparation,
     generator: np.random.Generator,
-) -> _Way:
+) -> _MethodResult:
+    """One search over the block's shapes, timed without its compilation."""
     limit_compiled_programs()
     draws = search.draw(dimension(block), generator)
     arguments = (search, block, preparation.problems(), draws)
-    # Equinox hands on what its types do not say.
-    run: Any = eqx.filter_jit(searched, compiler_options=compiler_options())  # type: ignore
+    # Equinox passes on compiler options that its types do not declare.
+    run: Any = eqx.filter_jit(run_search, compiler_options=compiler_options())  # type: ignore
     program = run.lower(*arguments).compile()
-    found, seconds = _timed(lambda: jax.block_until_ready(program(*arguments)))
-    return _Way(method, _solved(block, found, preparation), False, seconds)
+    result, seconds = _with_time(lambda: jax.block_until_ready(program(*arguments)))
+    return _MethodResult(method, _as_solved(block, result, preparation), False, seconds)
 
 
-def _timed(run: Callable[[], Found]) -> tuple[Found, float]:
-    began = time.perf_counter()
-    return run(), time.perf_counter() - began
+def _with_time(run: Callable[[], SearchResult]) -> tuple[SearchResult, float]:
+    """The result of a search and its time [s]."""
+    start_time = time.perf_counter()
+    return run(), time.perf_counter() - start_time
 
 
-def _solved(block: AbstractBlock, found: Found, preparation: Preparation) -> Solved:
-    """A search's end as a fit's: it ends by its budget, and has no other criterion."""
+def _as_solved(block: AbstractBlock, result: SearchResult, preparation: Preparation) -> Solved:
+    """The result of a search as that of a fit, converged if its objective is finite."""
     return solved_at(
         Objective(block, preparation.problems(), preparation.conditions),
-        np.asarray(found.position),
+        np.asarray(result.position),
         preparation,
-        converged=bool(np.isfinite(found.cost)),
-        costs=(float(found.cost),),
-        evaluations=int(found.evaluations),
+        converged=bool(np.isfinite(result.cost)),
+        costs=(float(result.cost),),
+        evaluations=int(result.evaluations),
     )
 
 
-def _compared(
+def _crosscheck_of(
     model: Model,
-    ways: list[_Way],
+    results: list[_MethodResult],
     layout: Layout,
-    freed: AbstractBlock,
+    all_free: AbstractBlock,
 ) -> Crosscheck:
-    """All methods beside the best of them, and a warning on the fit that is not among the best."""
-    least = min(way.solved.cost for way in ways)
+    """All methods compared with the best, and a warning if the gradient fit does not agree."""
+    least = min(result.solved.cost for result in results)
     rows = []
-    for way in ways:
-        scores = scores_of(way.solved)
-        ratio = float(np.sqrt(way.solved.cost / least))
+    for result in results:
+        scores = scores_of(result.solved)
+        ratio = float(np.sqrt(result.solved.cost / least))
         rows.append(
             Optimum(
-                method=way.method,
+                method=result.method,
                 rmse=scores.rmse,
                 e_r=scores.e_r,
                 over_best=ratio,
                 agrees=ratio <= 1 + TOLERANCE,
-                parameters=_labelled(way.solved.block, layout, "value"),
-                evaluations=way.solved.evaluations,
-                derivatives=way.derivatives,
-                seconds=way.seconds,
+                parameters=_by_label(result.solved.block, layout, "value"),
+                evaluations=result.solved.evaluations,
+                derivatives=result.derivatives,
+                seconds=result.seconds,
             )
         )
-    fit = fit_of(model, ways[0].solved)
-    low, high = (_labelled(freed, layout, end) for end in ("lower", "upper"))
+    fit = fit_of(model, results[0].solved)
+    low, high = (_by_label(all_free, layout, end) for end in ("lower", "upper"))
     return Crosscheck(
         fit=replace(fit, warnings=_warnings(model.name, rows)),
         rows=tuple(rows),
@@ -304,6 +344,7 @@ def _compared(
 
 
 def _warnings(name: str, rows: list[Optimum]) -> tuple[str, ...]:
+    """A warning if the gradient fit does not agree with the best method."""
     gradient, best = rows[0], min(rows, key=lambda row: row.over_best)
     if gradient.agrees:
         return ()
@@ -314,8 +355,8 @@ def _warnings(name: str, rows: list[Optimum]) -> tuple[str, ...]:
     )
 
 
-def _labelled(block: AbstractBlock, layout: Layout, field: str) -> dict[str, float]:
-    """A field of the free parameters by label: `name`, or `name[k]` of a vector."""
+def _by_label(block: AbstractBlock, layout: Layout, field: str) -> dict[str, float]:
+    """An attribute of the free parameters by label: `name`, or `name[k]` for a vector."""
     parameters = named_parameters(block)
     free = [parameters[name] for name, _ in layout.shapes + layout.gains]
     fields = [np.ravel(np.broadcast_to(getattr(p, field), np.shape(p.value))) for p in free]

@@ -1,7 +1,8 @@
-r"""Least squares with the gains eliminated, as one differentiable and compiled function.
+"""Least squares with the gains eliminated, as one differentiable and compiled function.
 
-A model is y = Φ(θ) c + y_0(θ) with gains c, and each recording's own terms, entering linearly.  For
-each θ the gains follow from a linear least-squares problem, so that a search runs over θ alone:
+A model is y = Φ(θ) c + y_0(θ), in which the gains c, and each recording's own terms, enter
+linearly.  For each θ they follow from a linear least-squares problem, so that a search runs over θ
+alone:
 
     min_θ ‖ W (y - y_0(θ) - Φ(θ) c(θ)) ‖²,     c(θ) = argmin_c ‖ W (y - y_0(θ) - Φ(θ) c) ‖
 
@@ -22,7 +23,7 @@ from .._solve import eliminate
 def _linear_system(
     block: AbstractBlock, problem: AbstractProblem, own: Array
 ) -> tuple[Array, Array]:
-    """Whitened columns (L, gains + own) and whitened remainder (L,) of one recording."""
+    """Whitened columns (L, gains + own) and response minus that at zero gains (L,)."""
     count = sum(size for _, size in layout_of(block).gains)
     at_zero, along = jax.linearize(
         lambda gains: problem.simulate(with_gains(block, gains)), jnp.zeros(count)
@@ -35,8 +36,10 @@ def _linear_system(
 def project(
     block: AbstractBlock, problems: tuple[AbstractProblem, ...]
 ) -> tuple[Array, Array, Array]:
-    """Best gains and own terms at the block's shapes, the whitened residual (ΣL,), and an
-    orthonormal basis (ΣL, gains + own) of what they span."""
+    """Optimal gains and own terms for the block, the whitened residual, and an orthonormal basis.
+
+    The residual is (ΣL,); the basis (ΣL, gains + own) spans the whitened columns.
+    """
     own = own_columns(problems)
     systems = [_linear_system(block, p, o) for p, o in zip(problems, own, strict=True)]
     columns = jnp.concatenate([s[0] for s in systems])
@@ -47,8 +50,8 @@ def project(
 def projected_residual(block: AbstractBlock, problems: tuple[AbstractProblem, ...]) -> Array:
     """The residual of `project`, with Kaufman's derivative: -(1 - QQᵀ) (∂Φ/∂θ) c.
 
-    Gains and basis are held while differentiating; the term left out is of the order of the
-    residual itself (Kaufman, BIT 15 (1975) 49), and no derivative runs through the QR.
+    Gains and basis are constant in the derivative.  The omitted term is of the order of the
+    residual (Kaufman, BIT 15 (1975) 49), and the QR factorisation need not be differentiated.
     """
     solution, _, basis = jax.lax.stop_gradient(project(block, problems))
     count = solution.shape[0] - sum(p.own.shape[1] for p in problems)

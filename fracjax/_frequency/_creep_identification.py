@@ -1,8 +1,8 @@
-r"""Creep from amplitude ratios: by a straight line (TFOCIM), or with the dynamics (OFOCIM).
+"""Creep from amplitude ratios: by a straight line (TFOCIM), or with the dynamics (OFOCIM).
 
 Both start from the ratio A_r of response to drive amplitude at several frequencies [F 15, 16].
-TFOCIM takes log A_r to be linear in log ω; OFOCIM fits |G(jω)| of [F 20], so that a resonance
-above the table does not pass for creep.
+TFOCIM assumes that log A_r is linear in log ω.  OFOCIM fits |G(jω)| of [F 20], so that a resonance
+above the table's frequencies is not mistaken for creep.
 Source: Xu, Luo, Luo, Chen, Liu, Fractal Fract. 8 (2024) 3, section 4.3.
 """
 
@@ -31,23 +31,38 @@ from .._recording import InputError
 SCHEMA = "fracjax.creep/1"
 _DECIBEL = 20 / np.log(10)
 _BOUNDED = ("mu", "frequency", "damping")
+# The grid of starting values and the budgets below were chosen by judgement.
 _MODES = 48
+"""Starting values of the mode's frequency, evenly spaced in its logarithm."""
 _DAMPINGS = np.array([0.003, 0.02, 0.1, 0.5])
+"""Starting values of the damping ratio ζ."""
 _CURVATURES = np.array([-0.7, -0.3, -0.1, 0.1, 0.3, 0.7])
+"""Starting values of μ, the curvature of the creep over the logarithm of frequency."""
 _SLOPES = np.array([-0.3, -0.08, -0.02, 0.0, 0.02, 0.08, 0.3])
+"""Starting values of q, the slope of the creep over the logarithm of frequency."""
 _STARTS = 24
+"""How many of the best starting points are improved."""
 _FIRST_STEPS = 30
+"""Most steps from each of them, and most steps of the check for convergence."""
 _STEPS = 200
+"""Most steps from the best of them."""
 _ROUGH = optx.LevenbergMarquardt(rtol=1e-3, atol=1e-3)
-_EXACT = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
+_ACCURATE = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
 
 
 @dataclass(frozen=True)
 class CreepEstimate:
-    """A parameter with its standard error and 95 % interval [low, high], in `unit`.
+    """A parameter with its standard error and 95 % interval.
 
-    `identified` is false where the table leaves it open: by more than half its plausible range, or,
-    of a gain, by more than half the whole gain; and where the fit ended on a bound.
+    Attributes:
+        name: The parameter's name.
+        value: Its estimate, in `unit`.
+        standard_error: Its standard error, in `unit`.
+        low: Lower end of the 95 % interval, in `unit`.
+        high: Upper end of the 95 % interval, in `unit`.
+        unit: Its unit, in terms of response and drive, or "1".
+        identified: False if the table does not determine the parameter: the standard error exceeds
+            half its plausible range (for a gain: half the whole gain), or the fit ended on a bound.
     """
 
     name: str
@@ -61,11 +76,18 @@ class CreepEstimate:
 
 @dataclass(frozen=True)
 class CreepIdentification:
-    """Creep identified from amplitude ratios (F,) at frequencies (F,) [Hz].
+    """Creep identified from amplitude ratios [response/drive].
 
-    `block` is the law at its optimum: Creep [F 11] by TFOCIM, PEADynamics [F 20] by OFOCIM.
-    `scatter_dB` is the residual's standard deviation, 20 log10 of the ratio, degrees of freedom
-    counted; from it come the standard errors.
+    Attributes:
+        method: "TFOCIM" or "OFOCIM".
+        block: The fitted block: Creep [F 11] by TFOCIM, PEADynamics [F 20] by OFOCIM.
+        estimates: The parameters with their uncertainties.
+        scatter_dB: Standard deviation of the residual of 20 log10 of the ratio [dB], corrected for
+            the degrees of freedom; the standard errors follow from it.
+        converged: Whether the optimisation converged.
+        frequencies_Hz: Frequencies (F,) [Hz].
+        ratios: Measured ratios (F,) [response/drive].
+        fitted: Ratios of the fitted block (F,) [response/drive].
     """
 
     method: Literal["TFOCIM", "OFOCIM"]
@@ -78,15 +100,27 @@ class CreepIdentification:
     fitted: np.ndarray
 
     def __getitem__(self, name: str) -> CreepEstimate:
+        """The estimate of one parameter.
+
+        Args:
+            name: The parameter's name.
+
+        Returns:
+            The estimate with its standard error and interval.
+        """
         return next(e for e in self.estimates if e.name == name)
 
     @property
     def unidentified(self) -> tuple[str, ...]:
-        """Names of the parameters that the table leaves open."""
+        """Names of the parameters that the table does not determine."""
         return tuple(e.name for e in self.estimates if not e.identified)
 
     def to_dict(self) -> dict:
-        """Plain data."""
+        """The result as plain data.
+
+        Returns:
+            A dictionary that JSON can store.
+        """
         return {
             "schema": SCHEMA,
             "method": self.method,
@@ -103,13 +137,25 @@ class CreepIdentification:
 def tfocim(
     frequencies_Hz: ArrayLike, ratios: ArrayLike, standard_errors: ArrayLike | None = None
 ) -> CreepIdentification:
-    r"""Creep k_c s^-μ by the straight line y = 20 log10 k_c - 20 μ x [F 11, 15, 16].
+    """Creep k_c s^-μ by the straight line y = 20 log10 k_c - 20 μ x [F 11, 15, 16].
 
-    x = log10 ω, y = 20 log10 A_r, ω [rad/s] from frequencies (F,) [Hz], A_r (F,) [response/drive].
-    Standard errors of the ratios (F,), where given, weigh the points; how large the scatter is, the
-    residual says in any case.  The 95 % intervals are Student's t.  A negative μ says that the
+    Here x = log10 ω with ω in rad/s, and y = 20 log10 A_r.  The standard errors of the parameters
+    follow from the residual, their 95 % intervals from Student's t.  A negative μ means that the
     ratio rises with frequency: dynamics, not creep.
-    Raises InputError for fewer than 3 frequencies, or numbers that are not positive.
+
+    Args:
+        frequencies_Hz: Frequencies (F,) [Hz].
+        ratios: Ratios A_r (F,) of response to drive amplitude [response/drive].
+        standard_errors: Their standard errors (F,) [response/drive], which weight the points
+            relative to each other; all points weigh the same by default.
+
+    Returns:
+        The fitted creep with its uncertainties.
+
+    Raises:
+        InputError: There are fewer than 3 frequencies, or values that are not positive.
+
+    Source: Xu, Luo, Luo, Chen, Liu, Fractal Fract. 8 (2024) 3, section 4.3.
     """
     frequencies, ratio, weights = _table("TFOCIM", frequencies_Hz, ratios, standard_errors, 3)
     x, y = np.log10(2 * np.pi * frequencies), 20 * np.log10(ratio)
@@ -120,16 +166,16 @@ def tfocim(
     scatter = float(np.sqrt(np.sum((weights * (y - fitted)) ** 2) / freedom))
     covariance = scatter**2 * _inverse_square(line * weights[:, None])
     level_error, mu_error = (float(e) for e in np.sqrt(np.diag(covariance)))
-    reach, k_c = float(student.ppf(0.975, freedom)), float(10 ** (level / 20))
-    gain = (k_c, k_c * level_error / _DECIBEL, reach, "response/drive*s^-mu")
+    quantile, k_c = float(student.ppf(0.975, freedom)), float(10 ** (level / 20))
+    gain = (k_c, k_c * level_error / _DECIBEL, quantile, "response/drive*s^-mu")
     block = set_values(Creep(), {"k_c": k_c, "mu": mu})
-    widest = 0.5 * np.ptp(block.mu.plausible)
+    largest = 0.5 * np.ptp(block.mu.plausible)
     return CreepIdentification(
         method="TFOCIM",
         block=block,
         estimates=(
-            _logarithmic("k_c", *gain, bool(gain[1] <= 0.5 * k_c)),
-            _straight("mu", float(mu), mu_error, reach, "1", bool(mu_error <= widest)),
+            _logarithmic_estimate("k_c", *gain, bool(gain[1] <= 0.5 * k_c)),
+            _linear_estimate("mu", float(mu), mu_error, quantile, "1", bool(mu_error <= largest)),
         ),
         scatter_dB=scatter,
         converged=True,
@@ -142,18 +188,33 @@ def tfocim(
 def ofocim(
     frequencies_Hz: ArrayLike, ratios: ArrayLike, standard_errors: ArrayLike | None = None
 ) -> CreepIdentification:
-    r"""Creep and dynamics together: |G(jω)| of [F 20] fitted to the logarithms of the ratios.
+    """Creep and dynamics together: |G(jω)| of [F 20] fitted to the logarithms of the ratios.
 
         ln A_r = ln |(g + g_μ (jω)^μ) / (1 + 2ζ jω/ω_0 - ω²/ω_0²)|
 
     The parameters are those of PEADynamics, and `creep_order`: the order of the creep k_c s^-μ
-    [F 11] of the same slope at the geometric centre of the table, which is known even where g, g_μ
-    and μ are only known together, as they are where the interval of μ holds 0.  Of a mode
-    that the table does not show (F-test, 1 %) the intervals are the whole of its bounds.
-    Levenberg–Marquardt from the best of a grid; standard errors from the Jacobian and the
-    residual's scatter, 95 % intervals from Student's t (on a logarithmic scale for f_0 and ζ).
-    Arguments as of `tfocim`.
-    Raises InputError for fewer than 6 frequencies, or numbers that are not positive.
+    [F 11] that has the same slope at the geometric centre of the table.  It is determined even
+    where g, g_μ and μ are strongly correlated, as they are if the interval of μ contains 0.  If the
+    table does not show the mode (F-test, 1 %), the intervals of its frequency and damping are all
+    of their bounds.
+
+    The optimiser is Levenberg–Marquardt from the best points of a grid.  Standard errors follow
+    from the Jacobian and the residual's scatter, 95 % intervals from Student's t (on a logarithmic
+    scale for f_0 and ζ).
+
+    Args:
+        frequencies_Hz: Frequencies (F,) [Hz].
+        ratios: Ratios A_r (F,) of response to drive amplitude [response/drive].
+        standard_errors: Their standard errors (F,) [response/drive], which weight the points
+            relative to each other; all points weigh the same by default.
+
+    Returns:
+        The fitted creep and dynamics with their uncertainties.
+
+    Raises:
+        InputError: There are fewer than 6 frequencies, or values that are not positive.
+
+    Source: Xu, Luo, Luo, Chen, Liu, Fractal Fract. 8 (2024) 3, section 4.3.
     """
     frequencies, ratio, weights = _table("OFOCIM", frequencies_Hz, ratios, standard_errors, 6)
     with computing():
@@ -161,22 +222,24 @@ def ofocim(
         creeps, modes = _candidates(frequencies)
         shape, cost, success = _solve(creeps, modes, *table)
         without_mode = _solve(creeps, jnp.zeros((1, 1, 0)), *table)[1]
-        amplitude, values, along = jax.tree_util.tree_map(np.asarray, _derivatives(shape, table[0]))
+        amplitude, values, gradients = jax.tree_util.tree_map(
+            np.asarray, _derivatives(shape, table[0])
+        )
         centre = float(_centre(table[0]))
     freedom = frequencies.size - amplitude.shape[1]
     variance = float(cost) / freedom
     covariance = variance * _inverse_square(weights[:, None] * amplitude)
-    errors = {name: float(np.sqrt(a @ covariance @ a)) for name, a in along.items()}
+    errors = {name: float(np.sqrt(a @ covariance @ a)) for name, a in gradients.items()}
     order = float(values.pop("creep_order"))
     block = set_values(PEADynamics(), values)
-    reach = float(student.ppf(0.975, freedom))
+    quantile = float(student.ppf(0.975, freedom))
     level, power = float(np.exp(shape.log_level)), (2 * np.pi * centre) ** -float(block.mu.value)
-    found = _estimates(block, order, errors, reach, level, power)
-    shows = float(without_mode - cost) > 2 * variance * fisher.ppf(0.99, 2, freedom)
+    estimates = _estimates(block, order, errors, quantile, level, power)
+    mode_is_significant = float(without_mode - cost) > 2 * variance * fisher.ppf(0.99, 2, freedom)
     return CreepIdentification(
         method="OFOCIM",
         block=block,
-        estimates=found if shows else tuple(_open(e) for e in found),
+        estimates=estimates if mode_is_significant else tuple(_unidentified(e) for e in estimates),
         scatter_dB=_DECIBEL * float(np.sqrt(variance)),
         converged=bool(success),
         frequencies_Hz=frequencies,
@@ -186,11 +249,12 @@ def ofocim(
 
 
 class _Shape(eqx.Module):
-    """|G| of [F 20] in coordinates that stay apart from each other where creep is slight.
+    """|G| of [F 20] in coordinates that stay weakly correlated if the creep is slight.
 
-    G = T (1 + q ((s/ω_m)^μ - 1)/μ) / (1 + 2ζ s/ω_0 + s²/ω_0²), ω_m the table's centre.  T is the
-    level there, q the slope and μ the curvature; as μ goes to 0 it becomes 1 + q ln(s/ω_m), the
-    logarithmic law, where g = T (1 - q/μ) and g_μ = T q/μ ω_m^-μ grow without bound.
+    G = T (1 + q ((s/ω_m)^μ - 1)/μ) / (1 + 2ζ s/ω_0 + s²/ω_0²), with ω_m the table's centre.  T is
+    the level there, q the slope and μ the curvature over the logarithm of frequency.  As μ tends to
+    0 the creep becomes the logarithmic law 1 + q ln(s/ω_m), while g = T (1 - q/μ) and
+    g_μ = T q/μ ω_m^-μ grow without bound.
     """
 
     log_level: Array
@@ -200,17 +264,18 @@ class _Shape(eqx.Module):
     log_damping: Array
 
     def log_amplitude(self, frequencies: Array, centre: Array) -> Array:
-        """ln |G| (F,) at frequencies (F,) [Hz], centre [Hz]."""
+        """ln |G| (F,) at frequencies (F,) [Hz] for a table with this centre [Hz]."""
         x = 1j * frequencies / jnp.exp(self.log_frequency)
         mode = 1 + 2 * jnp.exp(self.log_damping) * x + x * x
         return self.log_level + jnp.log(jnp.abs(self._creep(frequencies / centre) / mode))
 
     def _creep(self, ratio: Array | float) -> Array:
+        """Creep factor 1 + q ((s/ω_m)^μ - 1)/μ at s = j ratio ω_m, by its series for small μ."""
         logarithm = jnp.log(ratio) + 0.5j * np.pi
         z = self.mu * logarithm
-        slight = jnp.abs(z) < 1e-4
-        quotient = jnp.expm1(jnp.where(slight, 1.0, z)) / jnp.where(slight, 1.0, z)
-        return 1 + self.slope * logarithm * jnp.where(slight, 1 + z / 2 + z * z / 6, quotient)
+        small = jnp.abs(z) < 1e-4  # here the series below is exact to rounding
+        quotient = jnp.expm1(jnp.where(small, 1.0, z)) / jnp.where(small, 1.0, z)
+        return 1 + self.slope * logarithm * jnp.where(small, 1 + z / 2 + z * z / 6, quotient)
 
     def physical(self, centre: Array) -> dict[str, Array]:
         """The parameters of PEADynamics, and the order of the creep [F 11] of the same slope."""
@@ -226,11 +291,14 @@ class _Shape(eqx.Module):
         }
 
 
-# The fit of OFOCIM: level, slope, and angles that keep μ, f_0 and ζ within their bounds ----------
+# The fit of OFOCIM: level, slope, and angles that keep μ, f_0 and ζ within their bounds -----------
 
 
 def _shape_of(coordinates: Array) -> _Shape:
-    """Five coordinates, or three: then the mode is at its highest frequency, out of reach."""
+    """The shape at five coordinates: level, slope, and the angles of μ, f_0 and ζ.
+
+    With three coordinates the mode is placed at its highest frequency, far above the table's.
+    """
     parameters = named_parameters(PEADynamics())
     angles = jnp.append(coordinates[2:], jnp.array([np.pi / 2, 0.0]))[:3]
     mu, frequency, damping = (
@@ -241,8 +309,11 @@ def _shape_of(coordinates: Array) -> _Shape:
 
 
 def _candidates(frequencies: np.ndarray) -> tuple[Array, Array]:
-    """Coordinates to start from, of creep (C, 3), its level 0, and of modes (R, D, 2): a row per
-    frequency, from the table's lowest to ten times its highest."""
+    """Starting coordinates of the creep (C, 3), its level 0, and of the mode (R, D, 2).
+
+    A row of the latter holds one frequency; rows span the table's lowest frequency to ten times its
+    highest.
+    """
     parameters = named_parameters(PEADynamics())
     places = np.geomspace(frequencies.min(), 10 * frequencies.max(), _MODES)
     mu, frequency, damping = (
@@ -255,6 +326,7 @@ def _candidates(frequencies: np.ndarray) -> tuple[Array, Array]:
 
 
 def _centre(frequencies: Array) -> Array:
+    """Geometric mean of frequencies (F,) [Hz]."""
     return jnp.exp(jnp.mean(jnp.log(frequencies)))
 
 
@@ -262,10 +334,11 @@ def _centre(frequencies: Array) -> Array:
 def _solve(
     creeps: Array, modes: Array, frequencies: Array, target: Array, weights: Array
 ) -> tuple[_Shape, Array, Array]:
-    """Shape, weighted sum of squares of ln |G|, and whether more steps gain nothing.
+    """Fitted shape, weighted sum of squares of ln |G|, and whether further steps gain nothing.
 
-    Of every row of modes (R, D, 2) the best is taken, with any creep (C, 3); of those the 24 best
-    a few steps on, and the best of them to convergence.  Modes (1, 1, 0) stand for none.
+    For every row of modes (R, D, 2) the best combination with any creep (C, 3) is selected.  The 24
+    best of these are improved by a few steps, and the best result is iterated to convergence.
+    Modes (1, 1, 0) mean: no mode.
     """
 
     def amplitude(coordinates: Array) -> Array:
@@ -280,30 +353,30 @@ def _solve(
     def search(start: Array, solver: optx.LevenbergMarquardt, steps: int) -> Array:
         return optx.least_squares(residual, solver, start, max_steps=steps, throw=False).value
 
-    of_creeps = jax.vmap(amplitude)(creeps)
+    creep_amplitudes = jax.vmap(amplitude)(creeps)
 
     def best(row: Array) -> Array:
-        # Creep and mode multiply, so that their logarithms add.
-        of_modes = jax.vmap(lambda mode: amplitude(jnp.append(jnp.zeros(3), mode)))(row)
-        rest = target - of_modes[:, None] - of_creeps
-        level = rest @ weights**2 / jnp.sum(weights**2)
-        costs = (rest - level[..., None]) ** 2 @ weights**2
+        # Creep and mode multiply, so their logarithms add.
+        mode_amplitudes = jax.vmap(lambda mode: amplitude(jnp.append(jnp.zeros(3), mode)))(row)
+        remainder = target - mode_amplitudes[:, None] - creep_amplitudes
+        level = remainder @ weights**2 / jnp.sum(weights**2)
+        costs = (remainder - level[..., None]) ** 2 @ weights**2
         mode, creep = jnp.unravel_index(jnp.argmin(costs), costs.shape)
         return jnp.append(creeps[creep].at[0].set(level[mode, creep]), row[mode])
 
     starts = jax.vmap(best)(modes)
     starts = starts[jnp.argsort(jax.vmap(cost)(starts))[:_STARTS]]
     trials = jax.lax.map(lambda start: search(start, _ROUGH, _FIRST_STEPS), starts)
-    nearly = search(trials[jnp.argmin(jax.vmap(cost)(trials))], _EXACT, _STEPS)
-    found = search(nearly, _EXACT, _FIRST_STEPS)
-    # At an optimum reached to rounding no step is taken, which the solver does not call success.
-    settled = cost(found) >= cost(nearly) * (1 - 1e-6)
-    return _shape_of(found), cost(found), settled
+    nearly_optimal = search(trials[jnp.argmin(jax.vmap(cost)(trials))], _ACCURATE, _STEPS)
+    optimum = search(nearly_optimal, _ACCURATE, _FIRST_STEPS)
+    # At an optimum within rounding the solver takes no step and reports no success.
+    is_converged = cost(optimum) >= cost(nearly_optimal) * (1 - 1e-6)
+    return _shape_of(optimum), cost(optimum), is_converged
 
 
 @compiled
 def _derivatives(shape: _Shape, frequencies: Array) -> tuple[Array, dict, dict]:
-    """∂ln|G| (F, 5), the physical parameters, and their derivatives (5,), by the shape's fields."""
+    """∂ln|G| (F, 5), physical parameters and their gradients (5,), by the shape's fields."""
     vector, unravel = ravel_pytree(shape)
     centre = _centre(frequencies)
     return (
@@ -323,7 +396,7 @@ def _table(
     standard_errors: ArrayLike | None,
     least: int,
 ) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
-    """Frequencies, ratios and weights (F,), of mean square 1, once they are usable."""
+    """Frequencies [Hz], ratios and weights (F,), of mean square 1, after checking all values."""
     columns = {"frequencies_Hz": frequencies_Hz, "ratios": ratios}
     if standard_errors is not None:
         columns["standard_errors"] = standard_errors
@@ -335,7 +408,9 @@ def _table(
                 f"{where}, {name}", f"a list of {size} numbers", f"shape {array.shape}", "match it"
             )
         if not np.all((array > 0) & np.isfinite(array)):
-            raise InputError.at(f"{where}, {name}", "positive numbers", "others", "correct them")
+            raise InputError.at(
+                f"{where}, {name}", "positive numbers", "other values", "correct them"
+            )
     frequencies = arrays["frequencies_Hz"]
     if np.unique(frequencies).size < least:
         raise InputError.at(
@@ -349,10 +424,13 @@ def _table(
 
 
 def _inverse_square(jacobian: np.ndarray) -> np.ndarray:
-    """(JᵀJ)⁻¹, large but finite along what J (N, n) does not see."""
+    """(JᵀJ)⁻¹ (n, n), large but finite in directions to which J (N, n) is insensitive.
+
+    The floors of 1e-9 limit it to 1e18 of the scaled inverse; chosen by judgement.
+    """
     lengths = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-9)
-    _, singular, right = np.linalg.svd(jacobian / lengths, full_matrices=False)
-    spread = right.T / np.maximum(singular, 1e-9) / lengths[:, None]
+    _, singular, right_vectors = np.linalg.svd(jacobian / lengths, full_matrices=False)
+    spread = right_vectors.T / np.maximum(singular, 1e-9) / lengths[:, None]
     return spread @ spread.T
 
 
@@ -364,19 +442,19 @@ def _half_width(parameter: Parameter) -> float:
     return float(0.5 * (high - low))
 
 
-def _straight(
-    name: str, value: float, error: float, reach: float, unit: str, identified: bool
+def _linear_estimate(
+    name: str, value: float, error: float, quantile: float, unit: str, identified: bool
 ) -> CreepEstimate:
-    """An estimate with a symmetric interval."""
-    low, high = value - reach * error, value + reach * error
+    """An estimate with an interval that is symmetric; `quantile` is in standard errors."""
+    low, high = value - quantile * error, value + quantile * error
     return CreepEstimate(name, value, error, low, high, unit, identified)
 
 
-def _logarithmic(
-    name: str, value: float, error: float, reach: float, unit: str, identified: bool
+def _logarithmic_estimate(
+    name: str, value: float, error: float, quantile: float, unit: str, identified: bool
 ) -> CreepEstimate:
-    """An estimate whose logarithm has a symmetric interval, finite where it is open."""
-    low, high = logarithmic_interval(value, reach * error)
+    """An estimate with an interval that is symmetric on a logarithmic scale, and always finite."""
+    low, high = logarithmic_interval(value, quantile * error)
     return CreepEstimate(name, value, error, low, high, unit, identified)
 
 
@@ -384,34 +462,41 @@ def _estimates(
     block: PEADynamics,
     order: float,
     errors: dict[str, float],
-    reach: float,
+    quantile: float,
     level: float,
     power: float,
 ) -> tuple[CreepEstimate, ...]:
-    """Estimates of the block's parameters and of the creep order; at the table's centre the whole
-    gain is `level`, and s^-μ is `power`."""
+    """Estimates of the block's parameters and of the creep order.
+
+    `level` is the whole gain [response/drive] at the table's centre, and `power` is s^-μ there.
+    """
     parameters = named_parameters(block)
-    # Where μ may be 0 there is no telling g from g_μ.
-    apart = abs(float(block.mu.value)) > reach * errors["mu"]
+    # If μ may be 0, g and g_μ cannot be distinguished.
+    separable = abs(float(block.mu.value)) > quantile * errors["mu"]
     largest = {name: _half_width(parameters[name]) for name in _BOUNDED}
-    largest |= {"gain": 0.5 * level * apart, "creep_gain": 0.5 * level * apart * power}
-    found = [
-        (_logarithmic if p.logarithmic else _straight)(
+    largest |= {"gain": 0.5 * level * separable, "creep_gain": 0.5 * level * separable * power}
+    estimates = [
+        (_logarithmic_estimate if p.logarithmic else _linear_estimate)(
             name,
             float(p.value),
             errors[name],
-            reach,
+            quantile,
             p.unit,
             bool(errors[name] <= largest[name]) and not is_at_bound(p, 0),
         )
         for name, p in parameters.items()
     ]
-    known = bool(errors["creep_order"] <= largest["mu"])
-    return (*found, _straight("creep_order", order, errors["creep_order"], reach, "1", known))
+    order_identified = bool(errors["creep_order"] <= largest["mu"])
+    return (
+        *estimates,
+        _linear_estimate(
+            "creep_order", order, errors["creep_order"], quantile, "1", order_identified
+        ),
+    )
 
 
-def _open(estimate: CreepEstimate) -> CreepEstimate:
-    """An estimate of a mode that the table does not show: anything within its bounds."""
+def _unidentified(estimate: CreepEstimate) -> CreepEstimate:
+    """The estimate; of a mode that the table does not show, with its bounds as interval."""
     if estimate.name not in ("frequency", "damping"):
         return estimate
     parameter = named_parameters(PEADynamics())[estimate.name]

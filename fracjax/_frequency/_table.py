@@ -14,6 +14,7 @@ from .._io import _table as table_of
 from .._recording import InputError, parse_quantity, unit
 
 _LEAST = 3
+"""Fewest frequencies of a table; chosen by judgement."""
 _WORDS = {
     "frequency": {"frequency", "frequencies", "freq", "f", "omega", "w"},
     "amplitude": {"amplitude", "magnitude", "gain", "ratio", "amp", "mag", "abs"},
@@ -29,10 +30,16 @@ _UNITS = re.compile(
 
 @dataclass(frozen=True)
 class FrequencyTable:
-    """A measured frequency response (F,) at rising frequencies (F,) [Hz].
+    """A measured frequency response at rising frequencies.
 
-    `response`: complex, [response_unit/drive_unit].  `amplitude_errors` (F,), relative to the
-    amplitude, and `phase_errors` (F,) [rad] are standard errors, None where unknown.
+    Attributes:
+        frequencies_Hz: Frequencies (F,) [Hz].
+        response: Complex ratio of response to drive (F,) [response_unit/drive_unit].
+        amplitude_errors: Standard errors of the amplitude (F,), relative to it, or None.
+        phase_errors: Standard errors of the phase (F,) [rad], or None.
+        drive_unit: Unit of the drive.
+        response_unit: Unit of the response.
+        source: Name of the table, for messages.
     """
 
     frequencies_Hz: np.ndarray
@@ -48,7 +55,7 @@ class FrequencyTable:
 
     @property
     def setting(self) -> Setting:
-        """What the table says about the size of things, for a drive of one unit."""
+        """Sizes that scale a model's starting values, for a drive of unit amplitude."""
         lowest, highest = float(self.frequencies_Hz[0]), float(self.frequencies_Hz[-1])
         return Setting(
             drive_low=0.0,
@@ -75,20 +82,34 @@ def frequency_table(
     response_unit: str = "um",
     source: str = "table",
 ) -> FrequencyTable:
-    """A table from columns (F,): frequencies [Hz], amplitude ratio [response_unit/drive_unit],
-    phase [degrees], and standard errors in the same units where they are known.
+    """Make a frequency table from columns.
 
-    Raises InputError unless all are finite and of one length, frequencies, amplitudes and errors
-    above 0, at least three frequencies, none of them twice.
+    Args:
+        frequencies_Hz: Frequencies (F,) [Hz], in any order.
+        amplitude: Amplitude ratios (F,) [response_unit/drive_unit].
+        phase_deg: Phases (F,) [degrees].
+        amplitude_errors: Standard errors of the amplitude (F,) [response_unit/drive_unit].
+        phase_errors_deg: Standard errors of the phase (F,) [degrees].
+        drive_unit: Unit of the drive.
+        response_unit: Unit of the response.
+        source: Name of the table, for messages.
+
+    Returns:
+        The table, sorted by frequency.
+
+    Raises:
+        InputError: A column has another length or values that are not finite; a frequency,
+            amplitude or error is not above 0; there are fewer than three frequencies, or one
+            occurs twice; or a unit is unknown.
     """
-    given = {
+    named = {
         "frequencies": frequencies_Hz,
         "amplitude": amplitude,
         "phase": phase_deg,
         "amplitude errors": amplitude_errors,
         "phase errors": phase_errors_deg,
     }
-    columns = {n: np.asarray(c, dtype=float) for n, c in given.items() if c is not None}
+    columns = {n: np.asarray(c, dtype=float) for n, c in named.items() if c is not None}
     count = columns["frequencies"].size
     for name, column in columns.items():
         if column.shape != (count,):
@@ -102,7 +123,7 @@ def frequency_table(
             raise InputError.at(
                 f"{source}, {name}",
                 "finite numbers" if name == "phase" else "finite numbers above 0",
-                "others",
+                "other values",
                 "correct them",
             )
     if count < _LEAST or np.unique(columns["frequencies"]).size < count:
@@ -116,12 +137,12 @@ def frequency_table(
     unit(response_unit, f"{source}, response")
     order = np.argsort(columns["frequencies"])
     columns = {name: column[order] for name, column in columns.items()}
-    of_amplitude, of_phase = columns.get("amplitude errors"), columns.get("phase errors")
+    amplitude_sd, phase_sd = columns.get("amplitude errors"), columns.get("phase errors")
     return FrequencyTable(
         frequencies_Hz=columns["frequencies"],
         response=columns["amplitude"] * np.exp(1j * np.radians(columns["phase"])),
-        amplitude_errors=None if of_amplitude is None else of_amplitude / columns["amplitude"],
-        phase_errors=None if of_phase is None else np.radians(of_phase),
+        amplitude_errors=None if amplitude_sd is None else amplitude_sd / columns["amplitude"],
+        phase_errors=None if phase_sd is None else np.radians(phase_sd),
         drive_unit=drive_unit,
         response_unit=response_unit,
         source=source,
@@ -131,58 +152,68 @@ def frequency_table(
 def read_frequency_table(
     path: str | PathLike[str], *, drive_unit: str | None = None, response_unit: str | None = None
 ) -> FrequencyTable:
-    """A frequency response from a file of named columns, of any format that `read` takes.
+    """Read a frequency response from a file of named columns, of any format that `read` accepts.
 
-    Columns: frequency [Hz], or any multiple, or rad/s; amplitude (magnitude, gain) as a ratio
-    such as [um/V], or in dB of `response_unit`/`drive_unit`; phase in degrees or rad.  With "error"
-    in the name, their standard errors, in the same units.  The units of the ratio are the
-    amplitude's, or given, or um/V.
-    Raises InputError where a column is missing, ambiguous, or in another unit.
+    The file has a column for the frequency (in Hz, a multiple of it, or rad/s), one for the
+    amplitude (or magnitude, gain) as a ratio such as [um/V] or in dB of response unit per drive
+    unit, and one for the phase (in degrees or rad).  Columns with "error" in their name hold
+    standard errors, in the same units.
+
+    Args:
+        path: The file.
+        drive_unit: Unit of the drive; by default that of the amplitude's column, or V.
+        response_unit: Unit of the response; by default that of the amplitude's column, or um.
+
+    Returns:
+        The table, sorted by frequency.
+
+    Raises:
+        InputError: A column is missing, ambiguous or in another unit, or as `frequency_table`.
     """
     source = fspath(path)
     table = table_of(source)
-    found: dict[str, tuple[np.ndarray, str]] = {}
-    for column, full in enumerate(table.names):
-        name, written = _split(full)
+    columns: dict[str, tuple[np.ndarray, str]] = {}
+    for column, heading in enumerate(table.names):
+        name, unit_as_written = _split(heading)
         role = _role_of(name)
         if role is None:
             continue
-        if role in found:
+        if role in columns:
             raise InputError.at(
-                source, f"one column for {role}", f'"{full}" too', "rename or remove it"
+                source, f"one column for {role}", f'"{heading}" as well', "rename or remove it"
             )
-        found[role] = table.numbers(column), table.about(column).unit or written
+        columns[role] = table.numbers(column), table.about(column).unit or unit_as_written
     for role in _WORDS:
-        if role not in found:
+        if role not in columns:
             names = ", ".join(f'"{name}"' for name in table.names) or "columns without names"
             raise InputError.at(
                 source,
                 f"a column for {role}, such as {_EXAMPLES[role]}",
                 names,
-                "name it so; for amplitudes alone there are tfocim and ofocim"
+                "name one so; for amplitudes alone there are tfocim and ofocim"
                 if role == "phase"
-                else "name it so",
+                else "name one so",
             )
-    frequencies, written = found["frequency"]
-    amplitude, ratio = found["amplitude"]
-    of_ratio = re.fullmatch(r"([^/]+)/([^/]+)", ratio)
+    frequencies, unit_as_written = columns["frequency"]
+    amplitude, ratio = columns["amplitude"]
+    ratio_units = re.fullmatch(r"([^/]+)/([^/]+)", ratio)
     decibels = ratio.casefold() == "db"
-    errors = found.get("amplitude error")
+    errors = columns.get("amplitude error")
     relative = None if errors is None else errors[0]
     if decibels:
         amplitude = 10 ** (amplitude / 20)
         relative = None if relative is None else amplitude * relative * np.log(10) / 20
-    phase_errors = found.get("phase error")
+    phase_errors = columns.get("phase error")
     return frequency_table(
-        frequencies * _hertz(written, f"{source}, frequency"),
+        frequencies * _hertz(unit_as_written, f"{source}, frequency"),
         amplitude,
-        _degrees(*found["phase"], f"{source}, phase"),
+        _degrees(*columns["phase"], f"{source}, phase"),
         amplitude_errors=relative,
         phase_errors_deg=None
         if phase_errors is None
-        else _degrees(phase_errors[0], phase_errors[1] or found["phase"][1], f"{source}, phase"),
-        drive_unit=drive_unit or (of_ratio[2].strip() if of_ratio else "V"),
-        response_unit=response_unit or (of_ratio[1].strip() if of_ratio else "um"),
+        else _degrees(phase_errors[0], phase_errors[1] or columns["phase"][1], f"{source}, phase"),
+        drive_unit=drive_unit or (ratio_units[2].strip() if ratio_units else "V"),
+        response_unit=response_unit or (ratio_units[1].strip() if ratio_units else "um"),
         source=source,
     )
 
@@ -195,26 +226,29 @@ _EXAMPLES = {
 
 
 def _split(name: str) -> tuple[str, str]:
-    """A column's name without its unit, and the unit as written, or nothing."""
+    """A column's name without its unit, and the unit as written; the unit may be empty."""
     parts = _UNITS.fullmatch(name)
     return (parts[1], next(filter(None, parts.groups()[1:]), "")) if parts else (name, "")
 
 
 def _role_of(name: str) -> str | None:
+    """What a column holds according to its name; None if no role or several fit."""
     words = set(re.split(r"[\W_\d]+", name.casefold()))
-    roles = [role for role, known in _WORDS.items() if words & known]
+    roles = [role for role, keywords in _WORDS.items() if words & keywords]
     if len(roles) != 1:
         return None
     return f"{roles[0]} error" if words & _ERROR else roles[0]
 
 
-def _hertz(written: str, where: str) -> float:
-    """The frequency's unit in Hz; Hz where none is written."""
-    if written.replace("_", "/") == "rad/s":
+def _hertz(unit_as_written: str, where: str) -> float:
+    """Factor from the frequency's unit to Hz; an empty unit means Hz."""
+    if unit_as_written.replace("_", "/") == "rad/s":
         return 1 / (2 * np.pi)
-    return parse_quantity(f"1 {written or 'Hz'}", "Hz", where)
+    return parse_quantity(f"1 {unit_as_written or 'Hz'}", "Hz", where)
 
 
-def _degrees(values: np.ndarray, written: str, where: str) -> np.ndarray:
-    """Angles in degrees; they are where nothing is written."""
-    return values * parse_quantity(f"1 {written.replace('°', 'deg') or 'deg'}", "deg", where)
+def _degrees(values: np.ndarray, unit_as_written: str, where: str) -> np.ndarray:
+    """Angles in degrees; an empty unit means degrees."""
+    return values * parse_quantity(
+        f"1 {unit_as_written.replace('°', 'deg') or 'deg'}", "deg", where
+    )

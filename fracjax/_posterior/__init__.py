@@ -1,4 +1,4 @@
-"""Posteriors: the model's and the noise's parameters sampled by an ensemble of walkers."""
+"""Posteriors: the parameters of model and noise sampled by an ensemble of walkers."""
 
 from ._laplace import Laplace as Laplace
 from ._laplace import laplace as laplace
@@ -6,7 +6,7 @@ from ._likelihood import Prediction as Prediction
 from ._likelihood import Target as Target
 from ._likelihood import compressed as compressed
 from ._likelihood import log_posteriors_of as log_posteriors_of
-from ._likelihood import physical as physical
+from ._likelihood import physical_values as physical_values
 from ._likelihood import target_of as target_of
 from ._noise_models import AbstractNoiseModel as AbstractNoiseModel
 from ._noise_models import ARNoise as ARNoise

@@ -1,4 +1,4 @@
-"""What a diagnosis says of the model that a posterior is of."""
+"""What a diagnosis of the model says about its intervals."""
 
 from __future__ import annotations
 
@@ -11,18 +11,20 @@ _SCHEMA = "fracjax.diagnosis/1"
 
 
 def doubt_of(path: str | Path, model: str) -> str:
-    """One sentence about what the model leaves unexplained; nothing where the verdict is `none`.
+    """One sentence about what the model leaves unexplained; empty if the verdict is `none`.
 
-    From the plain data of a diagnosis.json, which knows nothing of posteriors.
-    Raises InputError for what is no diagnosis, or one of another model.
+    It is made from the plain data of a diagnosis.json, which does not depend on posteriors.
+
+    Raises:
+        InputError: The file is no diagnosis, or a diagnosis of another model.
     """
     where = str(path)
     try:
-        told = json.loads(Path(path).read_text(encoding="utf-8"))
-        if told["schema"] != _SCHEMA:
-            raise KeyError(told["schema"])
-        verdict, diagnosed = told["verdict"], told["model"]
-        names = [name for e in told["effects"] for name in (e["name"], *e["confusable_with"])]
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        if content["schema"] != _SCHEMA:
+            raise KeyError(content["schema"])
+        verdict, diagnosed = content["verdict"], content["model"]
+        names = [name for e in content["effects"] for name in (e["name"], *e["confusable_with"])]
     except (OSError, KeyError, TypeError, ValueError):
         raise InputError.at(
             where, f'a diagnosis (schema "{_SCHEMA}")', "something else", "run `fracjax diagnose`"
@@ -34,5 +36,5 @@ def doubt_of(path: str | Path, model: str) -> str:
     if verdict == "none":
         return ""
     joint = " or " if verdict == "confusable" else " and "
-    what = joint.join(dict.fromkeys(names)) or "part of the response"
-    return f"The model leaves {what} unexplained; intervals hold only if the model is right."
+    mismatch = joint.join(dict.fromkeys(names)) or "part of the response"
+    return f"The model leaves {mismatch} unexplained; intervals hold only if the model is right."

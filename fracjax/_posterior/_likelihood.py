@@ -25,51 +25,57 @@ from ._prior import AbstractPrior, prior_of, values_of
 
 Values = TypeVar("Values", Array, np.ndarray)
 _PART = 512
+"""Rows that are computed in one call, so that one compiled program serves any number of rows."""
 _FARTHEST, _ROUNDING = 8.0, 1e-9
+"""Largest standard coordinate that a chain can reach in practice (a prior probability of 1e-15),
+and the rounding error allowed for a share of a parameter's bounds."""
 
 
 class Prediction(eqx.Module):
-    """Shapes (p,) and gains (g,), physical and as in `layout_of` → the response of every recording,
-    without its own terms: in samples (L,), or in coordinates (m,) where compressed."""
+    """The response of every recording as a function of the model's parameters.
+
+    Shapes (p,) and gains (g,) are physical and ordered as in `layout_of`.  The responses are
+    without the recordings' own terms: in samples (L,), or in coordinates (m,) if the problem is
+    compressed.
+    """
 
     block: AbstractBlock
     problems: tuple[AbstractProblem, ...]
 
     @property
     def shapes(self) -> int:
-        """p, how many numbers the shapes are."""
+        """p, the number of components of the shapes."""
         return sum(size for _, size in layout_of(self.block).shapes)
 
     def __call__(self, shapes: Array, gains: Array) -> tuple[Array, ...]:
+        """The responses (L,) or (m,) of all recordings."""
         block, layout = self.block, layout_of(self.block)
-        named = values_by_name(block, layout.shapes, shapes) | values_by_name(
-            block, layout.gains, gains
-        )
-        moved = set_values(block, named)
-        return tuple(problem.simulate(moved) for problem in self.problems)
+        named = values_by_name(block, layout.shapes, shapes) | values_by_name(block, layout.gains, gains)
+        at_values = set_values(block, named)
+        return tuple(problem.simulate(at_values) for problem in self.problems)
 
 
 _predicted = compiled(Prediction.__call__)
 
 
 class Density(Protocol):
-    """A posterior's density over standard coordinates (D,), v standard normal a priori."""
+    """A posterior's density over coordinates v (D,) that are standard normal a priori."""
 
     def values(self, standard: Array) -> Array:
         """Physical values (D,)."""
         ...
 
     def log_posterior(self, standard: Array) -> Array:
-        """ln p(data | v) + ln p(v); -∞ where it is no number."""
+        """ln p(data | v) + ln p(v); -∞ if it is not finite."""
         ...
 
 
 class Target(eqx.Module):
-    """What is sampled.
+    """The density that is sampled.
 
-    `size`: how many of the numbers are the model's; the noise's follow.  `discrepancy` holds each
-    recording's columns (L, K), whose coefficients (K,) stand after all numbers with a prior; the
-    last of the model's numbers is then their size.
+    The first `size` parameters are the model's; those of the noise follow.  `discrepancy` holds the
+    columns (L, K) of each recording, whose coefficients (K,) come after all parameters with a
+    prior; the last of the model's parameters is then the size of these coefficients.
     """
 
     predict: Prediction
@@ -81,7 +87,7 @@ class Target(eqx.Module):
 
     @property
     def columns(self) -> int:
-        """K, how many columns the discrepancy has."""
+        """K, the number of columns of the discrepancy."""
         return self.discrepancy[0].shape[1]
 
     def values(self, standard: Array) -> Array:
@@ -89,13 +95,16 @@ class Target(eqx.Module):
         return values_of(self.priors, standard)
 
     def gains(self, values: Array) -> Array:
-        """The model's gains, and the discrepancy's size, out of all."""
+        """The model's gains, and the discrepancy's size, out of all values (D,)."""
         return values[self.predict.shapes : self.size]
 
     def residuals(self, values: Array, gains: Array | None = None) -> Signals:
-        """Measured minus predicted (L,), the recordings' own terms still in them; of values
-        without coefficients the discrepancy too.  `gains` stand for those among the values: apart
-        from the shapes, so that vmap over gains simulates each shape once."""
+        """Measured minus predicted response (L,) of each recording, including its own terms.
+
+        Values (D + K,) with coefficients include the discrepancy in the prediction.  `gains`
+        replace those among the values; as a separate argument they let vmap over gains simulate
+        each shape only once.
+        """
         gains = self.gains(values) if gains is None else gains
         predictions = self.predict(values[: self.predict.shapes], gains)
         coefficients = values[len(self.priors) :]
@@ -106,58 +115,65 @@ class Target(eqx.Module):
             p.response - prediction - columns @ coefficients for p, prediction, columns in trios
         )
 
-    def of_noise(self, values: Values) -> Values:
-        """The noise's numbers, out of all."""
+    def noise_values(self, values: Values) -> Values:
+        """The noise's parameters, out of all values (D,)."""
         return values[self.size : len(self.priors)]
 
     def log_likelihood(self, values: Array) -> Array:
-        """ln p(data | values) at physical values (D,), of a target without discrepancy."""
-        return self.noise.log_density(self.of_noise(values), self.residuals(values), self.problems)
+        """ln p(data | values) at physical values (D,), for a target without discrepancy."""
+        return self.noise.log_density(
+            self.noise_values(values), self.residuals(values), self.problems
+        )
 
     def log_posterior(self, standard: Array) -> Array:
-        """ln p(data | v) + ln p(v), v standard normal a priori; -∞ where it is no number."""
+        """ln p(data | v) + ln p(v), v standard normal a priori; -∞ if it is not finite."""
         prior = -(jnp.dot(standard, standard) + standard.size * np.log(2 * np.pi)) / 2
         density = self.log_likelihood(self.values(standard)) + prior
         return jnp.asarray(jnp.where(jnp.isfinite(density), density, -jnp.inf))
 
 
 def _log_posteriors(
-    structure: Any, arrays: list[Array | None], numbers: Array, standards: Array
+    structure: Any, arrays: list[Array | None], scalars: Array, standards: Array
 ) -> Array:
-    each = iter(numbers)
-    leaves = [next(each) if array is None else array for array in arrays]
+    """`log_posterior` (K,) at coordinates (K, D), of a target given as structure and leaves."""
+    remaining = iter(scalars)
+    leaves = [next(remaining) if array is None else array for array in arrays]
     target: Density = jax.tree_util.tree_unflatten(structure, leaves)
     return jax.vmap(target.log_posterior)(standards)
 
 
 @cache
 def _log_posteriors_program() -> Callable[..., Array]:
+    """The compiled `_log_posteriors`, made once."""
     return jax.jit(_log_posteriors, static_argnums=0, compiler_options=compiler_options())
 
 
 def log_posteriors_of(target: Density) -> Callable[[np.ndarray], np.ndarray]:
-    """`log_posterior` (K,) of coordinates (K, D), in one call.
+    """A function that gives `log_posterior` (K,) at coordinates (K, D), in one call.
 
-    The target is taken apart and brought to the device once, its many single numbers as one array:
-    done at every call, that would cost more than a compressed density does.
+    The target is flattened and moved to the device only once, with its many scalars in one array;
+    at every call this would take longer than a compressed density does.
     """
     leaves, structure = jax.tree_util.tree_flatten(jax.tree_util.tree_map(jnp.asarray, target))
-    numbers = jnp.stack([leaf for leaf in leaves if leaf.ndim == 0])
+    scalars = jnp.stack([leaf for leaf in leaves if leaf.ndim == 0])
     arrays = [leaf if leaf.ndim else None for leaf in leaves]
     program = _log_posteriors_program()
-    return lambda standards: np.asarray(program(structure, arrays, numbers, standards))
+    return lambda standards: np.asarray(program(structure, arrays, scalars, standards))
 
 
 @compiled
-def _physical(target: Density, standards: np.ndarray) -> Array:
+def _compiled_values(target: Density, standards: np.ndarray) -> Array:
+    """Physical values (K, D) at coordinates (K, D), compiled."""
     return jax.vmap(target.values)(jnp.asarray(standards))
 
 
-def physical(target: Density, standards: np.ndarray) -> np.ndarray:
+def physical_values(target: Density, standards: np.ndarray) -> np.ndarray:
     """Physical values (K, D) at coordinates (K, D)."""
-    # In parts of one size, for which one program is compiled whatever K is.
+    # In parts of one size, so that one compiled program serves every K.
     padded = np.pad(standards, ((0, -len(standards) % _PART), (0, 0)))
-    parts = [_physical(target, part) for part in padded.reshape(-1, _PART, standards.shape[1])]
+    parts = [
+        _compiled_values(target, part) for part in padded.reshape(-1, _PART, standards.shape[1])
+    ]
     return np.concatenate([np.asarray(part) for part in parts])[: len(standards)]
 
 
@@ -167,11 +183,12 @@ def target_of(
     priors: Mapping[str, AbstractPrior],
     discrepancy: Discrepancy | None = None,
 ) -> tuple[Target, tuple[Term, ...]]:
-    """The posterior of a fit's free parameters, the discrepancy's size where there is one, and the
-    noise's, and what is sampled, in order.
+    """The posterior of a fit's free parameters and the noise's, and what is sampled, in order.
 
-    `priors` take the place of the standing ones, by name.
-    Raises InputError for names that are not sampled.
+    With a discrepancy its size is sampled too.  `priors` replace the default ones, by name.
+
+    Raises:
+        InputError: A name is not one of a sampled parameter.
     """
     problems = tuple(_orthonormal(p) for p in noise.prepared(fit.preparation).problems())
     model = _model_terms(fit)
@@ -182,15 +199,17 @@ def target_of(
     predict = Prediction(fit.model.block, problems)
     values = jnp.array([term.start for term in model])
     predicted = _predicted(predict, values[: predict.shapes], values[predict.shapes :])
-    left = tuple(p.response - prediction for p, prediction in zip(problems, predicted, strict=True))
-    terms = (*model, *noise.terms(fit, left, problems))
+    residuals = tuple(
+        p.response - prediction for p, prediction in zip(problems, predicted, strict=True)
+    )
+    terms = (*model, *noise.terms(fit, residuals, problems))
     names = [term.name for term in terms]
     for name in priors:
         if name not in names:
             raise InputError.at(
                 f'prior of "{name}"',
                 f"one of {', '.join(names)}",
-                "none of that name",
+                "no parameter of this name",
                 "correct it",
             )
     terms = tuple(t._replace(prior=priors.get(t.name, t.prior)) for t in terms)
@@ -199,38 +218,42 @@ def target_of(
 
 
 def compressed(target: Target, start: np.ndarray) -> Target:
-    """The target with a likelihood whose cost does not depend on how many samples there are, its
-    error far below the noise at the start (D,) in standard coordinates; itself where none serves.
+    """The target with a likelihood whose cost does not depend on the number of samples.
+
+    Its error is far below the noise at `start` (D,) in standard coordinates.  If no compression is
+    that accurate, the target itself is returned.
     """
     block, taps = target.predict.block, target.noise.taps
-    # What is a recording's own comes first in a compressed problem, whatever it is.
+    # In a compressed problem the own columns, with those of the discrepancy, come first.
     problems = tuple(
         eqx.tree_at(lambda p: p.own, problem, np.concatenate([problem.own, columns], axis=1))
         for problem, columns in zip(target.problems, target.discrepancy, strict=True)
         if isinstance(problem, Problem)
     )
-    found = None if taps is None else compress(block, problems, taps)
-    if found is None or not _within_bounds(target):
+    compression = None if taps is None else compress(block, problems, taps)
+    if compression is None or not _within_bounds(target):
         return target
-    noise_values = target.of_noise(target.values(jnp.asarray(start)))
+    noise_values = target.noise_values(target.values(jnp.asarray(start)))
     scales = [
         problem.whitening[0] / target.noise.scaled(noise_values, problem).whitening[0]
         for problem in target.problems
     ]
-    if not found.is_accurate_for(float(min(scales))):
+    if not compression.is_accurate_for(float(min(scales))):
         return target
-    kept = [problem.own.shape[1] - target.columns for problem in found.problems]
-    columns = tuple(p.own[:, count:] for p, count in zip(found.problems, kept, strict=True))
-    short = tuple(
-        eqx.tree_at(lambda p: p.own, problem, problem.own[:, :count])
-        for problem, count in zip(found.problems, kept, strict=True)
+    own_counts = [problem.own.shape[1] - target.columns for problem in compression.problems]
+    columns = tuple(
+        p.own[:, count:] for p, count in zip(compression.problems, own_counts, strict=True)
     )
-    predict = Prediction(block, short)
-    return Target(predict, target.noise, short, target.priors, columns, target.size)
+    short_problems = tuple(
+        eqx.tree_at(lambda p: p.own, problem, problem.own[:, :count])
+        for problem, count in zip(compression.problems, own_counts, strict=True)
+    )
+    predict = Prediction(block, short_problems)
+    return Target(predict, target.noise, short_problems, target.priors, columns, target.size)
 
 
 def _within_bounds(target: Target) -> bool:
-    """Whether the priors keep the shapes within the bounds that a problem is compressed for."""
+    """Whether the priors keep the shapes within the bounds for which a problem is compressed."""
     block = target.predict.block
     parameters = named_parameters(block)
     names = [name for name, _ in layout_of(block).shapes]
@@ -242,14 +265,14 @@ def _within_bounds(target: Target) -> bool:
 
 
 def _orthonormal(problem: Problem) -> Problem:
-    """The problem with its own columns made orthogonal, the first a constant of 1 as before."""
+    """The problem with its own columns (L, q) orthogonal, the first still a constant of 1."""
     columns, factor = np.linalg.qr(problem.own)
     scaled = np.sqrt(len(columns)) * columns * np.sign(np.diag(factor))
     return eqx.tree_at(lambda p: p.own, problem, scaled)
 
 
 def _model_terms(fit: Fit) -> tuple[Term, ...]:
-    """The model's free parameters, gains with priors of the data's size."""
+    """The model's free parameters as sampled parameters, the gains' priors scaled by the data."""
     block = fit.model.block
     problems = fit.preparation.problems()
     used = np.concatenate([np.asarray(p.weights) > 0 for p in problems])

@@ -1,16 +1,17 @@
-r"""Noise models whose parameters are sampled with the model's: white, AR(p), measured, Student-t.
+"""Noise models whose parameters are sampled with the model's: white, AR(p), measured, Student-t.
 
-With e the measured minus the predicted response, c each recording's own coefficients (its offset
-first) and X their columns, noise is what a filter makes white:
+Let e be the measured minus the predicted response, c each recording's own coefficients (its offset
+first) and X their columns.  A filter makes the noise white:
 
     w = filter * (e - X c),     ln p(e) = Σ_t [ ln p(w_t) + ln filter_0 ]
 
-over the samples whose predecessors in the filter count too: the first p are conditioned on.  Where
-w is normal, c is integrated out exactly under a flat prior,
+over the samples whose predecessors within the filter's length count too; the density is conditional
+on the first p samples.  If w is normal, c is integrated out exactly under a flat prior,
 
     ∫ p(e | c) dc = (2π)^{-(n-q)/2} filter_0^n |XᵀX|^{-1/2} exp(-|w_⊥|²/2),
 
-X filtered and w_⊥ what is left of w beside it.  Gains are integrated out likewise (`_marginal`).
+with X filtered and w_⊥ the part of w orthogonal to it.  Gains are integrated out in the same way
+(`_marginal`).
 Source: Box, Jenkins & Reinsel, Time Series Analysis, ch. 7; Bretthorst, Bayesian Spectrum Analysis
 (1988), ch. 3, for the integral.
 """
@@ -31,20 +32,28 @@ from .._fit import Fit
 from .._prepare import AbstractProblem, Noise, Preparation, Problem, autoregression
 from ._prior import AbstractPrior, Logarithmic, Normal, TruncatedNormal, Uniform, within_a_factor
 
+# The widths of the priors were chosen by judgement.
 _DECADE = 10.0
+"""Factor around the fit's noise within which its level lies with 95 % prior probability."""
 _LARGEST_ORDER = 12
+"""Largest order of an autoregressive noise."""
 _OWN_SPANS = 10.0
-# 95 % between 2 and 60 degrees of freedom: from heavy tails to all but normal.
+"""Prior standard deviation of a recording's own coefficients, in spans of its response."""
 _TAILS = Logarithmic(
     TruncatedNormal(np.log(120.0) / 2, np.log(30.0) / 2 / 1.96, np.log(1.0), np.log(1e3))
 )
+"""Prior of the degrees of freedom: 95 % between 2 and 60, from heavy tails to nearly normal."""
 
 Signals = tuple[Array | np.ndarray, ...]
 Problems = tuple[AbstractProblem, ...]
 
 
 class Term(NamedTuple):
-    """One number that is sampled, in `unit`, and where a search for the mode begins."""
+    """One sampled parameter.
+
+    `prior` is its prior and `start` the value at which the search for the mode begins, both in
+    `unit`.
+    """
 
     name: str
     unit: str
@@ -53,51 +62,110 @@ class Term(NamedTuple):
 
 
 class AbstractNoiseModel(eqx.Module):
-    """What is left between prediction and measurement, as a density with parameters."""
+    """The difference between measured and predicted response, as a density with parameters."""
 
     @property
     @abc.abstractmethod
     def name(self) -> str:
-        """What a result calls it."""
+        """The name of the noise model in results."""
 
     @property
     @abc.abstractmethod
     def taps(self) -> int | None:
-        """How many taps of a filter its parameters change, 1 where only the scale; None where the
-        density needs more of the samples than their inner products."""
+        """The number of filter taps that its parameters change, 1 if they change its scale only.
+
+        None if the density depends on more of the samples than their inner products.
+        """
 
     @abc.abstractmethod
     def prepared(self, preparation: Preparation) -> Preparation:
-        """The recordings with the filter, and the samples that count, of this noise."""
+        """The recordings, prepared with this noise's filter.
+
+        Args:
+            preparation: The recordings as the fit prepared them.
+
+        Returns:
+            The recordings with the filter, and the samples that count, of this noise.
+        """
 
     @abc.abstractmethod
     def terms(self, fit: Fit, residuals: Signals, problems: Problems) -> tuple[Term, ...]:
-        """The noise's own unknowns, common to all recordings; residuals (L,) as `log_density`'s."""
+        """The noise's own parameters, common to all recordings.
+
+        Args:
+            fit: The fit.
+            residuals: Measured minus predicted response (L,) of each recording, as in
+                `log_density`.
+            problems: The prepared recordings.
+
+        Returns:
+            The parameters to sample, with unit, prior and start.
+        """
 
     @abc.abstractmethod
     def scaled(self, values: Array | np.ndarray, problem: AbstractProblem) -> AbstractProblem:
-        """The problem with the filter that makes this noise white, of unit scale."""
+        """The problem with the filter that makes this noise white with a standard deviation of 1.
+
+        Args:
+            values: Values of the noise's parameters (n,), in their units.
+            problem: A prepared recording.
+
+        Returns:
+            The problem with that filter.
+        """
 
     @abc.abstractmethod
     def log_density(self, values: Array, residuals: Signals, problems: Problems) -> Array:
-        """ln p(e | values) of residuals (L,) that still hold the recordings' own terms."""
+        """ln p(e | values) of the residuals of all recordings.
+
+        Args:
+            values: Values of the noise's parameters (n,), in their units.
+            residuals: Measured minus predicted response (L,) of each recording, including its own
+                terms, in the response's unit.
+            problems: The prepared recordings.
+
+        Returns:
+            The logarithm of the density (a scalar).
+        """
 
     @abc.abstractmethod
     def own(
         self, values: Array, residuals: Signals, problems: Problems, normals: Signals
     ) -> Signals:
-        """A draw of the recordings' own terms (L,), from standard normal numbers (q,) each."""
+        """A draw of the recordings' own terms.
+
+        Args:
+            values: Values of the noise's parameters (n,), in their units.
+            residuals: Measured minus predicted response (L,) of each recording, in its unit.
+            problems: The prepared recordings.
+            normals: Standard normal numbers (q,) for each recording.
+
+        Returns:
+            The own terms (L,) of each recording, in the response's unit.
+        """
 
     @abc.abstractmethod
     def innovations(
         self, values: np.ndarray, generator: np.random.Generator, size: int
     ) -> np.ndarray:
-        """Draws (size,) of the white w."""
+        """Draws of the white noise w.
+
+        Args:
+            values: Values of the noise's parameters (n,), in their units.
+            generator: The random generator.
+            size: Number of draws.
+
+        Returns:
+            The draws (size,), dimensionless.
+        """
 
 
 class Eliminated(NamedTuple):
-    """What is left when numbers z (g,) are integrated out: ln of the integral, and their normal
-    density given all else, N(centre, (factorᵀ factor)⁻¹) with factor (g, g) upper triangular."""
+    """The result of integrating out normal numbers z (g,).
+
+    `log_density` is ln of the integral.  Given everything else, z has the normal density
+    N(`centre`, (factorᵀ factor)⁻¹) with `factor` (g, g) upper triangular.
+    """
 
     log_density: Array
     centre: Array
@@ -105,7 +173,7 @@ class Eliminated(NamedTuple):
 
 
 class AbstractGaussianNoise(AbstractNoiseModel):
-    """Normal noise, the recordings' own coefficients integrated out."""
+    """Normal noise, with the recordings' own coefficients integrated out."""
 
     def log_density(self, values: Array, residuals: Signals, problems: Problems) -> Array:
         columns = tuple(jnp.zeros((residual.shape[0], 0)) for residual in residuals)
@@ -118,11 +186,22 @@ class AbstractGaussianNoise(AbstractNoiseModel):
         columns: Signals,
         weights: Array | np.ndarray,
         problems: Problems,
-        apart: int,
+        orthogonal: int,
     ) -> Eliminated:
-        """Residuals e - B z with z (g,) integrated out, given B (L, g) and what z has for a prior:
-        standard normal where `weights` (g,) is 1, flat where it is 0.  The first `apart` columns
-        are all but orthogonal to each other, of which there may be many."""
+        """Integrate z (g,) out of residuals e - B z, with B (L, g) the `columns` of each recording.
+
+        Args:
+            values: Values of the noise's parameters (n,), in their units.
+            residuals: Residuals e (L,) of each recording, including its own terms.
+            columns: Columns B (L, g) of each recording.
+            weights: Prior of each z (g,): standard normal where it is 1, flat where it is 0.
+            problems: The prepared recordings.
+            orthogonal: How many columns at the start are nearly orthogonal to each other; these may
+                be many.
+
+        Returns:
+            The logarithm of the integral, and the density of z given everything else.
+        """
         total, rows = jnp.zeros(()), []
         for residual, column, problem in zip(residuals, columns, problems, strict=True):
             scaled = self.scaled(values, problem)
@@ -131,26 +210,28 @@ class AbstractGaussianNoise(AbstractNoiseModel):
             own = jnp.asarray(problem.own)
             size = own.shape[1]
             whitened = scaled.whiten(jnp.concatenate([own, signals], axis=1))
-            factor, left = _reduced(whitened, size)
+            factor, remainder = _gram_schmidt(whitened, size)
             total += count * jnp.log(scaled.whitening[0]) - jnp.log(jnp.diag(factor)).sum()
             total -= (count - size) * np.log(2 * np.pi) / 2
-            rows.append(left)
+            rows.append(remainder)
         prior = jnp.pad(jnp.diag(jnp.asarray(weights)), ((0, 0), (0, 1)))
-        triangle, half, rest = _triangular(jnp.concatenate([*rows, prior]), apart)
-        total -= rest / 2 + jnp.log(jnp.diag(triangle)).sum()
-        return Eliminated(total, solve_triangular(triangle, half), triangle)
+        triangle, projection, squared_length = _triangular_factor(
+            jnp.concatenate([*rows, prior]), orthogonal
+        )
+        total -= squared_length / 2 + jnp.log(jnp.diag(triangle)).sum()
+        return Eliminated(total, solve_triangular(triangle, projection), triangle)
 
     def own(
         self, values: Array, residuals: Signals, problems: Problems, normals: Signals
     ) -> Signals:
-        found = []
+        draws = []
         for residual, problem, normal in zip(residuals, problems, normals, strict=True):
             own = jnp.asarray(problem.own)
             signals = jnp.concatenate([own, jnp.asarray(residual)[:, None]], axis=1)
-            factor, _ = _reduced(self.scaled(values, problem).whiten(signals), own.shape[1])
-            drawn = solve_triangular(factor[:, :-1], factor[:, -1] + normal)
-            found.append(own @ drawn)
-        return tuple(found)
+            factor, _ = _gram_schmidt(self.scaled(values, problem).whiten(signals), own.shape[1])
+            coefficients = solve_triangular(factor[:, :-1], factor[:, -1] + normal)
+            draws.append(own @ coefficients)
+        return tuple(draws)
 
     def innovations(
         self, values: np.ndarray, generator: np.random.Generator, size: int
@@ -158,60 +239,63 @@ class AbstractGaussianNoise(AbstractNoiseModel):
         return generator.standard_normal(size)
 
 
-def _reduced(columns: Array, count: int) -> tuple[Array, Array]:
-    """Of columns (L, n): the first `count` rows (count, n) of R in their QR, and what is left
-    (L, n - count) of the others beside those.
+def _gram_schmidt(columns: Array, count: int) -> tuple[Array, Array]:
+    """The first `count` rows of R (count, n) in the QR of columns (L, n), and the remainder.
 
-    Modified Gram–Schmidt: as accurate as Householder's way for both (Björck, BIT 7 (1967) 1),
-    without its calls of LAPACK, and differentiable.
+    The remainder (L, n - count) of the other columns is orthogonal to the first `count` columns.
+    Modified Gram–Schmidt is as accurate as Householder's method for both (Björck, BIT 7 (1967) 1),
+    needs no call of LAPACK and is differentiable.
     """
-    rows, left = [jnp.zeros((0, columns.shape[1]))], columns
+    rows, remainder = [jnp.zeros((0, columns.shape[1]))], columns
     for k in range(count):
-        length = jnp.sqrt(left[:, 0] @ left[:, 0])
-        unit = left[:, 0] / length
-        others = unit @ left[:, 1:]
-        left = left[:, 1:] - unit[:, None] * others
+        length = jnp.sqrt(remainder[:, 0] @ remainder[:, 0])
+        unit = remainder[:, 0] / length
+        others = unit @ remainder[:, 1:]
+        remainder = remainder[:, 1:] - unit[:, None] * others
         rows.append(jnp.concatenate([jnp.zeros(k), length[None], others])[None])
-    return jnp.concatenate(rows), left
+    return jnp.concatenate(rows), remainder
 
 
-def _triangular(columns: Array, apart: int) -> tuple[Array, Array, Array]:
-    """Of columns (L, g + 1): R (g, g) of the first g, their orthonormal basis times the last (g,),
-    and the squared length of what is left of the last.
+def _triangular_factor(columns: Array, orthogonal: int) -> tuple[Array, Array, Array]:
+    """R (g, g) of the first g of columns (L, g + 1), and the projection and remainder of the last.
 
-    By Cholesky for the first `apart`, which are too many for Gram–Schmidt and need it less.
+    The projection (g,) is the orthonormal basis times the last column; of the remainder the squared
+    length is returned.  The first `orthogonal` columns are factorised by Cholesky: they are too
+    many for Gram–Schmidt, and nearly orthogonal, so they need it less.
     """
-    size, rows, left = columns.shape[1] - 1, [], columns
-    if apart:
-        first, left = columns[:, :apart], columns[:, apart:]
+    size, rows, remainder = columns.shape[1] - 1, [], columns
+    if orthogonal:
+        first, remainder = columns[:, :orthogonal], columns[:, orthogonal:]
         factor = jnp.linalg.cholesky(first.T @ first)
-        half = solve_triangular(factor, first.T @ left, lower=True)
-        left = left - first @ solve_triangular(factor, half, lower=True, trans=1)
-        rows = [jnp.concatenate([factor.T, half], axis=1)]
-    others, left = _reduced(left, size - apart)
-    triangle = jnp.concatenate([*rows, jnp.pad(others, ((0, 0), (apart, 0)))])
-    return triangle[:, :size], triangle[:, size], left[:, 0] @ left[:, 0]
+        projection = solve_triangular(factor, first.T @ remainder, lower=True)
+        remainder = remainder - first @ solve_triangular(factor, projection, lower=True, trans=1)
+        rows = [jnp.concatenate([factor.T, projection], axis=1)]
+    further, remainder = _gram_schmidt(remainder, size - orthogonal)
+    triangle = jnp.concatenate([*rows, jnp.pad(further, ((0, 0), (orthogonal, 0)))])
+    return triangle[:, :size], triangle[:, size], remainder[:, 0] @ remainder[:, 0]
 
 
-def _refiltered(problem: AbstractProblem, whitening: Array) -> AbstractProblem:
+def _with_whitening(problem: AbstractProblem, whitening: Array) -> AbstractProblem:
+    """The problem with another whitening filter (taps,)."""
     return eqx.tree_at(lambda p: p.whitening, problem, whitening)
 
 
 def _with_filters(preparation: Preparation, taps: int) -> Preparation:
-    """Recordings whose noise is white of unit size, `taps` - 1 samples conditioned on."""
+    """The recordings prepared for white noise of standard deviation 1 and this filter length."""
     unit = preparation.takes[0].recording.response_unit
-    taken = np.eye(1, taps)[0]
-    sigmas = [_noise_of(take.noise).sigma for take in preparation.takes]
-    return preparation.with_noises([Noise(s, unit, "residual", taken, 1.0) for s in sigmas])
+    filter_ = np.eye(1, taps)[0]
+    sigmas = [_noise(take.noise).sigma for take in preparation.takes]
+    return preparation.with_noises([Noise(s, unit, "residual", filter_, 1.0) for s in sigmas])
 
 
-def _noise_of(noise: Noise | None) -> Noise:
-    assert noise is not None  # a fit always ends with one
+def _noise(noise: Noise | None) -> Noise:
+    """The noise of a prepared recording, which a fit always has."""
+    assert noise is not None  # a fit always has one at its end
     return noise
 
 
-def _series(fit: Fit) -> list[np.ndarray]:
-    """What the fit left in each recording, over the samples that count."""
+def _used_residuals(fit: Fit) -> list[np.ndarray]:
+    """The fit's residuals of each recording, at the samples that count."""
     takes = fit.preparation.takes
     return [r[take.used] for r, take in zip(fit.residuals, takes, strict=True)]
 
@@ -232,19 +316,19 @@ class WhiteNoise(AbstractGaussianNoise):
 
     def terms(self, fit: Fit, residuals: Signals, problems: Problems) -> tuple[Term, ...]:
         take = fit.preparation.takes[0]
-        floor = _noise_of(take.noise).sigma
-        prior = within_a_factor(floor, _DECADE)
-        left = float(np.sqrt(np.mean(np.concatenate(_series(fit)) ** 2)))
-        return (Term("noise.sigma", take.recording.response_unit, prior, left),)
+        fit_sd = _noise(take.noise).sigma
+        prior = within_a_factor(fit_sd, _DECADE)
+        residual_sd = float(np.sqrt(np.mean(np.concatenate(_used_residuals(fit)) ** 2)))
+        return (Term("noise.sigma", take.recording.response_unit, prior, residual_sd),)
 
     def scaled(self, values: Array | np.ndarray, problem: AbstractProblem) -> AbstractProblem:
-        return _refiltered(problem, jnp.asarray(problem.whitening) / values[0])
+        return _with_whitening(problem, jnp.asarray(problem.whitening) / values[0])
 
 
 class MeasuredNoise(AbstractGaussianNoise):
-    """Noise of the colour that the fit was weighed by, times a common scale.
+    """Noise of the colour by which the fit was weighted, times a common scale.
 
-    That colour comes from repeats, rests or the residual, as `Noise.method` says.
+    The colour comes from repeats, rests or the residual, as `Noise.method` states.
     """
 
     @property
@@ -262,24 +346,27 @@ class MeasuredNoise(AbstractGaussianNoise):
         return (_scale_term(fit),)
 
     def scaled(self, values: Array | np.ndarray, problem: AbstractProblem) -> AbstractProblem:
-        return _refiltered(problem, jnp.asarray(problem.whitening) / values[0])
+        return _with_whitening(problem, jnp.asarray(problem.whitening) / values[0])
 
 
 def _scale_term(fit: Fit) -> Term:
-    """The noise over what was measured: 95 % within a factor of ten."""
-    floor = np.concatenate(
-        [np.full(take.used.sum(), _noise_of(take.noise).sigma) for take in fit.preparation.takes]
+    """The noise's scale relative to the fit's noise: 95 % within a factor of ten."""
+    fit_sd = np.concatenate(
+        [np.full(take.used.sum(), _noise(take.noise).sigma) for take in fit.preparation.takes]
     )
-    left = float(np.sqrt(np.mean((np.concatenate(_series(fit)) / floor) ** 2)))
-    return Term("noise.scale", "1", within_a_factor(1.0, _DECADE), left)
+    scale = float(np.sqrt(np.mean((np.concatenate(_used_residuals(fit)) / fit_sd) ** 2)))
+    return Term("noise.scale", "1", within_a_factor(1.0, _DECADE), scale)
 
 
 class ARNoise(AbstractGaussianNoise):
-    r"""Autoregressive noise e_t = Σ_k φ_k e_{t-k} + σ ε_t, of order p ≤ 12.
+    """Autoregressive noise e_t = Σ_k φ_k e_{t-k} + σ ε_t, of order p ≤ 12.
 
-    Sampled as partial autocorrelations in (-1, 1), uniform, which are all stationary processes and
-    no other, and the innovations' standard deviation σ [response].
+    It is sampled as partial autocorrelations, uniform in (-1, 1), which cover exactly the
+    stationary processes, and the innovations' standard deviation σ [response].
     Source: Barndorff-Nielsen & Schou, J. Multivariate Anal. 3 (1973) 408.
+
+    Attributes:
+        order: The order p.
     """
 
     order: int = eqx.field(static=True)
@@ -297,54 +384,57 @@ class ARNoise(AbstractGaussianNoise):
 
     def terms(self, fit: Fit, residuals: Signals, problems: Problems) -> tuple[Term, ...]:
         unit = fit.preparation.takes[0].recording.response_unit
-        coefficients, innovation = autoregression(_series(fit))
+        coefficients, innovation = autoregression(_used_residuals(fit))
         start = np.zeros(self.order)
-        found = partial_autocorrelations(-coefficients[1:])[: self.order]
-        start[: found.size] = found
+        partials_of_fit = partial_autocorrelations(-coefficients[1:])[: self.order]
+        start[: partials_of_fit.size] = partials_of_fit
         partials = [
             Term(f"noise.partial[{k + 1}]", "1", Uniform(-1.0, 1.0), float(value))
             for k, value in enumerate(start)
         ]
-        floor = _noise_of(fit.preparation.takes[0].noise).innovation
-        sigma = Term("noise.sigma", unit, within_a_factor(floor, _DECADE), innovation)
+        fit_sd = _noise(fit.preparation.takes[0].noise).innovation
+        sigma = Term("noise.sigma", unit, within_a_factor(fit_sd, _DECADE), innovation)
         return (*partials, sigma)
 
     def scaled(self, values: Array | np.ndarray, problem: AbstractProblem) -> AbstractProblem:
         taps = jnp.concatenate([jnp.ones(1), -autoregressive(jnp.asarray(values[:-1]))])
         padding = (0, problem.whitening.shape[0] - taps.size)
-        return _refiltered(problem, jnp.pad(taps, padding) / values[-1])
+        return _with_whitening(problem, jnp.pad(taps, padding) / values[-1])
 
 
 def ar_noise_of(fit: Fit) -> ARNoise:
-    """AR(p) of the order that BIC chooses for what the fit left, at least 1."""
-    coefficients, _ = autoregression(_series(fit))
+    """AR(p) noise of the order that BIC chooses for the fit's residual, at least 1."""
+    coefficients, _ = autoregression(_used_residuals(fit))
     return ARNoise(min(max(coefficients.size - 1, 1), _LARGEST_ORDER))
 
 
 def autoregressive(partials: Array) -> Array:
     """Coefficients φ (p,) from partial autocorrelations (p,), by Levinson's recursion."""
-    found = jnp.zeros(0)
+    coefficients = jnp.zeros(0)
     for k in range(partials.shape[0]):
-        found = jnp.concatenate([found - partials[k] * found[::-1], partials[k : k + 1]])
-    return found
+        coefficients = jnp.concatenate(
+            [coefficients - partials[k] * coefficients[::-1], partials[k : k + 1]]
+        )
+    return coefficients
 
 
 def partial_autocorrelations(coefficients: np.ndarray) -> np.ndarray:
-    """Partial autocorrelations (p,) from coefficients φ (p,): the recursion backwards."""
-    left, found = np.asarray(coefficients, float), []
-    while left.size:
-        last = left[-1]
-        found.append(last)
-        left = (left[:-1] + last * left[-2::-1]) / (1 - last**2)
-    return np.array(found[::-1])
+    """Partial autocorrelations (p,) from coefficients φ (p,), by the inverse recursion."""
+    remaining, partials = np.asarray(coefficients, float), []
+    while remaining.size:
+        last = remaining[-1]
+        partials.append(last)
+        remaining = (remaining[:-1] + last * remaining[-2::-1]) / (1 - last**2)
+    return np.array(partials[::-1])
 
 
 class StudentNoise(AbstractNoiseModel):
-    r"""Noise of the measured colour whose innovations are Student's t: outliers weigh little.
+    """Noise of the measured colour with innovations of Student's t: outliers weigh little.
 
-        w/s ~ t_ν,     s the scale over what was measured, ν degrees of freedom
+        w/s ~ t_ν,     s the scale relative to the fit's noise, ν degrees of freedom
 
-    The recordings' own coefficients, their offsets first, are sampled: no closed integral exists.
+    The recordings' own coefficients, their offsets first, are sampled, because their integral has
+    no closed form.
     Source: Lange, Little & Taylor, J. Am. Stat. Assoc. 84 (1989) 881.
     """
 
@@ -378,7 +468,7 @@ class StudentNoise(AbstractNoiseModel):
         return (_scale_term(fit), freedom, *own)
 
     def scaled(self, values: Array | np.ndarray, problem: AbstractProblem) -> AbstractProblem:
-        return _refiltered(problem, jnp.asarray(problem.whitening) / values[0])
+        return _with_whitening(problem, jnp.asarray(problem.whitening) / values[0])
 
     def log_density(self, values: Array, residuals: Signals, problems: Problems) -> Array:
         total = jnp.zeros(())
@@ -387,19 +477,19 @@ class StudentNoise(AbstractNoiseModel):
             scaled = self.scaled(values, problem)
             assert isinstance(scaled, Problem)  # as `taps` says
             white = scaled.whiten(residual - term)
-            each = student_t.logpdf(white, values[1]) + jnp.log(scaled.whitening[0])
-            total += jnp.sum(each * scaled.weights)
+            log_densities = student_t.logpdf(white, values[1]) + jnp.log(scaled.whitening[0])
+            total += jnp.sum(log_densities * scaled.weights)
         return total
 
     def own(
         self, values: Array, residuals: Signals, problems: Problems, normals: Signals
     ) -> Signals:
-        found, at = [], 2
+        terms, at = [], 2
         for problem in problems:
             count = problem.own.shape[1]
-            found.append(jnp.asarray(problem.own) @ values[at : at + count])
+            terms.append(jnp.asarray(problem.own) @ values[at : at + count])
             at += count
-        return tuple(found)
+        return tuple(terms)
 
     def innovations(
         self, values: np.ndarray, generator: np.random.Generator, size: int

@@ -19,26 +19,31 @@ from .._recording import InputError, require_kind
 from ._discrepancy import discrepancy_of
 from ._doubt import doubt_of
 from ._laplace import Laplace
-from ._likelihood import Target, compressed, log_posteriors_of, physical, target_of
-from ._marginal import Marginal, completed, figures, marginal_of
+from ._likelihood import Target, compressed, log_posteriors_of, physical_values, target_of
+from ._marginal import Marginal, complete_draws, figures, marginal_of
 from ._noise_models import AbstractGaussianNoise, AbstractNoiseModel, MeasuredNoise, Signals, Term
 from ._prior import AbstractPrior
-from ._result import Band, Posterior, Row, figures_of, inseparable
+from ._result import Band, Posterior, Row, strongly_correlated_pairs, summary_of
 from ._sample import Chain, ChainFile, run_ensemble, split_r_hat
 
 _FARTHEST_START = 4.0
+"""Largest standard coordinate at which the search for the mode begins; chosen by judgement."""
 _LEAST_WALKERS = 32
-# A snooker move takes three of the other half.
+"""Fewest walkers by default; chosen by judgement."""
 _FEWEST_WALKERS = 6
+"""Fewest walkers: a snooker move needs three of the other half."""
 _PRIOR_DRAWS = 2000
+"""Draws of the prior that are stored; chosen by judgement."""
 _BAND_DRAWS = 200
+"""Draws of the posterior that make the bands; chosen by judgement."""
 _CENTRAL = (2.5, 97.5)
+"""Percentiles between which the central 95 % lie."""
 
-Watch = Callable[[int, int, str], None]
-"""Told steps done, steps at most, and the estimate so far."""
+ProgressCallback = Callable[[int, int, str], None]
+"""Called with the steps done, the largest number of steps, and the estimate so far."""
 
 
-def unwatched(done: int, most: int, estimate: str) -> None:
+def no_progress(done: int, most: int, estimate: str) -> None:
     """Report no progress."""
 
 
@@ -54,66 +59,86 @@ def sample_posterior(
     seed: int = 0,
     chain: str | Path | None = None,
     resume: bool = False,
-    progress: Watch = unwatched,
+    progress: ProgressCallback = no_progress,
 ) -> Posterior:
-    """The posterior of a fit's free parameters, and of the noise's, by an ensemble of walkers.
+    """Sample the posterior of a fit's free parameters and the noise's, by an ensemble.
 
-    Gains are integrated out where that is exact, under normal noise and priors, and drawn given the
-    rest (`_marginal`); walkers move over the shapes and the noise's numbers alone.  The chain
+    Under normal noise and priors the gains are integrated out exactly and drawn given the other
+    parameters, so the walkers move over the shapes and the noise's parameters only.  The chain
     starts from the Laplace approximation and runs in its coordinates until it has 50
-    autocorrelation times after burn-in and split R-hat below 1.01, at most `steps`.
+    autocorrelation times after burn-in and a split R-hat below 1.01, or has `steps` steps.
 
-    - `noise_model`: `MeasuredNoise` where none is given.
-    - `discrepancy`: model what the model leaves out, so that intervals bear it (`_discrepancy`).
-    - `diagnosis`: a diagnosis.json of the model, whose verdict the result then carries.
-    - `priors`: by name, in place of the parameters' own.
-    - `walkers`: an even number, at least twice that of what walkers move over, and six; by default
-      four times, and at least 32.
-    - `chain`: an HDF5 file that grows with the run; with `resume` the steps in it are gone on from.
+    Args:
+        fit: The fit.
+        noise_model: The noise model; `MeasuredNoise` by default.
+        discrepancy: Whether to model the discrepancy between model and actuator as well, so that
+            the intervals include its effect.
+        diagnosis: A diagnosis.json of the model, whose verdict the result then carries.
+        priors: Priors by the parameters' names, which replace their own.
+        walkers: Number of walkers: even, at least twice the number of parameters that they move
+            over, and at least 6; by default four times that number, and at least 32.
+        steps: Largest number of steps, at least 40.
+        seed: Seed of all random numbers.
+        chain: HDF5 file that grows with the run.
+        resume: Whether to continue from the steps in that file.
+        progress: Called with the steps done, the largest number of steps, and the estimate so far.
 
-    Raises InputError for unknown names, too few walkers or steps, a chain of another call, a
-    diagnosis of another model, a discrepancy beside Student-t noise, and a fit with tied or own
-    parameters.  A chain that has not converged says so in `converged`.
+    Returns:
+        Draws, their summary and bands of the response.  `converged` is false if the chain reached
+        `steps` first.
+
+    Raises:
+        InputError: A name is unknown; walkers or steps are too few; the chain belongs to another
+            call or the diagnosis to another model; a discrepancy is combined with Student-t noise;
+            or the fit has parameters that are tied or differ between recordings.
+
     Source: Foreman-Mackey et al., Publ. Astron. Soc. Pac. 125 (2013) 306; Goodman & Weare, Commun.
     Appl. Math. Comput. Sci. 5 (2010) 65.
     """
     require_kind(fit, Fit, "posterior", "fit the model first: sample_posterior(fit(...))")
-    asked = fit.preparation.conditions
-    own = free_parameters_of(fit.model.block, len(fit.preparation.takes), asked).own
-    if asked.ties or own:
+    conditions = fit.preparation.conditions
+    own = free_parameters_of(fit.model.block, len(fit.preparation.takes), conditions).own
+    if conditions.ties or own:
         raise InputError.at(
             "posterior",
-            "a fit whose parameters are neither tied nor each recording's own",
-            f"{', '.join((*asked.ties, *own))} so fitted",
-            "fit without, or fix them",
+            "a fit without parameters that are tied or differ between recordings",
+            f"{', '.join((*conditions.ties, *own))} fitted in this way",
+            "fit without these options, or fix the parameters",
         )
     noise = MeasuredNoise() if noise_model is None else noise_model
     if discrepancy and not isinstance(noise, AbstractGaussianNoise):
         raise InputError.at(
-            "discrepancy", "normal noise beside it", f"{noise.name} noise", "choose another noise"
+            "discrepancy", "normal noise with it", f"{noise.name} noise", "choose another noise"
         )
     doubt = "" if diagnosis is None else doubt_of(diagnosis, fit.model.name)
     with computing():
-        beyond = discrepancy_of(fit) if discrepancy else None
-        target, terms = target_of(fit, noise, priors or {}, beyond)
+        discrepancy_model = discrepancy_of(fit) if discrepancy else None
+        target, terms = target_of(fit, noise, priors or {}, discrepancy_model)
         starts = _starts(terms)
         density, approximation = marginal_of(compressed(target, starts), starts)
-        names = [terms[k].name for k in density.sampled]
-        size = len(names)
+        sampled_names = [terms[k].name for k in density.sampled]
+        size = len(sampled_names)
         count = max(_LEAST_WALKERS, 4 * size) if walkers is None else walkers
-        _check(count, size, steps)
+        _check_run_length(count, size, steps)
 
         log_posteriors = log_posteriors_of(density)
 
         def log_density(coordinates: np.ndarray) -> np.ndarray:
+            """Log posteriors (K,) at the approximation's coordinates (K, D')."""
             return log_posteriors(approximation.at(coordinates))
 
-        def watch(running: Chain) -> None:
-            last = running.kept[-min(len(running.kept), 500) :].reshape(-1, size)
-            values = physical(density, approximation.at(last))
-            progress(len(running.coordinates), steps, _estimate(names, values, running))
+        def report(partial_chain: Chain) -> None:
+            """Report the chain's estimates so far."""
+            # The estimate comes from the last 500 steps, a number chosen by judgement.
+            recent = partial_chain.kept[-min(len(partial_chain.kept), 500) :].reshape(-1, size)
+            values = physical_values(density, approximation.at(recent))
+            progress(
+                len(partial_chain.coordinates),
+                steps,
+                _estimate(sampled_names, values, partial_chain),
+            )
 
-        found = run_ensemble(
+        samples = run_ensemble(
             log_density,
             walkers=count,
             size=size,
@@ -121,36 +146,37 @@ def sample_posterior(
             seed=seed,
             file=None if chain is None else ChainFile(Path(chain)),
             resume=resume,
-            settings=_settings(fit, noise, terms, names, count, seed),
-            watch=watch,
+            settings=_settings(fit, noise, terms, sampled_names, count, seed),
+            watch=report,
         )
-        return _posterior_of(fit, target, terms, density, approximation, found, seed, doubt)
+        return _posterior_of(fit, target, terms, density, approximation, samples, seed, doubt)
 
 
-def _check(walkers: int, size: int, steps: int) -> None:
+def _check_run_length(walkers: int, size: int, steps: int) -> None:
+    """Raise InputError if walkers or steps are too few for chains of `size` coordinates."""
     least = max(_FEWEST_WALKERS, 2 * size)
     if walkers % 2 or walkers < least:
         raise InputError.at(
             "walkers", f"an even number of at least {least}", f"{walkers}", "give more"
         )
-    if steps < 40:
+    if steps < 40:  # ten for each quarter of the chain, which R-hat compares; by judgement
         raise InputError.at("steps", "at least 40", f"{steps}", "give more")
 
 
 def _starts(terms: Sequence[Term]) -> np.ndarray:
-    """Where the search for the mode begins, (D,) in standard coordinates."""
+    """Where the search for the mode begins: standard coordinates (D,)."""
     starts = np.array([float(term.prior.standard(term.start)) for term in terms])
     return np.clip(starts, -_FARTHEST_START, _FARTHEST_START)
 
 
-def _estimate(names: Sequence[str], values: np.ndarray, running: Chain) -> str:
-    """The first few numbers as they stand, and how long the chain is."""
-    told = [
+def _estimate(names: Sequence[str], values: np.ndarray, chain: Chain) -> str:
+    """The first three parameters with their standard deviations, and the length of the chain."""
+    estimates = [
         f"{name} {column.mean():.4g} ± {column.std():.1g}"
         for name, column in zip(names, values.T[:3], strict=False)
     ]
-    times = len(running.kept) / running.autocorrelation.max()
-    return f"{times:.0f} autocorrelation times; {', '.join(told)}"
+    times = len(chain.kept) / chain.autocorrelation.max()
+    return f"{times:.0f} autocorrelation times; {', '.join(estimates)}"
 
 
 def _settings(
@@ -161,7 +187,7 @@ def _settings(
     walkers: int,
     seed: int,
 ) -> dict[str, str]:
-    """All that a chain depends on beside its length, as text, by name."""
+    """Everything but its length that a chain depends on, as text, by name."""
     data = hashlib.sha256()
     for take in fit.preparation.takes:
         for signal in (take.recording.drive, take.recording.response, take.used):
@@ -190,25 +216,26 @@ def _posterior_of(
     seed: int,
     doubt: str,
 ) -> Posterior:
+    """The result: draws with all parameters, their summary, and bands of the response."""
     generator = np.random.default_rng(seed)
     names, size = [term.name for term in terms], len(terms)
     slowest = float(chain.autocorrelation.max())
-    # At least a step of each quarter, by which the gains' R-hat goes.
+    # At least one step of each quarter of the chain, from which the gains' R-hat is computed.
     thinned = min(max(1, int(slowest / 2)), len(chain.kept) // 4)
-    kept = chain.kept[::thinned]
-    standards = approximation.at(kept.reshape(-1, kept.shape[2]))
-    values = completed(density, standards, generator)
-    drawn = values[:, :size].reshape(*kept.shape[:2], size)
-    walking = np.moveaxis(drawn, 1, 0)
+    thinned_chain = chain.kept[::thinned]
+    coordinates = approximation.at(thinned_chain.reshape(-1, thinned_chain.shape[2]))
+    values = complete_draws(density, coordinates, generator)
+    drawn = values[:, :size].reshape(*thinned_chain.shape[:2], size)
+    by_walker = np.moveaxis(drawn, 1, 0)
     r_hat = np.empty(size)
     r_hat[list(density.sampled)] = chain.r_hat
     r_hat[list(density.integrated)] = split_r_hat(drawn[:, :, list(density.integrated)])
     means, sds = figures(density, approximation)
-    prior = physical(target, generator.standard_normal((_PRIOR_DRAWS, size)))
-    ends = physical(target, 1.96 * np.array([[-1.0], [1.0]]) * np.ones(size))
+    prior = physical_values(target, generator.standard_normal((_PRIOR_DRAWS, size)))
+    prior_ends = physical_values(target, 1.96 * np.array([[-1.0], [1.0]]) * np.ones(size))
     rows = []
     for k, term in enumerate(terms):
-        mean, sd, interval, ess = figures_of(walking[:, :, k])
+        mean, sd, interval, ess = summary_of(by_walker[:, :, k])
         rows.append(
             Row(
                 name=term.name,
@@ -220,21 +247,21 @@ def _posterior_of(
                 r_hat=float(r_hat[k]),
                 laplace_mean=float(means[k]),
                 laplace_sd=float(sds[k]),
-                prior=(float(ends[0, k]), float(ends[1, k])),
+                prior=(float(prior_ends[0, k]), float(prior_ends[1, k])),
             )
         )
-    first = fit.preparation.takes[0].recording
+    first_recording = fit.preparation.takes[0].recording
     return Posterior(
         model=fit.model.name,
         noise_model=target.noise.name,
         discrepancy=target.columns > 0,
         doubt=doubt,
-        units=(first.drive_unit, first.response_unit),
-        samples={name: walking[:, :, k] for k, name in enumerate(names)},
+        units=(first_recording.drive_unit, first_recording.response_unit),
+        samples={name: by_walker[:, :, k] for k, name in enumerate(names)},
         log_posterior=chain.log_density[chain.burn_in :][::thinned].T,
         prior={name: prior[:, k] for k, name in enumerate(names)},
         summary=tuple(rows),
-        known_only_together=inseparable(names, values[:, :size].T),
+        known_only_together=strongly_correlated_pairs(names, values[:, :size].T),
         bands=_bands(fit, target, values, generator),
         steps=len(chain.coordinates),
         burn_in=chain.burn_in,
@@ -248,20 +275,20 @@ def _posterior_of(
 
 @compiled
 def _responses(target: Target, values: Array, normals: Signals) -> tuple[Signals, Signals]:
-    """Responses (L,) with the recordings' own terms, and the filter (taps,) of each noise."""
-    noise, own_values = target.noise, target.of_noise(values)
+    """Responses (L,) with their own terms, and noise filter (taps,), of each recording."""
+    noise, noise_values = target.noise, target.noise_values(values)
     residuals = target.residuals(values)
-    own = noise.own(own_values, residuals, target.problems, normals)
+    own = noise.own(noise_values, residuals, target.problems, normals)
     trios = zip(target.problems, residuals, own, strict=True)
     simulated = tuple(p.response - residual + term for p, residual, term in trios)
-    filters = tuple(jnp.asarray(noise.scaled(own_values, p).whitening) for p in target.problems)
+    filters = tuple(jnp.asarray(noise.scaled(noise_values, p).whitening) for p in target.problems)
     return simulated, filters
 
 
 def _bands(
     fit: Fit, target: Target, values: np.ndarray, generator: np.random.Generator
 ) -> tuple[Band, ...]:
-    """What draws of the posterior predict of each recording, without and with noise."""
+    """What 200 draws of the posterior predict for each recording, without and with noise."""
     takes = fit.preparation.takes
     model: list[list[np.ndarray]] = [[] for _ in takes]
     noisy: list[list[np.ndarray]] = [[] for _ in takes]
@@ -271,8 +298,8 @@ def _bands(
         for at, take in enumerate(takes):
             count = len(take.recording)
             clean = np.asarray(simulated[at])[:count]
-            white = target.noise.innovations(target.of_noise(row), generator, 2 * count)
-            # The first half runs the filter in.
+            white = target.noise.innovations(target.noise_values(row), generator, 2 * count)
+            # The first half is the filter's transient.
             noise = np.asarray(lfilter([1.0], np.asarray(filters[at]), white))[count:]
             model[at].append(clean)
             noisy[at].append(clean + noise)

@@ -1,7 +1,7 @@
-r"""Priors: each a monotone map of a standard normal number, so that one scale serves all.
+"""Priors, each a monotone map of a standard normal number, so that all have one scale.
 
-A value x = Q(Φ(v)), with Q the prior's quantile function, has that prior exactly when v is standard
-normal.  Chains run over v: no bound is ever met, and one unit of v is one prior width.
+A value x = Q(Φ(v)), with Q the prior's quantile function, has that prior exactly if v is standard
+normal.  Chains run over v: they never meet a bound, and one unit of v is one prior width.
 """
 
 from __future__ import annotations
@@ -19,25 +19,27 @@ from jax.typing import ArrayLike
 from .._parameters import Parameter
 from .._prepare import ROOT_TWO_PI, AbstractPrior, Normal, float64_array
 
-# Half the width of a normal density's central 95 %, in standard deviations.
 _HALF_WIDTH = 1.959963984540054
+"""Half the width of a normal density's central 95 %, in standard deviations."""
 _GAIN_SPANS = 10.0
+"""Prior standard deviation of a gain without a stated range, relative to its expected size; by
+judgement."""
 
 
 @jax.custom_jvp
 def _truncated(v: Array, below: Array, above: Array) -> Array:
     """z with Φ(z) = below + (1 - below - above) Φ(v)."""
-    # From the nearer end: far out in a tail 1 - Φ(v) would leave no digits.
-    outer = jnp.where(v < 0, below, above) + (1 - below - above) * ndtr(jnp.where(v < 0, v, -v))
-    distance = ndtri(outer)
-    return jnp.asarray(jnp.where(v < 0, distance, -distance))
+    # From the nearer tail, because far out in the upper one 1 - Φ(v) loses all digits.
+    tail = jnp.where(v < 0, below, above) + (1 - below - above) * ndtr(jnp.where(v < 0, v, -v))
+    quantile = ndtri(tail)
+    return jnp.asarray(jnp.where(v < 0, quantile, -quantile))
 
 
 @_truncated.defjvp
 def _truncated_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
-    """dz/dv = (1 - below - above) φ(v)/φ(z), the tails being constants.
+    """dz/dv = (1 - below - above) φ(v)/φ(z), for constant tails.
 
-    Unlike the derivative of ndtri's polynomials it costs nothing to compile.
+    Unlike the derivative of ndtri's polynomials it takes no time to compile.
     """
     v, below, above = primals
     z = _truncated(v, below, above)
@@ -45,7 +47,7 @@ def _truncated_jvp(primals: tuple, tangents: tuple) -> tuple[Array, Array]:
 
 
 class TruncatedNormal(AbstractPrior):
-    """A normal density cut at `lower` and `upper`, between which its mean lies."""
+    """A normal density truncated to [lower, upper], all values in the parameter's unit."""
 
     mean: np.ndarray = eqx.field(converter=float64_array)
     sd: np.ndarray = eqx.field(converter=float64_array)
@@ -53,7 +55,7 @@ class TruncatedNormal(AbstractPrior):
     upper: np.ndarray = eqx.field(converter=float64_array)
 
     def _tails(self) -> tuple[Array, Array]:
-        """What is cut off below and above, as shares of the whole normal density."""
+        """The shares of the whole normal density below `lower` and above `upper`."""
         return ndtr((self.lower - self.mean) / self.sd), ndtr((self.mean - self.upper) / self.sd)
 
     def value(self, standard: ArrayLike) -> Array:
@@ -62,8 +64,8 @@ class TruncatedNormal(AbstractPrior):
     def standard(self, value: ArrayLike) -> Array:
         x = (jnp.clip(jnp.asarray(value), self.lower, self.upper) - self.mean) / self.sd
         below, above = self._tails()
-        outer = ndtr(jnp.where(x < 0, x, -x)) - jnp.where(x < 0, below, above)
-        v = ndtri(outer / (1 - below - above))
+        tail = ndtr(jnp.where(x < 0, x, -x)) - jnp.where(x < 0, below, above)
+        v = ndtri(tail / (1 - below - above))
         return jnp.asarray(jnp.where(x < 0, v, -v))
 
     def log_density(self, value: ArrayLike) -> Array:
@@ -75,7 +77,7 @@ class TruncatedNormal(AbstractPrior):
 
 
 class Uniform(AbstractPrior):
-    """p(x) = 1/(upper - lower) between the two."""
+    """p(x) = 1/(upper - lower) between the two bounds, both in the parameter's unit."""
 
     lower: np.ndarray = eqx.field(converter=float64_array)
     upper: np.ndarray = eqx.field(converter=float64_array)
@@ -93,7 +95,7 @@ class Uniform(AbstractPrior):
 
 
 class Logarithmic(AbstractPrior):
-    """ln x has the density `of_logarithm`; p(x) = that / x."""
+    """ln x has the density `of_logarithm`; p(x) is that density divided by x."""
 
     of_logarithm: AbstractPrior
 
@@ -110,17 +112,17 @@ class Logarithmic(AbstractPrior):
 
 
 def within_a_factor(centre: float, factor: float) -> AbstractPrior:
-    """Log-normal, with 95 % between centre/factor and centre·factor."""
+    """Log-normal prior, with 95 % between centre/factor and centre·factor."""
     return Logarithmic(Normal(np.log(centre), np.log(factor) / _HALF_WIDTH))
 
 
 def prior_of(parameter: Parameter, component: int, size: float) -> AbstractPrior:
     """The prior of one component of a parameter.
 
-    Normal, or log-normal where it is fitted on a logarithmic scale, with 95 % within its plausible
-    range, truncated to its bounds.  Where no range is stated, as of gains: normal about 0 with a
-    standard deviation of ten times `size`, the value at which its share of the response is as large
-    as the response itself.
+    It is normal, or log-normal if the parameter is fitted on a logarithmic scale, with 95 % within
+    its plausible range, truncated to its bounds.  Parameters without a range, such as gains, have a
+    normal prior about 0 with a standard deviation of ten times `size`, the value at which the
+    parameter's contribution is as large as the response itself.
     """
     bounds = (*parameter.plausible, parameter.lower, parameter.upper)
     shape = np.shape(parameter.value)
@@ -128,10 +130,10 @@ def prior_of(parameter: Parameter, component: int, size: float) -> AbstractPrior
         float(np.ravel(np.broadcast_to(bound, shape))[component]) for bound in bounds
     )
     if not np.isfinite(high - low):
-        wide = _GAIN_SPANS * size
+        sd = _GAIN_SPANS * size
         if np.isinf(lower) and np.isinf(upper):
-            return Normal(0.0, wide)
-        return TruncatedNormal(np.clip(0.0, lower, upper), wide, lower, upper)
+            return Normal(0.0, sd)
+        return TruncatedNormal(np.clip(0.0, lower, upper), sd, lower, upper)
     if parameter.logarithmic:
         low, high, lower, upper = np.log([low, high, lower, upper])
     middle, half = (low + high) / 2, (high - low) / 2
@@ -140,14 +142,14 @@ def prior_of(parameter: Parameter, component: int, size: float) -> AbstractPrior
 
 
 def values_of(priors: Sequence[AbstractPrior], standard: Array) -> Array:
-    """Values (n,) at standard numbers (n,); priors of one kind are evaluated together."""
-    kinds: dict[object, list[int]] = {}
+    """Values (n,) at standard coordinates (n,); priors of one type are evaluated together."""
+    by_type: dict[object, list[int]] = {}
     for k, prior in enumerate(priors):
-        kinds.setdefault(jax.tree_util.tree_structure(prior), []).append(k)
-    found, order = [jnp.zeros(0)], []
-    for members in kinds.values():
-        at = np.array(members)
-        alike = jax.tree_util.tree_map(lambda *x: jnp.stack(x), *[priors[k] for k in members])
-        found.append(jax.vmap(lambda prior, v: prior.value(v))(alike, standard[at]))
+        by_type.setdefault(jax.tree_util.tree_structure(prior), []).append(k)
+    values, order = [jnp.zeros(0)], []
+    for members in by_type.values():
+        positions = np.array(members)
+        stacked = jax.tree_util.tree_map(lambda *x: jnp.stack(x), *[priors[k] for k in members])
+        values.append(jax.vmap(lambda prior, v: prior.value(v))(stacked, standard[positions]))
         order += members
-    return jnp.concatenate(found)[np.argsort(np.array(order, int))]
+    return jnp.concatenate(values)[np.argsort(np.array(order, int))]

@@ -18,16 +18,30 @@ if TYPE_CHECKING:
 
 SCHEMA = "fracjax.posterior/1"
 NETCDF, JSON = "posterior.nc", "posterior.json"
-_INSEPARABLE = 0.995
+_STRONG_CORRELATION = 0.995
+"""Correlation beyond which two parameters are reported as a pair; chosen by judgement."""
 _MEAN_LIMIT, _SD_LIMIT = 0.5, 1.25
+"""Up to where the Laplace approximation agrees: difference of the means in standard deviations, and
+ratio of the standard deviations; chosen by judgement."""
 _SHARE = 0.95
+"""Probability of the reported intervals."""
 
 
 @dataclass(frozen=True)
 class Row:
-    """One parameter in `unit`: what was sampled, and what the Laplace approximation says of it.
+    """Summary of one parameter, all values in `unit`.
 
-    `interval` is the shortest that holds 95 %; `prior` holds the prior's central 95 %.
+    Attributes:
+        name: The parameter's name.
+        unit: Its unit.
+        mean: Mean of the draws.
+        sd: Standard deviation of the draws.
+        interval: Shortest interval that holds 95 % of them.
+        ess: Effective number of draws.
+        r_hat: Split R-hat.
+        laplace_mean: Mean of the Laplace approximation.
+        laplace_sd: Standard deviation of the Laplace approximation.
+        prior: The prior's central 95 %.
     """
 
     name: str
@@ -51,10 +65,17 @@ class Row:
 
 @dataclass(frozen=True)
 class Band:
-    """A recording (N,), and what the posterior predicts of its response.
+    """A recording, and what the posterior predicts for its response.
 
-    `median` (N,); `model` (2, N) the central 95 % of the response without noise, of `predictive`
-    (2, N) with it; `used` (N,) where samples count.
+    Attributes:
+        source: The recording's name.
+        times: Times (N,) [s].
+        drive: Drive (N,), in its unit.
+        response: Measured response (N,), in its unit.
+        used: Whether each sample counts (N,).
+        median: Median (N,) of the predicted response without noise, in its unit.
+        model: Lower and upper end (2, N) of its central 95 %, in the same unit.
+        predictive: Lower and upper end (2, N) of the central 95 % with noise, in the same unit.
     """
 
     source: str
@@ -69,15 +90,30 @@ class Band:
 
 @dataclass(frozen=True)
 class Posterior:
-    """Draws from the posterior, what they amount to, and whether they can be relied on.
+    """Draws from the posterior, their summary, and whether they are reliable.
 
-    `discrepancy`: whether intervals bear what the model leaves out; `doubt`: what a diagnosis says
-    that is, nothing where it found nothing or none was given.
-
-    `samples` (walkers, draws) by name, in the units of `summary`; `prior` (draws,) likewise;
-    `log_posterior` (walkers, draws) of what walkers move over, all else integrated out.  `steps`,
-    `burn_in`, `thinned` (one step of so many is kept) and `autocorrelation` (of the slowest number)
-    are in steps of the ensemble.
+    Attributes:
+        model: Name of the model.
+        noise_model: Name of the noise model.
+        discrepancy: Whether the intervals include a discrepancy between model and actuator.
+        doubt: What a diagnosis says about the model; empty if it has no effect to report, or none
+            was given.
+        units: Units of drive and response.
+        samples: Draws (walkers, draws) by parameter, in the units of `summary`.
+        log_posterior: Log density (walkers, draws) of the walkers' parameters, with all others
+            integrated out.
+        prior: Draws (draws,) from the prior by parameter, in the same units.
+        summary: One row per parameter.
+        known_only_together: Pairs of parameters that are strongly correlated.
+        bands: What the posterior predicts for each recording.
+        steps: Steps of the ensemble.
+        burn_in: Steps at the start that are left out.
+        thinned: One step out of this number is stored.
+        autocorrelation: Autocorrelation time of the slowest parameter, in steps.
+        acceptance: Share of accepted proposals.
+        seed: Seed of all random numbers.
+        converged: Whether the chain is at least 50 autocorrelation times long, with R-hat below
+            1.01.
     """
 
     model: str
@@ -101,26 +137,26 @@ class Posterior:
 
     @property
     def disagreeing(self) -> tuple[str, ...]:
-        """Names of which sampling and Laplace approximation differ beyond the limits of `Row`."""
+        """Parameters for which sampling and Laplace approximation disagree (`Row.agrees`)."""
         return tuple(row.name for row in self.summary if not row.agrees)
 
     @property
     def sentence(self) -> str:
-        """What came of it, and how far it can be relied on."""
+        """The result in one sentence or two, with what limits its reliability."""
         walkers, draws = self.log_posterior.shape
         least = min(row.ess for row in self.summary)
         worst = max(row.r_hat for row in self.summary)
-        after = self.steps - self.burn_in
-        ran = (
-            f"{after / self.autocorrelation:.0f} autocorrelation times, split R-hat {worst:.3f}, "
+        kept = self.steps - self.burn_in
+        length = (
+            f"{kept / self.autocorrelation:.0f} autocorrelation times, split R-hat {worst:.3f}, "
             f"{least:.0f} effective draws or more"
         )
-        caution = f" {self.doubt}" if self.doubt else ""
-        beyond = " and a discrepancy" if self.discrepancy else ""
+        caveat = f" {self.doubt}" if self.doubt else ""
+        extra = " and a discrepancy" if self.discrepancy else ""
         if not self.converged:
             return (
-                f"The chain of {self.model} has not converged in {self.steps} steps ({ran}): "
-                f"its figures are provisional.{caution}"
+                f"The chain of {self.model} has not converged in {self.steps} steps ({length}): "
+                f"its results are provisional.{caveat}"
             )
         agreement = (
             f"the Laplace approximation differs in {', '.join(self.disagreeing)}"
@@ -128,12 +164,16 @@ class Posterior:
             else "the Laplace approximation agrees"
         )
         return (
-            f"{self.model} with {self.noise_model} noise{beyond}: {walkers * draws} draws kept of "
-            f"{self.steps} steps ({ran}); {agreement}.{caution}"
+            f"{self.model} with {self.noise_model} noise{extra}: {walkers * draws} draws kept of "
+            f"{self.steps} steps ({length}); {agreement}.{caveat}"
         )
 
     def to_dict(self) -> dict:
-        """Plain data, as in posterior.json; the draws themselves are in posterior.nc."""
+        """The summary as plain data, as in posterior.json; posterior.nc holds the draws.
+
+        Returns:
+            A dictionary that JSON can store.
+        """
         return {
             "schema": SCHEMA,
             "model": self.model,
@@ -160,7 +200,11 @@ class Posterior:
         }
 
     def save(self, folder: str | Path) -> None:
-        """Write posterior.json, and posterior.nc, which ArviZ reads (`arviz.from_netcdf`)."""
+        """Write posterior.json, and posterior.nc, which ArviZ reads (`arviz.from_netcdf`).
+
+        Args:
+            folder: The folder, which is created if necessary.
+        """
         folder = Path(folder)
         folder.mkdir(parents=True, exist_ok=True)
         part = folder / f".{NETCDF}.part"
@@ -174,8 +218,8 @@ class Posterior:
 
 
 def _tree_of(posterior: Posterior) -> DataTree:
-    """ArviZ's groups as a DataTree, the form that 1.x works on and 0.23 reads from a file."""
-    import xarray as xr  # half a second, which other commands need not wait for
+    """ArviZ's groups as a DataTree, which ArviZ 1.x uses and ArviZ 0.23 reads from a file."""
+    import xarray as xr  # takes half a second, which other commands save
 
     units = {row.name: row.unit for row in posterior.summary}
     prior = {
@@ -206,9 +250,16 @@ def _tree_of(posterior: Posterior) -> DataTree:
 
 
 def load_posterior(folder: str | Path) -> Posterior:
-    """The posterior from a folder that `Posterior.save` or `fracjax posterior` wrote.
+    """Load a posterior that `Posterior.save` or `fracjax posterior` wrote.
 
-    Raises InputError where there is none.
+    Args:
+        folder: The folder with posterior.json and posterior.nc.
+
+    Returns:
+        The posterior, equal to the saved one.
+
+    Raises:
+        InputError: The folder holds no posterior, or one in another format.
     """
     folder = Path(folder)
     for name in (JSON, NETCDF):
@@ -217,10 +268,10 @@ def load_posterior(folder: str | Path) -> Posterior:
                 str(folder), f"a folder with {JSON} and {NETCDF}", f"no {name}", "correct the path"
             )
     try:
-        told = json.loads((folder / JSON).read_text(encoding="utf-8"))
-        if told["schema"] != SCHEMA:
-            raise KeyError(told["schema"])
-        return _loaded(told, folder / NETCDF)
+        content = json.loads((folder / JSON).read_text(encoding="utf-8"))
+        if content["schema"] != SCHEMA:
+            raise KeyError(content["schema"])
+        return _loaded(content, folder / NETCDF)
     except (OSError, KeyError, TypeError, ValueError):
         raise InputError.at(
             str(folder),
@@ -231,16 +282,18 @@ def load_posterior(folder: str | Path) -> Posterior:
 
 
 def _array(group: DataTree | DataArray, name: str) -> np.ndarray:
+    """A variable of a group as an array."""
     return np.asarray(group[name])
 
 
-def _loaded(told: dict, path: Path) -> Posterior:
+def _loaded(content: dict, path: Path) -> Posterior:
+    """The posterior from the content of posterior.json and the path of posterior.nc."""
     import xarray as xr
 
     with xr.open_datatree(path, engine="h5netcdf") as tree:
-        names = list(told["parameters"])
+        names = list(content["parameters"])
         bands = []
-        for at, source in enumerate(told["recordings"]):
+        for at, source in enumerate(content["recordings"]):
             group = tree[f"predictions_{at}"]
             signals = ("drive", "response", "median", "model", "predictive")
             arrays = {name: _array(group, name) for name in signals}
@@ -249,37 +302,38 @@ def _loaded(told: dict, path: Path) -> Posterior:
             bands.append(Band(source=source, times=times, used=used, **arrays))
         samples = {n: _array(tree["posterior"], n) for n in names}
         prior = {n: _array(tree["prior"], n)[0] for n in names}
-        heights = _array(tree["sample_stats"], "lp")
+        log_posterior = _array(tree["sample_stats"], "lp")
     return Posterior(
-        model=told["model"],
-        noise_model=told["noise_model"],
-        discrepancy=told["discrepancy"],
-        doubt=told["doubt"],
-        units=(told["units"]["drive"], told["units"]["response"]),
+        model=content["model"],
+        noise_model=content["noise_model"],
+        discrepancy=content["discrepancy"],
+        doubt=content["doubt"],
+        units=(content["units"]["drive"], content["units"]["response"]),
         samples=samples,
-        log_posterior=heights,
+        log_posterior=log_posterior,
         prior=prior,
-        summary=tuple(_row(name, row) for name, row in told["parameters"].items()),
-        known_only_together=tuple(told["known_only_together"]),
+        summary=tuple(_row(name, row) for name, row in content["parameters"].items()),
+        known_only_together=tuple(content["known_only_together"]),
         bands=tuple(bands),
-        steps=told["steps"],
-        burn_in=told["burn_in"],
-        thinned=told["thinned"],
-        autocorrelation=told["autocorrelation"],
-        acceptance=told["acceptance"],
-        seed=told["seed"],
-        converged=told["converged"],
+        steps=content["steps"],
+        burn_in=content["burn_in"],
+        thinned=content["thinned"],
+        autocorrelation=content["autocorrelation"],
+        acceptance=content["acceptance"],
+        seed=content["seed"],
+        converged=content["converged"],
     )
 
 
-def _row(name: str, told: dict[str, Any]) -> Row:
-    fields: dict[str, Any] = {k: v for k, v in told.items() if k != "agrees_with_laplace"}
-    fields |= {"interval": tuple(told["interval"]), "prior": tuple(told["prior"])}
+def _row(name: str, entry: dict[str, Any]) -> Row:
+    """The summary of one parameter from its entry in posterior.json."""
+    fields: dict[str, Any] = {k: v for k, v in entry.items() if k != "agrees_with_laplace"}
+    fields |= {"interval": tuple(entry["interval"]), "prior": tuple(entry["prior"])}
     return Row(name, **fields)
 
 
-def figures_of(draws: np.ndarray) -> tuple[float, float, tuple[float, float], float]:
-    """Mean, standard deviation, shortest 95 % interval and effective draws of (walkers, draws)."""
+def summary_of(draws: np.ndarray) -> tuple[float, float, tuple[float, float], float]:
+    """Mean, standard deviation, shortest 95 % interval and effective number of draws."""
     import arviz
 
     low, high = np.asarray(arviz.hdi(draws.ravel(), _SHARE))
@@ -287,11 +341,11 @@ def figures_of(draws: np.ndarray) -> tuple[float, float, tuple[float, float], fl
     return float(draws.mean()), float(draws.std(ddof=1)), (float(low), float(high)), ess
 
 
-def inseparable(names: Sequence[str], draws: np.ndarray) -> tuple[str, ...]:
-    """Pairs out of (D, draws) that correlate beyond 0.995: the data know them only together."""
+def strongly_correlated_pairs(names: Sequence[str], draws: np.ndarray) -> tuple[str, ...]:
+    """Pairs of parameters whose draws (D, draws) correlate beyond 0.995."""
     correlation = np.corrcoef(draws)
     return tuple(
         f"{names[i]} and {names[j]} (correlation {correlation[i, j]:+.4f})"
         for i, j in combinations(range(len(names)), 2)
-        if abs(correlation[i, j]) > _INSEPARABLE
+        if abs(correlation[i, j]) > _STRONG_CORRELATION
     )

@@ -1,4 +1,4 @@
-"""The ensemble sampler: its walkers, its file, and when it has run for long enough."""
+"""The ensemble sampler: its walkers, its file, and when it has run long enough."""
 
 from __future__ import annotations
 
@@ -22,12 +22,19 @@ MOVES = (
     (emcee.moves.DEMove(), 0.6),
     (emcee.moves.DESnookerMove(), 0.1),
 )
+"""Moves of the walkers and their probabilities; chosen by judgement."""
 _BATCH = 16
+"""Points that are evaluated in one call, so that one compiled program serves all moves."""
 _BLOCK = 100
+"""Fewest steps between two checks of convergence; chosen by judgement."""
 _BURN_IN = 5.0
+"""Length of the burn-in, in autocorrelation times; chosen by judgement."""
 _LENGTH = 50.0
+"""Length of a converged chain, in autocorrelation times: emcee's recommendation."""
 _LARGEST_R_HAT = 1.01
+"""Largest R-hat of a converged chain: the recommendation of Vehtari et al. (2021)."""
 _CHUNKS = 4
+"""Parts of the run that R-hat compares; chosen by judgement."""
 _SETTINGS = "fracjax.settings"
 
 LogDensity = Callable[[np.ndarray], np.ndarray]
@@ -35,11 +42,12 @@ LogDensity = Callable[[np.ndarray], np.ndarray]
 
 @dataclass(frozen=True)
 class Chain:
-    """All steps (n, walkers, D), their log-densities (n, walkers), and what they amount to.
+    """All steps of the walkers, and measures of their convergence.
 
-    `autocorrelation` (D,) in steps; `burn_in` the steps to be left out; `r_hat` (D,) split over
-    quarters of what is left; `converged` when that is 50 autocorrelation times or more, and every
-    r_hat below 1.01.
+    `coordinates` (n, walkers, D) and `log_density` (n, walkers) are those of all n steps,
+    `acceptance` the share of accepted proposals, `autocorrelation` (D,) the autocorrelation times
+    in steps, `burn_in` the number of steps at the start to leave out, and `r_hat` (D,) the R-hat of
+    the other steps, split into quarters.
     """
 
     coordinates: np.ndarray
@@ -51,57 +59,60 @@ class Chain:
 
     @property
     def kept(self) -> np.ndarray:
+        """Coordinates (steps, walkers, D) after the burn-in."""
         return self.coordinates[self.burn_in :]
 
     @property
     def converged(self) -> bool:
+        """Whether these are at least 50 autocorrelation times, with each R-hat below 1.01."""
         long_enough = len(self.kept) >= _LENGTH * self.autocorrelation.max()
         return bool(long_enough and self.r_hat.max() < _LARGEST_R_HAT)
 
 
 def split_r_hat(steps: np.ndarray) -> np.ndarray:
-    """R-hat (D,) of steps (n, walkers, D): each quarter of the run, all its walkers, is a chain.
+    """R-hat (D,) of steps (n, walkers, D): each quarter of the run, with all walkers, is one chain.
 
-    Walkers of one ensemble move by each other, so that they are no chains of their own; quarters
-    that differ show a run that still drifts.
+    The walkers of an ensemble depend on each other, so they are not separate chains.  Quarters that
+    differ show that the run still drifts.
     Source: Vehtari et al., Bayesian Anal. 16 (2021) 667, through ArviZ.
     """
-    import arviz  # takes two seconds, which a fit or a help text need not wait for
+    import arviz  # takes two seconds, which a fit or a help text saves
 
     length = len(steps) // _CHUNKS
     columns = np.moveaxis(steps[len(steps) - _CHUNKS * length :], 2, 0)
     return np.array([float(arviz.rhat(column.reshape(_CHUNKS, -1))) for column in columns])
 
 
-def judged(backend: Backend) -> Chain:
-    """A chain with its autocorrelation time, burn-in (five such times) and R-hat."""
+def chain_of(backend: Backend) -> Chain:
+    """The chain with its autocorrelation times, burn-in (five such times) and R-hat."""
     steps = np.asarray(backend.get_chain())
 
     def times_of(part: np.ndarray) -> np.ndarray:
-        # Of a walker that has not moved at all there is none: it is as long as the run, at least.
+        """Autocorrelation times (D,) of steps (n, walkers, D)."""
+        # A walker that has not moved has no such time; the length of the run takes its place.
         if np.any(np.all(part == part[0], axis=(0, 2))):
             return np.full(part.shape[2], float(len(part)))
         return np.asarray(emcee.autocorr.integrated_time(part, tol=0, quiet=True))
 
-    rough = times_of(steps[len(steps) // 2 :])
-    burn_in = min(int(np.ceil(_BURN_IN * rough.max())), len(steps) // 2)
-    kept = steps[burn_in:]
+    first_estimate = times_of(steps[len(steps) // 2 :])
+    burn_in = min(int(np.ceil(_BURN_IN * first_estimate.max())), len(steps) // 2)
+    after_burn_in = steps[burn_in:]
     return Chain(
         coordinates=steps,
         log_density=np.asarray(backend.get_log_prob()),
         acceptance=float(np.mean(backend.accepted) / len(steps)),
-        autocorrelation=times_of(kept),
+        autocorrelation=times_of(after_burn_in),
         burn_in=burn_in,
-        r_hat=split_r_hat(kept),
+        r_hat=split_r_hat(after_burn_in),
     )
 
 
 class ChainFile:
-    """The chain on disk, whole at any moment.
+    """The chain on disk, complete at any moment.
 
-    emcee writes into a hidden copy; after each block of steps the copy is forced to disk and takes
-    the file's place.  A kill at any moment leaves the last block, and the state of the random
-    numbers after it, so that a resumed run goes on as if nothing had happened.
+    emcee writes into a hidden copy.  After each block of steps the copy is forced to disk and
+    replaces the file.  A killed run leaves the last complete block and the state of the random
+    generator after it, so a resumed run continues exactly as if it had not been interrupted.
     """
 
     def __init__(self, path: Path):
@@ -113,70 +124,75 @@ class ChainFile:
         return HDFBackend(str(self.copy))
 
     def resume(self, settings: Mapping[str, str]) -> Backend:
-        """A backend with the steps there are, none where no file is.
+        """A backend with the steps in the file, or without steps if there is no file.
 
-        **Raises:** `InputError` for a file that is no chain, or one of other settings.
+        Raises:
+            InputError: The file is no chain, or one with other settings.
         """
         if not self.path.exists():
             return self.begin()
         try:
             with h5py.File(self.path) as file:
-                told = json.loads(str(file.attrs[_SETTINGS]))
+                stored = json.loads(str(file.attrs[_SETTINGS]))
         except (OSError, KeyError, ValueError):
             raise InputError.at(
                 str(self.path), "a chain saved by fracjax", "something else", "leave out --resume"
             ) from None
-        for name, wanted in settings.items():
-            if told.get(name) != wanted:
+        for name, value in settings.items():
+            if stored.get(name) != value:
                 raise InputError.at(
                     str(self.path),
-                    f"a chain with {name} {wanted}",
-                    f"one with {told.get(name)}",
+                    f"a chain with {name} {value}",
+                    f"one with {stored.get(name)}",
                     "leave out --resume, or give another folder",
                 )
         shutil.copyfile(self.path, self.copy)
         return HDFBackend(str(self.copy))
 
     def checkpoint(self, settings: Mapping[str, str]) -> None:
-        """The copy, with its settings, takes the file's place."""
+        """Replace the file by the copy, with its settings."""
         with h5py.File(self.copy, "a") as file:
             file.attrs[_SETTINGS] = json.dumps(dict(settings))
-        following = self.path.with_name(f".{self.path.name}.whole")
-        shutil.copyfile(self.copy, following)
-        with following.open("r+b") as file:
+        replacement = self.path.with_name(f".{self.path.name}.whole")
+        shutil.copyfile(self.copy, replacement)
+        with replacement.open("r+b") as file:
             os.fsync(file.fileno())
-        following.replace(self.path)
+        replacement.replace(self.path)
 
     def end(self) -> None:
-        for left in (self.copy, self.path.with_name(f".{self.path.name}.whole")):
+        """Delete the hidden files."""
+        for hidden in (self.copy, self.path.with_name(f".{self.path.name}.whole")):
             with suppress(OSError):
-                left.unlink(missing_ok=True)
+                hidden.unlink(missing_ok=True)
 
 
 def in_batches(log_density: LogDensity) -> LogDensity:
-    """The same, called with sixteen rows at a time: one compiled program then serves all moves."""
+    """The same function, called with sixteen rows at a time: one program serves all moves."""
 
-    def whole(points: np.ndarray) -> np.ndarray:
+    def batched(points: np.ndarray) -> np.ndarray:
+        """Log densities (K,) at points (K, D)."""
         padding = -len(points) % _BATCH
         rows = np.concatenate([points, np.repeat(points[-1:], padding, axis=0)])
         parts = [log_density(rows[k : k + _BATCH]) for k in range(0, len(rows), _BATCH)]
         return np.concatenate([np.asarray(part) for part in parts])[: len(points)]
 
-    return whole
+    return batched
 
 
-def first_walkers(
+def initial_walkers(
     log_density: LogDensity, walkers: int, size: int, generator: np.random.Generator
 ) -> tuple[np.ndarray, np.ndarray]:
-    """Standard normal points (walkers, size) and their log-densities.
+    """Standard normal points (walkers, size) and their log densities (walkers,).
 
-    Points far below what the density at the origin lets expect are drawn in, by halves.
+    Points with a density far below what the origin's suggests are moved towards the origin, by
+    halves.  The limit, 5 per dimension and 20 more below the origin's log density, was chosen by
+    judgement.
     """
     points = generator.standard_normal((walkers, size))
     lowest = log_density(np.zeros((1, size)))[0] - 5 * size - 20
-    for _ in range(20):
-        heights = log_density(points)
-        low = heights < lowest
+    for _ in range(20):  # halves a distance to a millionth
+        log_densities = log_density(points)
+        low = log_densities < lowest
         if not low.any():
             break
         points[low] /= 2
@@ -195,19 +211,20 @@ def run_ensemble(
     settings: Mapping[str, str],
     watch: Callable[[Chain], None],
 ) -> Chain:
-    """Run blocks of steps until the chain has converged, or has `steps`.
+    """Run blocks of steps until the chain has converged, or has `steps` steps.
 
-    The origin is the density's mode and one unit its width.  `watch` sees the chain after each
-    block.
+    The origin is the density's mode, and one unit its width.  `watch` is called with the chain
+    after each block.
     """
-    whole = in_batches(log_density)
+    batched = in_batches(log_density)
     interrupts: list[KeyboardInterrupt] = []
 
     def guarded(points: np.ndarray) -> np.ndarray:
+        """The log densities; after an interrupt, -∞, so that emcee returns."""
         try:
-            return whole(points)
+            return batched(points)
         except KeyboardInterrupt as interrupt:
-            # emcee would print it, with the points and a traceback.
+            # emcee would print it together with the points and a traceback.
             interrupts.append(interrupt)
             return np.full(len(points), -np.inf)
 
@@ -221,25 +238,29 @@ def run_ensemble(
             walkers, size, guarded, moves=MOVES, backend=backend, vectorize=True
         )
         if not backend.iteration:
-            points, heights = first_walkers(whole, walkers, size, np.random.default_rng(seed))
-            numbers = np.random.RandomState(seed).get_state()
-            state = emcee.State(points, log_prob=heights, random_state=numbers)
+            points, log_densities = initial_walkers(
+                batched, walkers, size, np.random.default_rng(seed)
+            )
+            generator_state = np.random.RandomState(seed).get_state()
+            state = emcee.State(points, log_prob=log_densities, random_state=generator_state)
         else:
-            chain = judged(backend)
+            chain = chain_of(backend)
             if chain.converged or backend.iteration >= steps:
                 return chain
             state = backend.get_last_sample()
         while True:
             done = backend.iteration
             block = min(max(_BLOCK, done // 10), steps - done)
-            # Whitened walkers are never flat; emcee's check would cost a step at every block.
-            for following in sampler.sample(state, iterations=block, skip_initial_state_check=True):
+            # The walkers are never degenerate here; emcee's check would cost a step per block.
+            for next_state in sampler.sample(
+                state, iterations=block, skip_initial_state_check=True
+            ):
                 if interrupts:
                     raise interrupts[0]
-                state = following
+                state = next_state
             if file is not None:
                 file.checkpoint(settings)
-            chain = judged(backend)
+            chain = chain_of(backend)
             watch(chain)
             if chain.converged or len(chain.coordinates) >= steps:
                 return chain

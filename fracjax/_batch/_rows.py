@@ -15,7 +15,7 @@ import numpy as np
 import pyarrow as pa
 
 from .._fit import Fit, fit, shape_of
-from .._models import Model, understood
+from .._models import Model, as_model
 from .._prepare import OfModel, Past, conditioned, model_of, numbers_of
 from .._recording import InputError, Recording
 from ._jobs import Job
@@ -50,7 +50,7 @@ class Work:
 
     def typical(self) -> Model:
         """The model, or one of its name for a stack of common size."""
-        return understood(self.model)
+        return as_model(self.model)
 
     def model_for(self, recording: Recording) -> Model:
         return model_of(self.model, [recording])

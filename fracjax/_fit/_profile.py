@@ -16,7 +16,7 @@ import numpy as np
 from scipy.stats import norm
 
 from .._blocks import AbstractBlock
-from .._computing import computing, side_by_side
+from .._computing import computing, map_in_threads
 from .._parameters import Parameter, named_parameters, replace_parameters
 from .._prepare import Conditions, Preparation
 from .._recording import InputError, require_kind
@@ -86,7 +86,7 @@ def with_profiled_intervals(fit: Fit, names: Iterable[str]) -> Fit:
         reach = _end(held, held.at(0.0), factor, side)
         return _Held(estimate, fit.model.block, fit.weighed, _BEYOND_BOUNDS).value(reach)
 
-    ends = iter(side_by_side(end, [(k, side) for k in wanted for side in (-1, 1)]))
+    ends = iter(map_in_threads(end, [(k, side) for k in wanted for side in (-1, 1)]))
     told = list(fit.estimates)
     for k in wanted:
         low, high = next(ends), next(ends)

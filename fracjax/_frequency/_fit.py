@@ -27,7 +27,7 @@ from jax.flatten_util import ravel_pytree
 from .._blocks import AbstractBlock, AbstractLinearBlock
 from .._computing import compiled, computing
 from .._fit import SCHEMA, Combination, Estimate, uncertainty_of
-from .._models import Model, understood
+from .._models import Model, as_model
 from .._parameters import named_parameters, set_values
 from .._prepare import Conditions, OfModel, conditioned, whole
 from .._recording import InputError, require_kind
@@ -164,7 +164,7 @@ def fit_frequency_response(
     `asked` of the model is as in `fit`.  Raises InputError for a model that has no transfer
     function, for unknown names, and for fewer numbers in the table than the model has parameters.
     """
-    model = understood(model)
+    model = as_model(model)
     require_kind(table, FrequencyTable, "table", "make one by frequency_table(...)")
     starts, seed = whole(starts, "starts", 1), whole(seed, "seed", 0)
     with computing():

@@ -7,7 +7,7 @@ import numbers
 from collections.abc import Iterable
 from typing import Any
 
-from .._models import Model, understood
+from .._models import Model, as_model
 from .._operators import HISTORIES
 from .._recording import (
     MINIMUM_SAMPLES,
@@ -50,7 +50,7 @@ def require_recording(given: Recording, where: str) -> None:
 def model_of(given: Model | str, recordings: list[Recording]) -> Model:
     """A model, or that of a name, its effects of a size that suits the recordings.  Raises
     InputError."""
-    return understood(given, setting_of(recordings) if isinstance(given, str) else None)
+    return as_model(given, setting_of(recordings) if isinstance(given, str) else None)
 
 
 def whole(given: int, where: str, least: int) -> int:

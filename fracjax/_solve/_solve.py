@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from .._blocks import AbstractBlock
-from .._computing import side_by_side
+from .._computing import map_in_threads
 from .._parameters import named_parameters, set_values
 from .._prepare import Preparation, Problem, layout_of
 from ._least_squares import Descent, Objective, begin, descend, simulate
@@ -51,7 +51,7 @@ def solve_from(
         return descend(begin(start, problems, asked), _FIRST_LOOKS)
 
     # One alone first, so that what all have in common is compiled once.
-    descents = [begun(starts[0]), *side_by_side(begun, starts[1:])]
+    descents = [begun(starts[0]), *map_in_threads(begun, starts[1:])]
     descents.sort(key=lambda d: d.cost)
     descents = [
         d._replace(converged=d.converged or _has_come_to(descents[:k], d, samples, preparation))
@@ -60,7 +60,7 @@ def solve_from(
     gains = np.zeros(len(starts))
 
     def further(which: list[int]) -> None:
-        found = side_by_side(lambda k: descend(descents[k], _LOOKS), which)
+        found = map_in_threads(lambda k: descend(descents[k], _LOOKS), which)
         for k, descent in zip(which, found, strict=True):
             gains[k], descents[k] = descents[k].cost - descent.cost, descent
 

@@ -103,6 +103,7 @@ MODELS: dict[str, Callable[[], AbstractBlock]] = {
     "coupled_model_2": coupled_model_2,
     "coupled_model_3": coupled_model_3,
 }
+"""The models by name, each with a function that makes its block at nominal parameters."""
 
 
 def _catalogue_name(block: AbstractBlock) -> str:

@@ -158,7 +158,11 @@ class Parameter:
         return jnp.exp(scaled) if isinstance(scaled, Array) else np.exp(scaled)
 
     def slope(self) -> Any:
-        """Derivative of the value with respect to its share, at the present value [unit]."""
+        """The derivative of the value with respect to its share, at the present value.
+
+        Returns:
+            The derivative, of the parameter's shape [unit]; 1 without bounds.
+        """
         if not self.bounded:
             return np.ones_like(self.value)
         low, high = self._scale(self.lower), self._scale(self.upper)
@@ -194,7 +198,11 @@ class Parameter:
         return structure.unflatten([value if traced else _array(value), *others])
 
     def kept_plausible(self) -> Parameter:
-        """The same parameter with its plausible range as bounds, or unchanged without a range."""
+        """The same parameter with its plausible range as bounds.
+
+        Returns:
+            A new parameter whose value is clipped to the range; this one without a range.
+        """
         low, high = self.plausible
         if not np.all(np.isfinite(np.subtract(high, low))):
             return self

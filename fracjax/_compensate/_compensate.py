@@ -171,6 +171,7 @@ def _approximate_inverse(plant: Plant, trajectory: Trajectory) -> AbstractBlock:
     if inversion is not None:
         return inversion.block
     span, response = trajectory.stroke, shape
+    # A gain that depends on the amplitude settles within ten rescalings; chosen by judgement.
     for _ in range(10):
         response = np.asarray(respond(plant, span * shape))
         stroke = np.ptp(response)

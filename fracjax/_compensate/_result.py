@@ -119,6 +119,7 @@ class Compensation:
     @property
     def binding(self) -> tuple[Stretch, ...]:
         """The stretches in which the drive is at a limit, in order of time."""
+        # A drive this near to a limit counts as being at it; chosen by judgement.
         slack = 1e-6 * float(np.ptp(self.drive))
         stretches = []
         if self.limits is not None:

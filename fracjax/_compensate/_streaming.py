@@ -247,6 +247,7 @@ def _sections(
     x = poles.astype(complex) * step
     decay = np.exp(x)
     # ∫ e^(x(1-τ)) τ dτ and ∫ e^(x(1-τ)) (1-τ) dτ over 0..1; as series where differences cancel.
+    # Below |x| = 0.01 the series is accurate to 1e-13, above it the closed form to 1e-11.
     small = np.where(np.abs(x) < 1e-2, x, 0)
     large = np.where(np.abs(x) < 1e-2, 1, x)
     near = [1 / 2 + small * (1 / 6 + small * (1 / 24 + small * (1 / 120 + small / 720)))]

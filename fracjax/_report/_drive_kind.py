@@ -1,4 +1,8 @@
-"""The kind of drive of a recording, determined in the presence of noise."""
+"""The kind of drive of a recording, determined in the presence of noise.
+
+The thresholds inside the functions were chosen by judgement; with noise of up to 1 % of the drive's
+range the tests identify every kind.
+"""
 
 from __future__ import annotations
 

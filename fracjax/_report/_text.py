@@ -185,7 +185,7 @@ def key_figures(
         ["NRMSE fit", *(f"{s.nrmse_percent:.5g} %" for s in scores)],
         ["R²", *(f"{s.r_squared:.7g}" for s in scores)],
         ["BIC", *(f"{bic:.1f}" for bic in bics)],
-        ["free parameters", *counts],
+        ["free parameters and offsets", *counts],
     ]
     return ["", *(fit.model.name for fit in fits)], rows
 

@@ -191,9 +191,9 @@ def parse_model(
     """
     require_kind(text, str, "model", 'give a name such as "foh >> creep"')
 
-    def error(found: str) -> InputError:
+    def error(actual: str) -> InputError:
         return InputError(
-            f'model "{text}": expected names joined by >> and +, found {found}; the models are '
+            f'model "{text}": expected names joined by >> and +, found {actual}; the models are '
             f"{', '.join(MODELS)} and the effects {', '.join(EFFECTS)}"
         )
 

@@ -43,7 +43,7 @@ _CONJUGATE_STEPS = 20
 _SPLIT_TOLERANCE = 1e-6
 """Copies that agree to this share of the drive's span end the alternation; by judgement."""
 _RAMP_SHARE = 100
-"""A ramp over the whole span in a hundredth of the record weighs as much as the span itself."""
+"""A ramp over the whole span in a hundredth of the trajectory weighs as much as the span itself."""
 
 
 class Bounds(NamedTuple):

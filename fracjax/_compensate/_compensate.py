@@ -147,9 +147,9 @@ def compensate(
         )
 
 
-def _refusal(name: str, expected: str, found: str) -> InputError:
+def _refusal(name: str, expected: str, actual: str) -> InputError:
     """The error for an option of `compensate` that has no valid value."""
-    return InputError.at(f"compensate, {name}", expected, found, "correct it")
+    return InputError.at(f"compensate, {name}", expected, actual, "correct it")
 
 
 def _bounds(limits: tuple[float, float] | None, slew: float | None, step: float) -> Bounds:

@@ -205,11 +205,11 @@ def rational(block: AbstractLinearBlock, band: Band) -> System:
         raise _unsupported(type(block).__name__) from None
 
 
-def _unsupported(found: str) -> InputError:
+def _unsupported(actual: str) -> InputError:
     """The error for a block that has no rational transfer function."""
     return InputError.at(
         "streaming inverse",
         "a model made of sums, products and powers of s above -1",
-        found,
+        actual,
         "use compensate instead",
     )

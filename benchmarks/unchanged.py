@@ -32,7 +32,8 @@ RELATIVE, ZERO = 1e-9, 1e-12
 CASES, SHORT = 10, 3000  # samples
 SENTENCES = {"sentence", "summary", "reason", "warnings", "text", "checks"}
 """What may be said otherwise by code that finds the same."""
-SECONDS = {"seconds", "version"}
+ELSEWHERE = {"seconds", "version", "recordings", "source"}
+"""What belongs to a run, not to its result."""
 
 
 def results(folder: Path) -> Iterator[tuple[str, Callable[[], Any]]]:
@@ -101,7 +102,7 @@ def differences(one: Any, other: Any, where: str = "") -> Iterator[str]:
     """Every place where two results differ, in words."""
     if isinstance(one, dict) and isinstance(other, dict):
         for key in sorted({*one, *other}):
-            if key in SENTENCES or key in SECONDS:
+            if key in SENTENCES or key in ELSEWHERE:
                 continue
             if key not in one or key not in other:
                 yield f"{where}.{key}: only {'before' if key in one else 'after'}"

@@ -29,6 +29,8 @@ from .build import build
 from .exam import seal, write_exam
 from .test_exam import EASY, label, said
 
+pytestmark = pytest.mark.slow
+
 NULL = replace(EASY, kind="null", effects=(), levels=(), holdout=None)
 
 

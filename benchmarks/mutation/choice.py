@@ -9,58 +9,98 @@ from __future__ import annotations
 
 from pathlib import PurePath
 
-_FITS = ("fit", "fit_options", "step", "profile")
-_SEARCHES = ("compressed", "crosscheck", *_FITS)
+_PREPARE = ("prepare/weights", "prepare/conditions", "prepare/history", "prepare/noise")
+_FITS = (
+    "fit/fit",
+    "fit/uncertainty",
+    "fit/combinations",
+    "fit/robust",
+    *_PREPARE[:3],
+    "solve/starts",
+    "solve/step",
+    "fit/profile",
+)
+_SEARCHES = ("solve/compressed", "crosscheck/crosscheck", *_FITS)
+_DIAGNOSES = (
+    "diagnose/judgement",
+    "diagnose/verdict",
+    "diagnose/refit",
+    "diagnose/diagnose",
+)
+_ROUNDS = (
+    "diagnose/second_look",
+    "diagnose/contenders",
+    "diagnose/procedure",
+    "diagnose/restarts",
+    "diagnose/shortlist",
+    "diagnose/unseen_recordings",
+    "diagnose/usual_ranges",
+    "diagnose/worth_naming",
+    "diagnose/noise_beyond",
+)
+_CROSSCHECK = ("crosscheck/crosscheck", "crosscheck/searches", "crosscheck/box")
+_STEPS = ("solve/least_squares", "solve/starts", *_FITS, "solve/compressed", "diagnose/stage")
+_OPERATORS = ("operators/convolution_quadrature", "operators/rate", "operators/grid")
 
 # By folder, and by the files that have tests of their own.
 _FOLDERS = {
-    "_operators": ("operators", "definitions", "responses", *_FITS),
+    "_operators": (*_OPERATORS, "operators/definitions", "operators/responses", *_FITS),
+    "_prepare": (*_PREPARE, "prepare/noise_sources", *_FITS, "diagnose/diagnose"),
+    "_solve": _STEPS,
     "_fit": _FITS,
-    "_diagnose": ("diagnose", "rounds", "noise", "stage"),
+    "_frequency": ("frequency/frequency_fit", "frequency/creep_identification"),
+    "_crosscheck": _CROSSCHECK,
+    "_diagnose": (*_DIAGNOSES, *_ROUNDS, "prepare/noise", "diagnose/stage"),
 }
 _FILES = {
-    "_definitions": ("definitions",),
-    "_oustaloup": ("definitions",),
-    "_amplitude_ratios": ("creep_identification",),
-    "_bounded": ("crosscheck",),
-    "_box": ("crosscheck", "compressed"),
+    "_definitions": ("operators/definitions",),
+    "_oustaloup": ("operators/definitions",),
+    "_amplitude_ratios": ("frequency/creep_identification",),
+    "_bounded": _CROSSCHECK,
+    "_box": ("crosscheck/box", *_CROSSCHECK[:2], "solve/compressed"),
     "_chains": _SEARCHES,
-    "_combinations": ("fit_options", "fit", "profile"),
-    "_compare": ("profile", "fit_options"),
+    "_combinations": ("fit/combinations", "fit/fit", "fit/profile"),
+    "_compare": ("fit/profile", "fit/robust"),
     "_compressed": _SEARCHES,
-    "_creep_identification": ("creep_identification",),
-    "_crosscheck": ("crosscheck",),
-    "_evolution": ("crosscheck",),
-    "_frequency_fit": ("frequency_fit", "creep_identification"),
-    "_frequency_table": ("frequency_fit", "creep_identification"),
+    "_conditions": ("prepare/conditions", *_FITS),
+    "_creep_identification": ("frequency/creep_identification",),
+    "_crosscheck": _CROSSCHECK,
+    "_evolution": ("crosscheck/searches", "crosscheck/crosscheck"),
+    "_frequency_fit": ("frequency/frequency_fit", "frequency/creep_identification"),
+    "_frequency_table": ("frequency/frequency_fit", "frequency/creep_identification"),
     "_interpolation": _SEARCHES,
-    "_layout": ("compressed", *_FITS),
-    "_least_squares": _SEARCHES,
-    "_noise": ("noise", *_FITS, "diagnose"),
-    "_numerics": ("step", "diagnose"),
-    "_preparation": (*_FITS, "noise", "diagnose"),
-    "_problem": ("noise", *_FITS, "compressed", "stage"),
-    "_profile": ("profile",),
-    "_residuals": ("residuals",),
+    "_layout": ("solve/compressed", *_FITS),
+    "_least_squares": ("solve/least_squares", *_SEARCHES),
+    "_noise": ("prepare/noise", "prepare/noise_sources", *_FITS, "diagnose/diagnose"),
+    "_numerics": ("solve/step", "solve/numerics", "diagnose/diagnose"),
+    "_preparation": (*_FITS, "prepare/noise", "diagnose/diagnose"),
+    "_problem": ("prepare/noise", *_FITS, "solve/compressed", "diagnose/stage"),
+    "_profile": ("fit/profile",),
+    "_residuals": ("fit/residuals",),
+    "_robust": ("fit/robust", *_FITS),
     "_search": _SEARCHES,
-    "_solve": ("stage", *_FITS, "compressed"),
+    "_solve": _STEPS,
     "_span": _SEARCHES,
-    "_spelling": ("fit_options", "cli"),
-    "_swarm": ("crosscheck",),
-    "_evidence": ("evidence", "diagnose"),
-    "_held_out": ("held_out", "diagnose"),
-    "_locate": ("locate", "diagnose"),
-    "_sentence": ("sentence", "diagnose"),
-    "_next_experiment": ("next_experiment", "diagnose"),
-    "_stage": ("stage", "diagnose"),
-    "_codes": ("noise", "diagnose"),
+    "_spelling": ("fit/spelling", "cli/fit"),
+    "_swarm": ("crosscheck/searches", "crosscheck/crosscheck"),
+    "_evidence": ("diagnose/evidence", *_DIAGNOSES),
+    "_held_out": ("diagnose/held_out", *_DIAGNOSES),
+    "_locate": ("diagnose/locate", *_DIAGNOSES),
+    "_sentence": ("diagnose/sentence", *_DIAGNOSES),
+    "_next_experiment": ("diagnose/next_experiment", *_DIAGNOSES),
+    "_stage": ("diagnose/stage", "solve/starts", "solve/least_squares", *_DIAGNOSES),
+    "_codes": ("prepare/noise", *_DIAGNOSES),
+    "_curve": ("diagnose/curve", *_DIAGNOSES),
+    "_jumps": ("diagnose/jumps", *_DIAGNOSES),
+    "_score": ("diagnose/score", "diagnose/score_test", *_DIAGNOSES),
 }
 # Minutes on every mutant that nothing else has noticed: not run.
-SLOW = ("tests/test_diagnose.py::test_interference_that_does_not_repeat_is_noise",)
+SLOW = ("tests/diagnose/test_diagnose.py::test_interference_that_does_not_repeat_is_noise",)
 
 
 def tests_of(file: str) -> list[str]:
     """The files of tests to run, in order."""
     path = PurePath(file)
     names = _FILES.get(path.stem) or _FOLDERS[path.parent.name]
-    return [f"tests/test_{name}.py" for name in names]
+    folders = (name.split("/") for name in dict.fromkeys(names))
+    return [f"tests/{folder}/test_{name}.py" for folder, name in folders]

@@ -2,7 +2,7 @@
 
     python -m benchmarks.mutation.run --out benchmarks/mutation/results.csv
 
-A sample of the places of `fracjax/_operators`, `_fit` and `_diagnose` where something can go wrong
+A sample of the places of the core (`FOLDERS` of the package) where something can go wrong
 (`mutants.py`), each place as likely as another, in an order that the seed fixes: a longer sample
 begins with the shorter one.  Each mutant stands in a copy of the repository, against the tests of
 its file (`choice.py`), until one fails.  A run that does not end in time counts as noticed.  A test
@@ -42,7 +42,9 @@ from benchmarks.mutation.mutants import Mutant, places
 from benchmarks.versions import versions
 
 ROOT = Path(__file__).resolve().parents[2]
-FOLDERS = ("_operators", "_fit", "_diagnose")
+FOLDERS = (
+    "_operators", "_prepare", "_solve", "_fit", "_frequency", "_crosscheck", "_diagnose",
+)  # fmt: skip
 COPIED = ("fracjax", "tests", "benchmarks", "pyproject.toml")
 COLUMNS = ("number", "file", "line", "column", "mutation", "outcome", "by", "seconds")
 KEY = ("number", "file", "line", "column", "mutation")

@@ -9,7 +9,10 @@ from __future__ import annotations
 
 from typing import Any
 
+import jax.numpy as jnp
 import numpy as np
+from jax.scipy.linalg import solve_triangular as jax_solve_triangular
+from scipy.linalg import solve_triangular
 
 _RIDGE = 1e-9
 """ρ: far below any noise, so that columns which coincide still have a solution."""
@@ -21,13 +24,22 @@ def eliminated(columns: Any, target: Any, xp: Any = np) -> tuple[Any, Any, Any]:
     """The least-squares coefficients (…, g) of columns (…, m, g) for a target (…, m), what they
     leave (…, m), and an orthonormal basis (…, m, g) of the columns.  `xp`: numpy or jax.numpy."""
     count = columns.shape[-1]
-    lengths = xp.sqrt(xp.sum(columns**2, axis=-2)) + 1e-300
+    lengths = xp.linalg.norm(columns, axis=-2) + 1e-300
     ridge = xp.broadcast_to(_RIDGE * xp.eye(count), (*columns.shape[:-2], count, count))
     q, r = xp.linalg.qr(xp.concatenate([columns / lengths[..., None, :], ridge], axis=-2))
     basis = q[..., : target.shape[-1], :]
     along = xp.swapaxes(basis, -1, -2) @ target[..., None]
-    coefficients = xp.linalg.solve(r, along)[..., 0] / lengths
+    coefficients = _solved_triangle(r, along, xp)[..., 0] / lengths
     return coefficients, target - (columns @ coefficients[..., None])[..., 0], basis
+
+
+def _solved_triangle(triangle: Any, right: Any, xp: Any) -> Any:
+    """x (…, g, 1) of R x = right; NumPy solves a stack of triangles as general matrices."""
+    if xp is jnp:
+        return jax_solve_triangular(triangle, right)
+    if triangle.ndim > 2:
+        return np.linalg.solve(triangle, right)
+    return solve_triangular(triangle, right, check_finite=False)
 
 
 def orthonormal(jacobian: np.ndarray) -> np.ndarray:

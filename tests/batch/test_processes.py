@@ -1,0 +1,48 @@
+"""Fits in processes of their own."""
+
+import os
+import threading
+
+import fracjax as fj
+import fracjax._batch._rows
+from fracjax._batch._jobs import Held
+from fracjax._batch._processes import in_processes
+from fracjax._batch._rows import Work, row_of
+from tests.batch.helpers import OUT, recording
+
+
+class Mortal(Held):
+    """A recording that ends the process which unpacks it."""
+
+    def __reduce__(self):
+        return os._exit, (9,)
+
+
+def test_processes_fit_as_fit_does_and_outlive_one_that_dies():
+    work = Work("creep", None, None, 2, 0)
+    jobs = [Held(recording(0)), Mortal(recording(1, source="deadly")), Held(recording(2))]
+    rows = {row["key"]: row for some in in_processes(jobs, work, 1) for row in some}
+    assert len(rows) == 3
+    for job in (jobs[0], jobs[2]):
+        assert rows[job.key] == row_of(job, work)
+    lost = rows[jobs[1].key]
+    assert (lost["status"], lost["source"]) == ("failed", "deadly")
+    assert lost["reason"] == "the process that fitted it died."
+
+
+def test_what_no_process_can_unpack_is_fitted_here(quick, monkeypatch):
+    class Own(fj.Model):
+        pass
+
+    monkeypatch.setattr("fracjax._batch._batch._MANY", 1)
+    rows = fj.fit_batch(Own(fj.blocks.Creep(), "creep"), [recording(0)], out=OUT)
+    assert (len(quick), list(rows["status"])) == (1, ["fitted"])
+
+
+def test_processes_end_with_what_asked_for_them():
+    found = in_processes(
+        [Held(recording(k)) for k in range(40)], Work("creep", None, None, 2, 0), 1
+    )
+    assert next(found)
+    found.close()
+    assert not any(thread.name.endswith("(serve)") for thread in threading.enumerate())

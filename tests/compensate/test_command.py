@@ -1,0 +1,164 @@
+"""The command compensate."""
+
+import json
+from dataclasses import replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+import fracjax as fj
+import fracjax._compensate
+from fracjax import blocks
+from fracjax._cli import run
+from fracjax._compensate import load_compensation
+from fracjax._parameters import set_values
+from tests.compensate.helpers import COUNT, SINE, STEP, TIMES, model, wanted
+
+
+@pytest.fixture(scope="module")
+def fitted(tmp_path_factory) -> Path:
+    """A fit.json of a creeping law, in volts and micrometres, its zero at -30 µm."""
+    drive = 50 - 45 * np.cos(2 * np.pi * TIMES)
+    response = fj.simulate(model(blocks.Creep(0.1, 0.01)), drive, STEP).response - 30
+    noise = np.random.default_rng(1).normal(0, 1e-3, COUNT)
+    recording = fj.Recording(drive, response + noise, STEP)
+    path = tmp_path_factory.mktemp("fit") / "fit.json"
+    columns = {"time_s": TIMES, "drive_V": drive, "displacement_um": recording.response}
+    fj.write(path.with_name("recording.csv"), columns)
+    fj.fit(fj.parse_model("creep"), recording, starts=1).save(path)
+    return path
+
+
+@pytest.fixture
+def call(empty_folder, fitted):
+    """The command in an empty folder with a trajectory, want.csv, in nanometres."""
+    fj.write("want.csv", {"time_s": TIMES, "displacement_nm": 1000 * (SINE - 29)})
+
+    def command(*words: str) -> int:
+        return run(["compensate", "want.csv", "--fit", str(fitted), "--out", "out", *words])
+
+    return command
+
+
+def test_the_command_writes_drive_result_and_report(call, capsys):
+    assert call() == 0
+    out, err = capsys.readouterr()
+    assert out.startswith("creep follows want.csv with a predicted error of ")
+    assert err == ""
+    assert {path.name for path in Path("out").iterdir()} == {
+        "drive.csv",
+        "compensation.json",
+        "report.html",
+    }
+    told = load_compensation("out/compensation.json")
+    assert told.units == ("V", "um")
+    assert told.offset == pytest.approx(-30, abs=0.01)
+    drive = fj.read("out/drive.csv")
+    np.testing.assert_array_equal(drive.drive, told.drive)
+    np.testing.assert_allclose(drive.response, SINE - 29, atol=1e-9)
+    page = Path("out/report.html").read_text(encoding="utf-8")
+    assert "follows want.csv" in page
+    assert page.count("<svg") == 3
+    assert 'href="http' not in page
+    assert 'src="http' not in page
+
+
+def test_limits_reach_the_inversion_and_the_verdict_is_no_failure(call, capsys):
+    words = ["--limits", "-1..60000 mV", "--slew", "0.3 V/ms", "--offset", "-30 um"]
+    assert call(*words, "--history", "rest", "--json") == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told == json.loads(Path("out/compensation.json").read_text(encoding="utf-8"))
+    assert told["limits"] == [-0.001, 60.0]
+    assert told["slew_per_s"] == pytest.approx(300)
+    assert (told["offset"], told["history"], told["verdict"]) == (-30.0, "rest", "limited")
+    assert told["missed"]
+    assert call("--limits", "0..60V") == 0
+    assert "creep cannot follow want.csv within 0 to 60 V" in capsys.readouterr().out
+    assert "out of reach within the limits" in Path("out/report.html").read_text(encoding="utf-8")
+
+
+def test_the_band_of_a_real_posterior(call, fitted, capsys):
+    """From `fracjax posterior` to the band, against the Laplace approximation's own."""
+    recorded = fitted.parent / "recording.csv"
+    words = ["--model", "creep", "--out", "post", "--history", "constant", "--steps", "400"]
+    assert run(["posterior", str(recorded), *words, "--quiet"]) in (0, 3)
+    assert call("--fit", "post/fit.json", "--posterior", "post") == 0
+    told = load_compensation("out/compensation.json")
+    draws = fj.load_posterior("post").samples
+    assert told.band is not None
+    inside = (told.band[0] <= told.predicted) & (told.predicted <= told.band[1])
+    assert inside.all()
+    # Straight lines through the draws' means, as a small spread allows; where the recording has
+    # its mean, the sensor's zero goes with the gain.
+    law = fj.load_model("post/fit.json")
+    values = np.stack([draws[name].ravel() for name in ("k_c", "mu")])
+    middle, spread = values.mean(axis=1), values.std(axis=1)
+    recorded_drive = fj.read(recorded).drive
+
+    def response(shift, drive):
+        k_c, mu = middle + shift
+        moved = {"k_c": k_c, "mu": mu}
+        return fj.simulate(model(set_values(law.block, moved)), drive, STEP).response
+
+    changes = []
+    for shift in np.diag(spread):
+        mean = (response(shift, recorded_drive) - response(0, recorded_drive)).mean()
+        changes.append(response(shift, told.drive) - response(0, told.drive) - mean)
+    wide = np.sqrt(np.einsum("in,ij,jn->n", changes, np.corrcoef(values), changes))
+    width, counted = told.band[1] - told.band[0], wide > 0.3 * wide.max()
+    np.testing.assert_allclose(width[counted], 3.92 * wide[counted], rtol=0.25)
+    assert "largest error within the band" in capsys.readouterr().out
+
+
+def test_quiet_prints_nothing(call, capsys):
+    assert call("--quiet", "--regularisation", "5 ms") == 0
+    assert capsys.readouterr() == ("", "")
+
+
+def test_streaming_writes_the_inverse_as_data_and_as_c(call, capsys):
+    assert call("--streaming") == 0
+    out, _ = capsys.readouterr()
+    assert "Streaming: " in out
+    told = json.loads(Path("out/inverse.json").read_text(encoding="utf-8"))
+    assert told["relative_error"] < 0.01
+    assert told["step_s"] == STEP
+    assert (
+        Path("out/inverse.h").read_text(encoding="utf-8").startswith("/* Linear inverse of creep")
+    )
+
+
+def test_what_did_not_converge_is_saved_and_said(call, capsys, monkeypatch):
+    found = fj.compensate(model(blocks.Creep(0.1, 0.01)), wanted())
+    stopped = replace(found, converged=False)
+    monkeypatch.setattr(fracjax._compensate, "compensate", lambda *_, **__: stopped)
+    assert call("--quiet") == 3
+    assert "did not converge; the best drive it reached was saved in out" in capsys.readouterr().err
+    assert Path("out/compensation.json").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["--limits", "60 V"], 'a range such as "0..100 V"'),
+        (["--limits", "60..0 V"], "the lower limit, then the upper"),
+        (["--limits", "0..60 um"], "expected a value in V"),
+        (["--slew", "50 V"], "expected a value in V/s"),
+        (["--slew", "-50 V/s"], "a rate above 0"),
+        (["--regularisation", "2 V"], "expected a value in s"),
+        (["--offset", "2 V"], "expected a value in um"),
+        (["--output-unit", "V"], "expected a value in um"),
+        (["--output", "7"], 'a column "7"'),
+        (["--history", "estimated"], "Invalid value for '--history'"),
+        (["--posterior", "nowhere"], "no posterior.json"),
+        (["--fit", "none.json"], "found no such file"),
+        (["--out", "want.csv"], "a place that can be written"),
+    ],
+)
+def test_unusable_calls_of_the_command(call, words, said, capsys):
+    assert call(*words) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert said in err
+    assert err.count("\n") == 1
+    assert not Path("out").exists()

@@ -1,0 +1,248 @@
+"""Where a mismatch is: planted at one place, it is found there; noise is nowhere."""
+
+from dataclasses import replace
+from types import SimpleNamespace
+from typing import Any
+
+import jax
+import numpy as np
+import pytest
+from scipy.stats import kstest, norm
+
+import fracjax as fj
+from fracjax._diagnose._conclusion import Conclusion
+from fracjax._diagnose._detect import detect
+from fracjax._diagnose._held_out import predict_stretches
+from fracjax._diagnose._judgement import SIGNIFICANCE
+from fracjax._diagnose._locate import _map, frequency, locate
+from fracjax._diagnose._procedure import Course, Round
+from fracjax._diagnose._residual import residual_of
+from fracjax._diagnose._result import Axis
+from fracjax._diagnose._score import Residual
+from fracjax._diagnose._stage import Stage
+from fracjax._prepare import prepare
+from fracjax._solve import silent, solve_from
+from tests.helpers import specified
+
+STEP = 0.01
+PERIOD = 250
+TIMES = STEP * np.arange(8 * PERIOD)
+PHASE = 360 * np.arange(TIMES.size) / PERIOD % 360
+DRIVE = 50 - 50 * np.cos(np.deg2rad(PHASE))
+RATES = 50 * np.sin(np.deg2rad(PHASE)) * 2 * np.pi / (PERIOD * STEP)
+SINCE = PHASE % 180 / 360 * PERIOD * STEP
+KNOWN = fj.Noise(1.0, "um", "specification", np.ones(1), 1.0)
+TAKEN = prepare(
+    [fj.Recording(DRIVE, 0.1 * DRIVE, STEP, "V", "um")], noise=KNOWN, history="constant", settling=0
+)
+
+
+def axes_of(residual: np.ndarray) -> dict[str, Axis]:
+    problems = TAKEN.problems()
+    whitened = np.zeros(problems[0].response.shape[0])
+    whitened[: residual.size] = residual
+    found = locate(TAKEN, problems, Residual(whitened, np.zeros((whitened.size, 0))), 1e9)
+    return {axis.axis: axis for axis in found}
+
+
+def white(seed: int) -> np.ndarray:
+    return np.random.default_rng(seed).standard_normal(TIMES.size)
+
+
+@pytest.mark.parametrize(
+    ("name", "unit", "bins", "planted", "low", "high"),
+    [
+        ("time", "s", 16, (TIMES > 10) & (TIMES < 11.8), 10, 11.8),
+        ("level", "V", 12, np.abs(DRIVE - 62.5) < 4, 58.5, 66.5),
+        ("rate", "V/s", 10, RATES > 115, 115, 126),
+        ("reversal", "s", 10, np.sign(RATES) * (SINCE < 0.05), 0.005, 0.06),
+        ("phase", "deg", 24, np.abs(PHASE - 240) < 15, 225, 255),
+        ("harmonics", "1", 10, np.sin(5 * np.deg2rad(PHASE) + 1) / 2, 4.5, 5.5),
+        ("frequency", "Hz", 14, np.sin(2 * np.pi * 31 * TIMES), 26, 36),
+    ],
+)
+def test_what_is_planted_at_a_place_is_found_there(name, unit, bins, planted, low, high):
+    axis = axes_of(white(0) + planted)[name]
+    assert axis.unit == unit
+    assert axis.p_value < 1e-6
+    assert axis.strength.size == bins
+    strongest = int(np.argmax(axis.strength))
+    assert axis.edges[strongest] < high
+    assert axis.edges[strongest + 1] > low
+    assert any(a < high and b > low for a, b in axis.intervals)
+
+
+def test_what_a_place_takes_is_told_beyond_what_noise_would_give_it():
+    planted = 2.0 * ((TIMES > 10) & (TIMES < 11.8))
+    gone = float(np.sum(planted**2))
+    assert 0.7 * gone < axes_of(white(0) + planted)["time"].excess < 1.1 * gone
+    assert axes_of(white(0))["time"].excess == 0
+
+
+def test_on_noise_no_place_stands_out():
+    draws = [axes_of(white(seed)) for seed in range(10)]
+    for name in draws[0]:
+        p_values = np.array([axes[name].p_value for axes in draws])
+        # A bound, by twice the smaller of two tests: never more often than it says.
+        assert p_values.min() > 1e-3, name
+        assert 0.15 < np.median(p_values) < 1, name
+
+
+def test_on_noise_with_outliers_no_band_of_frequency_stands_out():
+    """Where one sample in fifty is six times as large as the others, their number decides how large
+    the noise is, in all bands at once."""
+    p_values = []
+    for seed in range(100):
+        generator = np.random.default_rng(seed)
+        noise = white(seed) * np.where(generator.random(TIMES.size) < 0.02, 6.0, 1.0)
+        p_values.append(axes_of(noise / np.sqrt(0.98 + 0.02 * 36))["frequency"].p_value)
+    assert np.mean(np.array(p_values) < 0.01) <= 0.04
+
+
+# What a fit leaves --------------------------------------------------------------------------------
+
+TONE_STEP = 4e-3
+TONE_TIMES = TONE_STEP * np.arange(1500)
+TONES = np.sin(2 * np.pi * np.outer(TONE_TIMES, [0.37, 1.1, 2.3, 5.1, 9.7]) + np.arange(5))
+TONE_DRIVE = 50 + TONES @ np.array([14.0, 9.0, 6.0, 4.0, 3.0])
+NOISE = 0.01
+
+
+def axes_of_a_fit(extra: np.ndarray, seed: int = 0) -> dict:
+    """Axes of a creep law's fit to itself, noise and something more (N,) [um]."""
+    law = fj.simulate(fj.parse_model("creep"), TONE_DRIVE, TONE_STEP, "constant").response
+    noise = NOISE * np.random.default_rng(seed).standard_normal(TONE_TIMES.size)
+    recording = fj.Recording(TONE_DRIVE, law + noise + extra, TONE_STEP, "V", "um")
+    told = specified(NOISE)
+    with jax.enable_x64(True):
+        preparation = prepare([recording], history="constant", noise=told)
+        solved = solve_from([fj.parse_model("creep").block], preparation)
+        residual = residual_of(solved)
+        found = locate(preparation, preparation.problems(), residual, 1e6)
+    return {axis.axis: axis for axis in found}
+
+
+def test_what_is_coherent_with_fast_drive_stands_out_in_its_band():
+    """A lag of the fastest tone alone, 0.7 of the noise."""
+    axes = axes_of_a_fit(NOISE * np.cos(2 * np.pi * 9.7 * TONE_TIMES + 4))
+    assert min(axes.values(), key=lambda axis: axis.p_value).axis == "frequency"
+    (low, high), *_ = axes["frequency"].intervals
+    assert low <= 9.7 <= high
+
+
+def test_a_law_of_the_level_stands_out_along_the_level():
+    bent = np.clip(TONE_DRIVE - 75, 0, None)
+    axes = axes_of_a_fit(4 * NOISE * bent / bent.max())
+    assert min(axes.values(), key=lambda axis: axis.p_value).axis == "level"
+    assert all(low >= 65 for low, _ in axes["level"].intervals)
+
+
+def test_a_knock_stands_out_along_the_time():
+    axes = axes_of_a_fit(4 * NOISE * np.exp(-(((TONE_TIMES - 4.0) / 0.1) ** 2)))
+    assert min(axes.values(), key=lambda axis: axis.p_value).axis == "time"
+    ((low, high),) = axes["time"].intervals
+    assert low <= 4.0 <= high
+
+
+def test_a_line_that_the_noise_was_read_with_shows_where_the_noise_is_taken_without_it():
+    """A hum in a recording and in its repeat, at another phase."""
+    law = fj.simulate(fj.parse_model("creep"), TONE_DRIVE, TONE_STEP, "constant").response
+    generator = np.random.default_rng(3)
+    once, again = (
+        fj.Recording(
+            TONE_DRIVE,
+            law
+            + NOISE * generator.standard_normal(TONE_TIMES.size)
+            + NOISE * np.sin(2 * np.pi * 50.02 * TONE_TIMES + phase),
+            TONE_STEP,
+        )
+        for phase in (0.0, 2.0)
+    )
+    with jax.enable_x64(True):
+        preparation = prepare([once], history="constant", repeats=[again])
+        solved = solve_from([fj.parse_model("creep").block], preparation)
+        residual, problems = residual_of(solved), preparation.problems()
+        hidden = frequency(preparation, problems, residual, 1e6)
+        bare = preparation.with_noises(
+            [t.noise.without_lines() for t in preparation.takes if t.noise]
+        )
+        shown = frequency(bare, problems, residual, 1e6)
+    assert hidden.p_value > 0.01 > 1e-6 > shown.p_value
+    ((low, high),) = shown.intervals
+    assert low <= 50.02 <= high
+
+
+def test_of_noise_alone_no_axis_has_too_small_a_p_value():
+    """Each p-value is the least of several, so that it may be too large, not too small."""
+    found = [axes_of_a_fit(np.zeros(TONE_TIMES.size), seed) for seed in range(40)]
+    for name in found[0]:
+        p_values = np.array([axes[name].p_value for axes in found])
+        assert kstest(p_values, "uniform", alternative="greater").pvalue > 1e-3, name
+
+
+def test_recordings_of_which_one_has_no_period_share_no_phase():
+    chirp = 50 - 50 * np.cos(2 * np.pi * (0.2 + 0.05 * TIMES) * TIMES)
+    recordings = [fj.Recording(u, 0.1 * u, STEP, "V", "um") for u in (DRIVE, chirp)]
+    taken = prepare(recordings, noise=KNOWN, history="constant", settling=0)
+    problems = taken.problems()
+    size = sum(p.response.shape[0] for p in problems)
+    noise = np.random.default_rng(0).standard_normal(size)
+    found = locate(taken, problems, Residual(noise, np.zeros((size, 0))), 1e9)
+    assert {"phase", "harmonics"}.isdisjoint(axis.axis for axis in found)
+    assert "reversal" in {axis.axis for axis in found}
+
+
+def test_a_ripple_on_a_held_drive_is_no_reversal():
+    held = np.where(PHASE < 180, DRIVE, 100 + 1e-4 * np.sin(2 * np.pi * 20 * TIMES))
+    taken = prepare(
+        [fj.Recording(held, 0.1 * held, STEP, "V", "um")],
+        noise=KNOWN, history="constant", settling=0,
+    )  # fmt: skip
+    problems = taken.problems()
+    noise = np.zeros(problems[0].response.shape[0])
+    noise[: TIMES.size] = white(4)
+    found = locate(taken, problems, Residual(noise, np.zeros((noise.size, 0))), 1e9)
+    edges = next(axis.edges for axis in found if axis.axis == "reversal")
+    # From its jump back on, the drive rises and is held: a whole period.
+    assert edges[-1] > 0.9 * PERIOD * STEP
+
+
+def test_a_stretch_stands_out_that_is_half_as_strong_as_the_strongest():
+    edges = np.arange(6.0)
+    p_values = 2 * norm.sf(np.array([1.0, 10.0, 5.2, 4.8, 1.0]))
+    found = _map("time", "s", edges, p_values, 1e-9)
+    assert found.strength == pytest.approx([1.0, 10.0, 5.2, 4.8, 1.0])
+    assert found.intervals == ((1.0, 3.0),)
+    # But only where it is significant itself, among as many bins.
+    faint = _map("time", "s", edges, 2 * norm.sf(np.array([0.5, 3.5, 1.0, 3.2, 2.5])), 1.0)
+    assert faint.threshold == pytest.approx(norm.isf(0.01 / 10))
+    assert faint.intervals == ((1.0, 2.0), (3.0, 4.0))
+    assert faint.p_value == pytest.approx(2 * 5 * 2 * norm.sf(3.5))
+
+
+def test_an_effect_too_weak_for_any_place_to_stand_out_has_one_where_it_acts():
+    """A saturation from 95 V on is named beside noise that shows nothing anywhere."""
+    with jax.enable_x64(True):
+        model = fj.parse_model("lfdh")
+        plain = fj.simulate(model, DRIVE, STEP, "constant").response
+        cut = fj.simulate(model, np.minimum(DRIVE, 95.0), STEP, "constant").response
+        noise = fj.Noise(1e-3, "um", "specification", np.ones(1), 1e-3)
+        seen = fj.Recording(DRIVE, plain + 1e-3 * white(1), STEP, "V", "um")
+        preparation = prepare([seen], noise=noise, history="constant")
+        solved = solve_from([model.block], preparation)
+        base = Stage("lfdh", model.block, (), solved)
+        changed = replace(solved, simulations=[solved.simulations[0] + 0.01 * (cut - plain)])
+        stage = replace(base, solved=changed)
+        first = detect(base, 0, silent)
+        winner: Any = SimpleNamespace(name="saturation", foretells_a_recording=True)
+        course = Course(first, True, [], first, [Round(winner, [])], {}, stage, None)
+        conclusion = Conclusion(model, base, 0.0, None, predict_stretches, course)
+        named: Any = (SimpleNamespace(name="saturation"),)
+        leading = conclusion._axes(named)[0]
+        (unnamed,) = (axis for axis in conclusion._axes(()) if axis.axis == "level")
+    assert unnamed.p_value > SIGNIFICANCE
+    assert unnamed.intervals == ()
+    assert leading.axis == "level"
+    assert leading.p_value == unnamed.p_value
+    (interval,) = leading.intervals
+    assert interval == pytest.approx((100 / 12 * 11, 100.0))

@@ -1,0 +1,21 @@
+"""Compiled programs are forgotten before memory maps run out."""
+
+import jax
+
+from fracjax._solve import _programs
+from fracjax._solve._programs import make_room
+
+
+def test_programs_are_forgotten_before_the_process_runs_out_of_maps(tmp_path, monkeypatch):
+    compiled = jax.jit(lambda x: x + 1)
+    compiled(1.0)
+    make_room()
+    assert compiled._cache_size() == 1  # type: ignore[attr-defined]
+    (tmp_path / "limit").write_text("100\n")
+    _programs._look.cache_clear()
+    monkeypatch.setattr(_programs, "_LIMIT", tmp_path / "limit")
+    make_room()
+    assert compiled._cache_size() == 0  # type: ignore[attr-defined]
+    monkeypatch.setattr(_programs, "_MAPS", tmp_path / "no such system")
+    _programs._look.cache_clear()
+    make_room()

@@ -1,0 +1,93 @@
+"""Searches from several starts."""
+
+import os
+from types import SimpleNamespace
+from typing import NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+import fracjax as fj
+from fracjax._prepare import prepare
+from fracjax._solve import _solve, solve_from
+from fracjax._solve._solve import starts_of
+from tests.fit.helpers import DRIVE, KNOWN, SIGMA, STEP, record, white
+
+
+class Steep(fj.AbstractBlock):
+    """A law whose derivative is of the order of 1e200, as Bouc–Wen's may be far from its range."""
+
+    q: fj.Parameter
+
+    def __init__(self):
+        self.q = fj.Parameter(0.5, lower=0.0, upper=1.0)
+
+    @property
+    def linear(self) -> bool:
+        return True
+
+    def __call__(self, drive, grid):
+        return drive * (1 + 1e-3 * jnp.sin(1e200 * self.q.value))
+
+
+def test_a_derivative_near_overflow_does_not_stop_a_search():
+    recording = fj.Recording(DRIVE, 1.2 * DRIVE + SIGMA * white(0), STEP)
+    preparation = prepare([recording], noise=KNOWN, history="constant")
+    with jax.enable_x64(True):
+        found = solve_from([fj.blocks.Creep() >> Steep()], preparation)
+    assert np.isfinite(found.cost)
+
+
+def test_starts_side_by_side_end_where_they_end_one_after_the_other(monkeypatch):
+    block = fj.parse_model("foh >> creep").block
+    preparation = prepare([record(0)], noise=KNOWN, history="constant")
+    with jax.enable_x64(True):
+        found = {}
+        for cores in (1, 4):
+            monkeypatch.setattr(os, "cpu_count", lambda cores=cores: cores)
+            found[cores] = solve_from(starts_of(block, 6, 0), preparation)
+    assert found[1].start_costs == found[4].start_costs
+    np.testing.assert_array_equal(found[1].simulations[0], found[4].simulations[0])
+
+
+def test_starts_that_come_to_one_place_go_on_as_one():
+    """Of a start given twice the second stops after its first looks, and is no worse for it."""
+    block = fj.parse_model("foh >> creep").block
+    preparation = prepare([record(0)], noise=KNOWN, history="constant")
+    with jax.enable_x64(True):
+        once, twice = (solve_from([block] * times, preparation) for times in (1, 2))
+    assert once.evaluations > 10
+    assert once.evaluations < twice.evaluations <= once.evaluations + 6
+    assert twice.cost == once.cost
+
+
+def test_a_start_that_would_overtake_the_best_is_followed(monkeypatch):
+    """One start ends at once, the other falls from far above to below it, on more looks than the
+    first rounds have."""
+    courses = {"near": [6.0, 6.0], "far": [45.0, 20.0, 8.0, 1.0], "idle": [50.0, 49.0, 48.0]}
+
+    def descend(at, looks):
+        left = at.course[1:] if at.course[1:] else at.course
+        return at._replace(course=left, cost=at.course[0], converged=not at.course[1:])
+
+    class Course(NamedTuple):
+        name: str
+
+        def at(self, _: int) -> SimpleNamespace:
+            return SimpleNamespace(residual=np.array([1e3 * list(courses).index(self.name)]))
+
+    class Fake(NamedTuple):
+        course: list[float]
+        cost: float
+        converged: bool
+        objective: Course
+        position: int = 0
+        evaluations: int = 0
+
+    monkeypatch.setattr(_solve, "begin", lambda s, *_: Fake(courses[s], np.inf, False, Course(s)))
+    monkeypatch.setattr(_solve, "descend", descend)
+    monkeypatch.setattr(_solve, "solved_at", lambda objective, *_, **__: objective.name)
+    recording = record(0)
+    starts: list = ["near", "far", "idle"]
+    assert _solve.solve_from(starts, prepare([recording], history="constant")) == "far"

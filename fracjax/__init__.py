@@ -1,14 +1,15 @@
-"""fracjax: what a simulation of a piezoelectric actuator left out, and by how much.
+"""fracjax: which physical effects a simulation of a piezoelectric actuator left out, and how large.
 
-- `read` gives a `Recording`: drive and response in uniform steps, with their units.
-- `fit` fits a `Model` to it, known by name (`MODELS`, `parse_model`) or made of `blocks`.
-- `diagnose` says whether, where and why the two differ, and which of the `EFFECTS` explains it.
-- `sample_posterior` gives what is known of the parameters, `compensate` the drive for a motion.
-- `fit_batch` fits many recordings, `write_report` writes any result as one HTML file.
-- `fetch_recording` brings real recordings (`RECORDINGS`); `operators` holds fractional calculus.
+- `read` returns a `Recording`: drive and response in uniform time steps, with their units.
+- `fit` fits a `Model` to it, by its name (`MODELS`, `parse_model`) or composed of `blocks`.
+- `diagnose` states whether, where and why the two differ, and which of the `EFFECTS` explains it.
+- `sample_posterior` samples the posterior of the parameters; `compensate` computes the drive for a
+  desired motion.
+- `fit_batch` fits many recordings; `write_report` writes any result as one HTML file.
+- `fetch_recording` downloads real recordings (`RECORDINGS`); `operators` holds fractional calculus.
 
-All numbers are float64, which the functions switch on for themselves.  What cannot be used ends in
-an `InputError` of one sentence: where, what was expected, what was found, and the remedy.
+All computations use float64, which the functions enable for themselves.  Invalid input raises an
+`InputError` of one sentence: where, what was expected, what was found, and the remedy.
 """
 
 from importlib import import_module
@@ -85,7 +86,7 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-# Loaded on first use, so that `fracjax --help` need not wait for JAX (PEP 562).
+# The names are loaded on first use (PEP 562), so that `fracjax --help` does not wait for JAX.
 _HOMES = {
     "_batch": ("fit_batch",),
     "_blocks": (

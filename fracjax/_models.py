@@ -17,7 +17,12 @@ from ._recording import InputError, require_kind
 
 
 class Model(eqx.Module):
-    """A block that maps drive to response, and the name it is reported under."""
+    """A block that maps drive to response, and the name under which it is reported.
+
+    Attributes:
+        block: The block, which may be a composition of blocks.
+        name: The name, by default the one under which `parse_model` builds the block.
+    """
 
     block: AbstractBlock
     name: str = eqx.field(static=True)
@@ -28,21 +33,30 @@ class Model(eqx.Module):
 
     @property
     def parameters(self) -> dict[str, Parameter]:
-        """All parameters by dotted path."""
+        """All parameters by dotted path, such as "first.alpha"."""
         return named_parameters(self.block)
 
     def with_values(self, values: dict) -> Model:
         """The same model at other parameter values.
 
-        Raises InputError where one has not the parameter's shape.
+        Args:
+            values: Values by dotted path, each of its parameter's shape and unit; parameters that
+                are not named keep their values.
+
+        Returns:
+            The model with these values.
+
+        Raises:
+            InputError: When a value has another shape than its parameter.
         """
         for name, parameter in self.parameters.items():
-            found, wanted = np.shape(values.get(name, parameter.value)), np.shape(parameter.value)
-            if found != wanted:
+            expected = np.shape(parameter.value)
+            shape = np.shape(values.get(name, parameter.value))
+            if shape != expected:
                 raise InputError.at(
                     f"{self.name}, {name}",
-                    f"a value of shape {wanted}",
-                    f"one of shape {found}",
+                    f"a value of shape {expected}",
+                    f"one of shape {shape}",
                     "give as many numbers as the parameter has",
                 )
         return Model(set_values(self.block, values), self.name)
@@ -65,9 +79,10 @@ def coupled_model_2() -> AbstractBlock:
     """Coupled Model-2 [F §4.4]: NBW, then the creep that OFOCIM identifies.
 
     OFOCIM fits creep and dynamics together, so its creep is (k_p + a s^μ)/(m s² + …) [F 20].  The
-    paper does not say whether the dynamics then stay in the cascade.  Here they do: at the 1 Hz
-    of its Table 4 they change nothing, and what was identified together stays together.  Its count
-    of six parameters suggests that only the creep stayed: that is `coupled`, of order -μ.
+    paper does not say whether the dynamics then stay in the cascade.  Here they do, because they
+    were identified together with the creep, and at the 1 Hz of the paper's Table 4 they change
+    nothing.  The paper's count of six parameters suggests that only the creep stayed: that model is
+    `coupled`, of order -μ.
     """
     return BoucWen() >> PEADynamics(fixed_gain=True)
 
@@ -88,10 +103,11 @@ MODELS: dict[str, Callable[[], AbstractBlock]] = {
     "coupled_model_2": coupled_model_2,
     "coupled_model_3": coupled_model_3,
 }
+"""The models by name, each with a function that makes its block at nominal parameters."""
 
 
 def _catalogue_name(block: AbstractBlock) -> str:
-    """The name under which the block can be built again, or its class's where there is none."""
+    """The name in `MODELS` that builds a block of this structure, or else the name of its class."""
     structure = jax.tree_util.tree_structure(block)
     names = (n for n, make in MODELS.items() if jax.tree_util.tree_structure(make()) == structure)
     return next(names, type(block).__name__)
@@ -100,20 +116,23 @@ def _catalogue_name(block: AbstractBlock) -> str:
 def _typical_effect(
     name: str, setting: Setting | None, own: Mapping[str, ArrayLike], ahead: bool
 ) -> AbstractBlock:
-    """An effect's block at the middle trial of one of its laws, for composition by name: of the law
-    whose parameters' values are its `own`; else of the first with parameters of these names; else
-    of the first that acts `ahead` of what it drives, where that is asked for; else of the first."""
+    """An effect's block at the middle trial of one of its forms, for composition by name.
+
+    An effect may have several forms: blocks of different classes or shapes.  The form is the one
+    whose parameters have the names and shapes of the values in `own`; else the first whose
+    parameters have these names; else, if `ahead` (another block follows in series), the first that
+    acts on the drive; else the first.
+    """
     effect = EFFECTS[name]
-    trials = effect.trials(setting or ORDINARY)
-    laws: dict[Hashable, list[AbstractBlock]] = {}
-    for trial in trials:
-        laws.setdefault((type(trial), *_shapes(trial).items()), []).append(trial)
-    given = {n: np.shape(v) for n, v in own.items()}
-    meant = [law for law in laws.values() if _shapes(law[0]) == given]
-    meant += [law for law in laws.values() if _shapes(law[0]).keys() == given.keys()]
-    meant += [law for law in laws.values() if ahead and effect.site_of(law[0]) == "drive"]
-    chosen = [*meant, *laws.values()][0]
-    return chosen[len(chosen) // 2]
+    forms: dict[Hashable, list[AbstractBlock]] = {}
+    for trial in effect.trials(setting or ORDINARY):
+        forms.setdefault((type(trial), *_shapes(trial).items()), []).append(trial)
+    shapes = {n: np.shape(v) for n, v in own.items()}
+    matching = [form for form in forms.values() if _shapes(form[0]) == shapes]
+    matching += [form for form in forms.values() if _shapes(form[0]).keys() == shapes.keys()]
+    matching += [form for form in forms.values() if ahead and effect.site_of(form[0]) == "drive"]
+    form = [*matching, *forms.values()][0]
+    return form[len(form) // 2]
 
 
 def _shapes(block: AbstractBlock) -> dict[str, tuple[int, ...]]:
@@ -121,7 +140,6 @@ def _shapes(block: AbstractBlock) -> dict[str, tuple[int, ...]]:
     return {name: np.shape(p.value) for name, p in named_parameters(block).items()}
 
 
-# A stack of common size, for compositions named before any recording is there.
 ORDINARY = Setting(
     drive_low=0.0,
     drive_high=100.0,
@@ -134,14 +152,16 @@ ORDINARY = Setting(
     response_low=0.0,
     resolution=1e-3,
 )
+"""The setting of a common piezo stack (100 V, 10 µm), by which effects are sized in compositions
+that are named without a recording; chosen by judgement."""
 
 
-def understood(given: Model | str, setting: Setting | None = None) -> Model:
-    """A model, or that of a name.  Raises InputError where it is neither."""
-    if isinstance(given, str):
-        return parse_model(given, setting)
-    require_kind(given, Model, "model", 'give one, or its name such as "foh"')
-    return given
+def as_model(model: Model | str, setting: Setting | None = None) -> Model:
+    """The model, or the one of a name; raises InputError when it is neither."""
+    if isinstance(model, str):
+        return parse_model(model, setting)
+    require_kind(model, Model, "model", 'give one, or its name such as "foh"')
+    return model
 
 
 def parse_model(
@@ -151,17 +171,29 @@ def parse_model(
 ) -> Model:
     """A model from its name, or from names joined by `>>` (series) and `+` (parallel).
 
-    `+` binds tighter; parentheses group.  A name alone is a model; in a composition an effect of
-    that name comes first, at its typical size for `setting`.  Of an effect with several laws it is
-    the first, or the first that acts on the drive where more follows in series, or the one to which
-    the model's `values` belong, named as `Model.parameters`.
-    Raises InputError for unknown names.
+    `+` binds tighter than `>>`; parentheses group.  A name alone is a model.  In a composition, a
+    name of both a model and an effect means the effect, at its typical size for `setting`.  An
+    effect with several forms is taken in the first, or, if another block follows in series, in the
+    first that acts on the drive, or in the one that has the parameters in `values`.
+
+    Args:
+        text: The name or composition, such as "foh >> creep + resonance".
+        setting: Ranges of the recordings, which set the typical size of effects; None for a common
+            stack.
+        values: Values of the model's parameters by dotted path, as in `Model.parameters`, which
+            select the form of an effect.
+
+    Returns:
+        The model at its nominal parameters.
+
+    Raises:
+        InputError: When a name is unknown or the text is no composition of names.
     """
     require_kind(text, str, "model", 'give a name such as "foh >> creep"')
 
-    def refuse(found: str) -> InputError:
+    def error(actual: str) -> InputError:
         return InputError(
-            f'model "{text}": expected names joined by >> and +, found {found}; the models are '
+            f'model "{text}": expected names joined by >> and +, found {actual}; the models are '
             f"{', '.join(MODELS)} and the effects {', '.join(EFFECTS)}"
         )
 
@@ -176,7 +208,7 @@ def parse_model(
                 return _typical_effect(name, setting, own, ahead)
             case ast.Name(name) if name in MODELS:
                 return MODELS[name]()
-        raise refuse(f'"{ast.unparse(node)}"')
+        raise error(f'"{ast.unparse(node)}"')
 
     try:
         whole = ast.parse(text.strip(), mode="eval").body
@@ -184,4 +216,4 @@ def parse_model(
     except InputError:
         raise
     except (SyntaxError, ValueError, RecursionError, MemoryError):
-        raise refuse("something else") from None
+        raise error("something else") from None

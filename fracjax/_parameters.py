@@ -13,10 +13,12 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-_HALF_WIDTH = 1.96  # of 95 % of a normal distribution, in its sd
+_HALF_WIDTH = 1.96
+"""Half the width of the central 95 % of a normal distribution, in standard deviations."""
 
 
 def _array(value: ArrayLike) -> Any:
+    """A value as float64 in NumPy, which keeps its precision when JAX is set to float32."""
     return np.asarray(value, dtype=np.float64)
 
 
@@ -25,21 +27,30 @@ def _array(value: ArrayLike) -> Any:
 class Parameter:
     """One physical parameter of a block, never changed in place.
 
-    - `value`: its present value, in `unit` (scalar, or a vector of like quantities).
-    - `lower`, `upper`: physical bounds, never left by a fit; both or neither.
-    - `plausible`: the range expected from the literature; starts are drawn from it, and a fit that
-      ends outside it says so.
-    - `unit`: text in which `drive` and `response` stand for the recording's units.
-    - `logarithmic`: fitted on a logarithmic scale (needs lower > 0).
-    - `gain`: the model's output is proportional to it, when all that follows it is linear; then it
-      is eliminated by variable projection instead of iterated.
-    - `fixed`: not fitted.
-    - `per_recording`: it begins anew with every recording, as a phase does: of several that are
-      fitted together each has its own value.
+    Attributes:
+        value: The present value, a scalar or a vector (P,) of like quantities [unit].
+        lower: Lower physical bound, which no fit crosses [unit]; -∞ without bounds.  A parameter
+            has both bounds or neither.
+        upper: Upper physical bound [unit]; ∞ without bounds.
+        plausible: Range expected from the literature [unit], by default the bounds.  Starts are
+            drawn from it, and a fit that ends outside it warns.
+        unit: The unit as text, in which `drive` and `response` stand for the recording's units;
+            "1" if dimensionless.
+        logarithmic: Whether it is fitted on a logarithmic scale, which needs lower > 0.
+        gain: Whether the model's output is proportional to it if all that follows is linear; it is
+            then eliminated by variable projection instead of iterated.
+        fixed: Whether it keeps its value in a fit.
+        per_recording: Whether each of several recordings that are fitted together has its own
+            value, as for a phase.
+        bounded: Whether it has bounds.
 
-    A tree node of its own and no Module: of these every access to an attribute runs through Python,
-    and every method is made anew, which were a third of a short fit.
+    Raises:
+        ValueError: When only one bound is finite, the value is outside the bounds, or the lower
+            bound of a logarithmic parameter is not above 0.
     """
+
+    # This is a pytree node of its own and no equinox Module, because access to attributes and
+    # methods of a Module takes time: a third of that of a short fit.
 
     # NumPy arrays until a transformation traces them, so that float64 survives without x64.
     value: Array
@@ -90,40 +101,54 @@ class Parameter:
             )
 
     def tree_flatten_with_keys(self) -> tuple[Iterable[tuple[Any, Any]], tuple]:
-        """The arrays by name, and what is static."""
+        """The arrays by name, and the static fields."""
         arrays, static = self.tree_flatten()
         return zip(_KEYS, arrays, strict=True), static
 
     def tree_flatten(self) -> tuple[tuple[Any, ...], tuple]:
-        """The arrays, and what is static."""
+        """The arrays, and the static fields."""
         arrays = (self.value, self.lower, self.upper, self.plausible)
         kind = (self.unit, self.logarithmic, self.gain, self.fixed, self.per_recording)
         return arrays, (*kind, self.bounded)
 
     @classmethod
     def tree_unflatten(cls, static: tuple, arrays: Iterable[Any]) -> Parameter:
-        """The parameter again, of arrays or of whatever a transformation puts in their place."""
-        made = object.__new__(cls)
-        made.value, made.lower, made.upper, made.plausible = arrays
-        made.unit, made.logarithmic, made.gain, made.fixed, *others = static
-        made.per_recording, made.bounded = others
-        return made
+        """The parameter from its leaves: arrays, or what a transformation replaces them by."""
+        parameter = object.__new__(cls)
+        parameter.value, parameter.lower, parameter.upper, parameter.plausible = arrays
+        parameter.unit, parameter.logarithmic, parameter.gain, *others = static
+        parameter.fixed, parameter.per_recording, parameter.bounded = others
+        return parameter
 
     def _scale(self, x: Any) -> Any:
+        """A value on the parameter's scale: its logarithm if `logarithmic`, else itself."""
         if not self.logarithmic:
             return x
         return jnp.log(x) if isinstance(x, Array) else np.log(x)
 
     def to_share(self, value: ArrayLike) -> Array:
-        """How much of the way from `lower` to `upper` a value is, on the parameter's scale; of one
-        without bounds the value itself."""
+        """The position of a value between the bounds, from 0 at `lower` to 1 at `upper`.
+
+        Args:
+            value: A value of the parameter's shape [unit].
+
+        Returns:
+            Its share of the way, on the parameter's scale; without bounds the value itself.
+        """
         if not self.bounded:
             return jnp.asarray(value)
         low, high = self._scale(self.lower), self._scale(self.upper)
         return (self._scale(value) - low) / (high - low)
 
     def from_share(self, share: ArrayLike) -> Array:
-        """The value that lies this share of the way from `lower` to `upper`."""
+        """The value at a position between the bounds: the inverse of `to_share`.
+
+        Args:
+            share: The share of the way from `lower` to `upper`; without bounds the value itself.
+
+        Returns:
+            The value [unit].
+        """
         if not self.bounded:
             return jnp.asarray(share)
         low, high = self._scale(self.lower), self._scale(self.upper)
@@ -133,7 +158,11 @@ class Parameter:
         return jnp.exp(scaled) if isinstance(scaled, Array) else np.exp(scaled)
 
     def slope(self) -> Any:
-        """Derivative of the value with respect to its share, at the present value."""
+        """The derivative of the value with respect to its share, at the present value.
+
+        Returns:
+            The derivative, of the parameter's shape [unit]; 1 without bounds.
+        """
         if not self.bounded:
             return np.ones_like(self.value)
         low, high = self._scale(self.lower), self._scale(self.upper)
@@ -147,20 +176,33 @@ class Parameter:
 
     @property
     def expected_sd(self) -> np.ndarray:
-        """The sd of which the plausible range holds 95 %, at the present value; infinite without a
-        range."""
+        """Standard deviation that gives a normal distribution 95 % in the plausible range [unit].
+
+        It holds at the present value and is infinite without a plausible range.
+        """
         low, high = (np.asarray(end) for end in self.plausible)
         width = np.log(high / low) * self.value if self.logarithmic else high - low
         return width / (2 * _HALF_WIDTH) + np.zeros(np.shape(self.value))
 
     def with_value(self, value: ArrayLike) -> Parameter:
-        """The same parameter at another value."""
+        """The same parameter at another value.
+
+        Args:
+            value: A value of the parameter's shape [unit].
+
+        Returns:
+            A new parameter, all else as in this one.
+        """
         traced = isinstance(value, jax.Array)
         (_, *others), structure = jax.tree_util.tree_flatten(self)
         return structure.unflatten([value if traced else _array(value), *others])
 
     def kept_plausible(self) -> Parameter:
-        """The same parameter with its plausible range, where it has one, for bounds."""
+        """The same parameter with its plausible range as bounds.
+
+        Returns:
+            A new parameter whose value is clipped to the range; this one without a range.
+        """
         low, high = self.plausible
         if not np.all(np.isfinite(np.subtract(high, low))):
             return self
@@ -168,7 +210,15 @@ class Parameter:
         return structure.unflatten([np.clip(self.value, low, high), low, high, *others])
 
     def draw(self, generator: np.random.Generator) -> Any:
-        """A start, uniform in the plausible range on its scale; without one as it is."""
+        """A random start value, for a search from several points.
+
+        Args:
+            generator: The source of random numbers.
+
+        Returns:
+            A value [unit], uniform in the plausible range on the parameter's scale; the present
+            value without a plausible range.
+        """
         low, high = self.plausible
         if not np.all(np.isfinite(np.subtract(high, low))):
             return np.asarray(self.value)
@@ -182,6 +232,7 @@ _KEYS = [jax.tree_util.GetAttrKey(name) for name in ("value", "lower", "upper", 
 
 
 def is_parameter(node: object) -> bool:
+    """Whether a node of a tree is a parameter."""
     return isinstance(node, Parameter)
 
 
@@ -194,7 +245,10 @@ def named_parameters(tree: Any) -> dict[str, Parameter]:
 
 @lru_cache(maxsize=1024)
 def _paths(structure: Any) -> tuple[str, ...]:
-    """Dotted paths of a structure's leaves; to find them takes as long as a short simulation."""
+    """Dotted paths of a structure's leaves.
+
+    They are cached because determining them takes as long as a short simulation.
+    """
     numbered = structure.unflatten(range(structure.num_leaves))
     return tuple(
         ".".join(str(getattr(key, "name", getattr(key, "idx", key))) for key in path)
@@ -203,13 +257,13 @@ def _paths(structure: Any) -> tuple[str, ...]:
 
 
 def replace_parameters(tree: Any, parameters: Mapping[str, Parameter]) -> Any:
-    """The same tree with parameters exchanged by dotted path."""
+    """The same tree with other parameters, given by dotted path."""
     leaves, structure = jax.tree_util.tree_flatten(tree, is_leaf=is_parameter)
     pairs = zip(_paths(structure), leaves, strict=True)
     return structure.unflatten([parameters.get(path, leaf) for path, leaf in pairs])
 
 
 def set_values(tree: Any, values: Mapping[str, ArrayLike]) -> Any:
-    """The same tree with the named parameters' values exchanged."""
-    known = named_parameters(tree)
-    return replace_parameters(tree, {n: known[n].with_value(v) for n, v in values.items()})
+    """The same tree with other values of parameters, given by dotted path, each in its unit."""
+    parameters = named_parameters(tree)
+    return replace_parameters(tree, {n: parameters[n].with_value(v) for n, v in values.items()})

@@ -1,4 +1,4 @@
-"""The response of a model to a drive, on a grid refined until it no longer matters."""
+"""The response of a model to a drive, on a grid refined until the response no longer changes."""
 
 from __future__ import annotations
 
@@ -7,18 +7,24 @@ from typing import NamedTuple
 import jax
 import numpy as np
 
-from ._models import Model, understood
+from ._models import Model, as_model
 from ._operators import HISTORIES, Grid, History, refine
 from ._recording import InputError
 
-_ERROR = 1e-4
+_TOLERANCE = 1e-4
+"""Largest change at the last halving of the step, by the response's span; by judgement."""
 _FINEST = 32
+"""Most steps per sample; chosen by judgement."""
 
 
 class Simulation(NamedTuple):
-    """A response (N,) in the model's response unit, and the `error` of its discretisation.
+    """A simulated response and its discretisation error.
 
-    The error is what the last halving of the step changed, as a share of the response's span.
+    Attributes:
+        response: The response (N,), in the unit of the recording that the model was fitted to or
+            the parameters were written for.
+        error: Largest change of the response at the last halving of the step, as a share of its
+            span.
     """
 
     response: np.ndarray
@@ -28,13 +34,26 @@ class Simulation(NamedTuple):
 def simulate(
     model: Model | str, drive: np.ndarray, step: float, history: History = "constant"
 ) -> Simulation:
-    """The response (N,) of a model, or that of a name, to a drive (N,) sampled every `step` [s].
+    """The response of a model to a drive.
 
-    The grid is refined until halving it changes the response by less than 1e-4 of its span, or to
-    32 steps per sample.  Units: the response's, as the model was fitted or written.
-    Raises InputError for a drive that is no finite real channel, or an unknown history.
+    The grid is refined until halving its step changes the response by at most 1e-4 of its span, or
+    to 32 steps per sample.
+
+    Args:
+        model: The model, or its name.
+        drive: The drive (N,), in the unit that the model was fitted with.
+        step: The time between samples [s].
+        history: What the drive did before the first sample: "rest" (zero), "constant" (its first
+            value) or "periodic" (the same cycles).
+
+    Returns:
+        The response (N,) in the model's response unit, and its discretisation error.
+
+    Raises:
+        InputError: When the drive is not one channel of at least 5 finite real samples, the step is
+            not positive, or the history or the model's name is unknown.
     """
-    model = understood(model)
+    model = as_model(model)
     drive = np.asarray(drive)
     if drive.ndim != 1 or drive.size < 5 or drive.dtype.kind not in "iuf":
         raise InputError.at(
@@ -44,9 +63,9 @@ def simulate(
             "give one channel at a time",
         )
     if not np.isfinite(drive).all():
-        at = int(np.argmin(np.isfinite(drive)))
+        sample = int(np.argmin(np.isfinite(drive)))
         raise InputError.at(
-            f"simulate, sample {at}", "a finite drive", f"{drive[at]}", "correct or cut it"
+            f"simulate, sample {sample}", "a finite drive", f"{drive[sample]}", "correct or cut it"
         )
     if not 0 < step < np.inf:
         raise InputError.at("simulate", "a positive step in seconds", f"{step}", "correct it")
@@ -63,7 +82,7 @@ def simulate(
     with jax.enable_x64(True):
         oversampling, error = 2, np.inf
         response = respond(oversampling)
-        while not error <= _ERROR and oversampling < _FINEST:
+        while not error <= _TOLERANCE and oversampling < _FINEST:
             oversampling *= 2
             coarse, response = response, respond(oversampling)
             error = float(np.abs(response - coarse).max() / max(np.ptp(response), 1e-300))

@@ -1,7 +1,7 @@
-"""The command line: reads, calls the package, writes what it found, and says it plainly.
+"""The command line: reads files, calls the package, writes the results and summarises them.
 
-A file holds one command, and `_options` what several of them take.  Whatever takes long to import
-is imported by the command that needs it, so that help is instant.
+Each file holds one command; options of several commands are in `_options`.  Modules that take long
+to import are imported inside the command that needs them, so that help is instant.
 """
 
 from ._main import heed_interrupt as heed_interrupt

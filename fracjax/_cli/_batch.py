@@ -32,6 +32,7 @@ if TYPE_CHECKING:
     import pandas as pd
 
 _NOTES = 5
+"""Most recordings whose reason is printed; the others are in the table."""
 
 
 @click.command("batch")
@@ -39,7 +40,7 @@ _NOTES = 5
 @model_option
 @folder_option
 @click.option(
-    "--cluster", metavar="ADDRESS", help="Of a dask scheduler, whose workers do the fits."
+    "--cluster", metavar="ADDRESS", help="Address of a dask scheduler, whose workers run the fits."
 )
 @takes_asked(fix_option, bound_option, prior_option, tie_option, mask_option, loss_option)
 @takes_given
@@ -55,14 +56,14 @@ def batch_command(
 ) -> int:
     """Fit a model to each of many recordings: files, folders, or patterns.
 
-    Writes fits.parquet, one row per recording.  The same call again does what is missing.
+    Writes fits.parquet, one row per recording.  Repeat the same call to fit what is missing.
     """
     import logging
 
     from .._batch import FITS, fit_batch
 
     prepare_jax()
-    # Of a lost scheduler it would print a traceback; that it is lost is said below.
+    # It would print a traceback when the scheduler is lost, which `fit_batch` reports itself.
     logging.getLogger("distributed.client").disabled = True
     with folder(out):
         try:
@@ -82,34 +83,36 @@ def batch_command(
         finally:
             if (out / FITS).exists():
                 results.saved.append(out / FITS)
-    told = _as_data(rows, name, out / FITS)
-    results.tell(lambda: told, lambda: _summary(rows, told))
-    return _status(told)
+    overview = _as_data(rows, name, out / FITS)
+    results.show(lambda: overview, lambda: _summary(rows, overview))
+    return _status(overview)
 
 
 def _as_data(rows: pd.DataFrame, name: str, table: Path) -> dict[str, Any]:
+    """The statuses and their counts as plain data."""
     from .._batch import SCHEMA, STATUSES
 
-    told = rows.loc[:, ["source", "status", "reason"]].to_dict("records")
-    statuses = [row["status"] for row in told]
+    recordings = rows.loc[:, ["source", "status", "reason"]].to_dict("records")
+    statuses = [row["status"] for row in recordings]
     return {
         "schema": SCHEMA,
         "model": name,
         "table": str(table),
-        "recordings": len(told),
+        "recordings": len(recordings),
         "counts": {status: statuses.count(status) for status in STATUSES},
-        "unfitted": [row for row in told if row["status"] != "fitted"],
+        "unfitted": [row for row in recordings if row["status"] != "fitted"],
     }
 
 
-def _summary(rows: pd.DataFrame, told: dict[str, Any]) -> Summary:
-    counts = [f"{n} {status}" for status, n in told["counts"].items() if n]
-    sentence = f"{told['model']}: of {told['recordings']} recordings {', '.join(counts)}."
-    return Summary(sentence, _spreads(rows), _notes(told["unfitted"]))
+def _summary(rows: pd.DataFrame, overview: dict[str, Any]) -> Summary:
+    """The counts, the spreads of the parameters, and why recordings were not fitted."""
+    counts = [f"{n} {status}" for status, n in overview["counts"].items() if n]
+    sentence = f"{overview['model']}: of {overview['recordings']} recordings {', '.join(counts)}."
+    return Summary(sentence, _spreads(rows), _notes(overview["unfitted"]))
 
 
 def _spreads(rows: pd.DataFrame) -> Figures:
-    """Each parameter's spread over the fitted recordings; where units differ, none is said."""
+    """Each parameter's spread over the fitted recordings; the unit is empty where units differ."""
     from .._report import figure, pretty_unit
 
     fitted = rows.loc[rows["status"] == "fitted"]
@@ -125,23 +128,23 @@ def _spreads(rows: pd.DataFrame) -> Figures:
 
 
 def _notes(unfitted: list[dict[str, str]]) -> list[str]:
-    """Why recordings were not fitted, of the first few."""
+    """Why the first few recordings were not fitted."""
     notes = [f"{row['status'].capitalize()}: {row['reason']}" for row in unfitted[:_NOTES]]
     if len(unfitted) > _NOTES:
         notes.append(f"And {len(unfitted) - _NOTES} more: see the column reason.")
     return notes
 
 
-def _status(told: dict[str, Any]) -> int:
-    """0; 2 where no recording could be read; 3 where one was read, and has no converged fit."""
-    counts, total = told["counts"], told["recordings"]
+def _status(overview: dict[str, Any]) -> int:
+    """The exit status: 2 if no recording could be read, 3 if any fit failed, else 0."""
+    counts, total = overview["counts"], overview["recordings"]
     if counts["unreadable"] == total:
-        first = told["unfitted"][0]["reason"].rstrip(".")
-        return fail(f"Of {total} recordings none could be read; the first: {first}.", UNUSABLE)
+        first = overview["unfitted"][0]["reason"].rstrip(".")
+        return fail(f"None of {total} recordings could be read; the first: {first}.", UNUSABLE)
     if stopped := counts["not converged"] + counts["failed"]:
         return fail(
-            f"{stopped} of {total} fits did not converge; what they reached, and why, was saved in "
-            f"{told['table']}.",
+            f"{stopped} of {total} fits did not converge; their best parameters and the reasons "
+            f"were saved in {overview['table']}.",
             NOT_CONVERGED,
         )
     return 0

@@ -39,19 +39,22 @@ if TYPE_CHECKING:
 @click.option("--limits", metavar='"0..100 V"', help="Lowest and highest drive.")
 @click.option("--slew", metavar='"50 V/ms"', help="Fastest change of the drive.")
 @click.option(
-    "--regularisation", metavar='"2 ms"', help="Damp detail of the drive faster than this time."
+    "--regularisation", metavar='"2 ms"', help="Damp detail of the drive shorter than this time."
 )
 @click.option(
     "--offset",
     metavar='"-3 um"',
-    help="What the sensor reads where the model says zero; by default as in the fitted recording.",
+    help="Reading of the sensor at the model's zero; by default that of the fitted recording.",
 )
 @simulated_history_option
 @click.option(
-    "--posterior", "posterior", metavar="DIR", help="Its draws give the prediction's band."
+    "--posterior",
+    "posterior",
+    metavar="DIR",
+    help="Results of `posterior`, whose draws give the band of the prediction.",
 )
 @click.option(
-    "--streaming", is_flag=True, help="Write the linear inverse for a real-time loop, too."
+    "--streaming", is_flag=True, help="Also write the linear inverse for a real-time loop."
 )
 @options(time_option, output_option, rate_option, output_unit_option, resample_option)
 @takes_results
@@ -72,107 +75,120 @@ def compensate_command(
     """Find the drive that makes a fitted model's response follow a trajectory.
 
     Writes the drive (in the trajectory's format), compensation.json and report.html; with
-    --streaming also inverse.json and inverse.h.  The file's drive, if it has one, is not used.
+    --streaming also inverse.json and inverse.h.  A drive in the trajectory's file is not used.
     """
     from .._compensate import compensate
     from .._io import SUFFIXES
     from .._recording import parse_quantity
-    from .._report import compensation_figures, sentence_of, warnings_of, write_report
+    from .._report import (
+        compensation_figures,
+        compensation_sentence,
+        compensation_warnings,
+        write_report,
+    )
 
-    desired, model, drive_unit, zero = _wanted(trajectory, fitted, columns)
+    desired, model, drive_unit, fitted_offset = _inputs(trajectory, fitted, columns)
     unit = desired.response_unit
-    wishes: dict[str, Any] = {
+    requested: dict[str, Any] = {
         "limits": limits and _range(limits, drive_unit, "--limits"),
         "slew": slew and parse_quantity(slew, f"{drive_unit}/s", "--slew"),
         "regularisation": parse_quantity(regularisation or 0.0, "s", "--regularisation"),
-        "offset": zero if offset is None else parse_quantity(offset, unit, "--offset"),
+        "offset": fitted_offset if offset is None else parse_quantity(offset, unit, "--offset"),
         "history": history,
         "drive_unit": drive_unit,
-        **(_drawn(posterior) if posterior else {}),
+        **(_draws(posterior) if posterior else {}),
     }
     suffix = Path(trajectory).suffix.lower()
     prepare_jax()
     with folder(out), stages(results.quiet) as progress:
-        found = compensate(model, desired, progress=progress, **wishes)
+        compensation = compensate(model, desired, progress=progress, **requested)
         drive_file = out / f"drive{suffix if suffix in SUFFIXES else '.csv'}"
-        found.write_drive(drive_file)
+        compensation.write_drive(drive_file)
         results.saved.append(drive_file)
-        results.save(found.save, out / "compensation.json")
-        notes = warnings_of(found)
+        results.save(compensation.save, out / "compensation.json")
+        notes = compensation_warnings(compensation)
         if streaming:
             progress("writing the streaming inverse")
-            notes.append(_streamed(model, found, out, results))
+            notes.append(_write_streaming_inverse(model, compensation, out, results))
         progress("writing the report")
-        results.save(lambda path: write_report(found, path), out / "report.html")
-    results.tell(
-        found.to_dict,
-        lambda: Summary(sentence_of(found), compensation_figures(found), notes),
+        results.save(lambda path: write_report(compensation, path), out / "report.html")
+    results.show(
+        compensation.to_dict,
+        lambda: Summary(
+            compensation_sentence(compensation), compensation_figures(compensation), notes
+        ),
     )
-    if found.converged:
+    if compensation.converged:
         return 0
     return fail(
-        f"The inversion of {model.name} did not converge; the best drive it reached was saved in "
-        f"{out}.",
+        f"The inversion of {model.name} did not converge; the best drive was saved in {out}.",
         NOT_CONVERGED,
     )
 
 
-def _streamed(model: Model, found: Compensation, out: Path, results: Results) -> str:
-    """Write the streaming inverse, and say how near it comes."""
+def _write_streaming_inverse(
+    model: Model, compensation: Compensation, out: Path, results: Results
+) -> str:
+    """Write the streaming inverse, and state its error in a sentence."""
     import numpy as np
 
     from .._compensate import streaming_inverse
     from .._report import figure
     from .._simulate import simulate
 
-    band = 0.1 / (found.dt * len(found.drive)), 0.02 / found.dt
-    inverse = streaming_inverse(model, found.dt, band, offset=found.offset, units=found.units)
+    # From a tenth of the trajectory's lowest frequency to 2 % of the sampling rate; by judgement.
+    step = compensation.dt
+    band = 0.1 / (step * len(compensation.drive)), 0.02 / step
+    inverse = streaming_inverse(
+        model, step, band, offset=compensation.offset, units=compensation.units
+    )
     results.save(inverse.save, out / "inverse.json")
     results.save(inverse.save_header, out / "inverse.h")
-    drive = inverse.run(found.desired, settled=found.history != "rest")
-    response = simulate(model, drive, found.dt, found.history).response + found.offset
-    missed = float(np.abs(response - found.desired).max() / found.stroke)
+    drive = inverse.run(compensation.desired, settled=compensation.history != "rest")
+    simulation = simulate(model, drive, step, compensation.history)
+    error = simulation.response + compensation.offset - compensation.desired
+    largest = float(np.abs(error).max() / compensation.stroke)
     which = "inverse" if inverse.complete else "inverse of the linear part"
     return (
         f"Streaming: {len(inverse.decay)} sections, within {figure(100 * inverse.error)} % of the "
-        f"{which} from {figure(band[0])} to {figure(band[1])} Hz; along this trajectory it misses "
-        f"by {figure(100 * missed)} % of the stroke at most."
+        f"{which} from {figure(band[0])} to {figure(band[1])} Hz; along this trajectory its "
+        f"error is at most {figure(100 * largest)} % of the stroke."
     )
 
 
-def _wanted(
+def _inputs(
     path: str, fitted: str, columns: dict[str, str | None]
 ) -> tuple[Trajectory, Model, str, float]:
-    """The trajectory in the unit of a fit, its model, the drive's unit, and the fit's offset."""
+    """The trajectory in a fit's response unit, and the fit's model, drive unit and offset."""
     from .._compensate import Trajectory
     from .._io import read_response
     from .._recording import parse_quantity
 
-    model, told = model_of_fit(fitted)
-    samples, step, written = read_response(path, **columns)
-    unit = told["units"]["response"]
-    scale = parse_quantity(f"1 {written}", unit, f"{path}, response")
+    model, content = model_of_fit(fitted)
+    samples, step, file_unit = read_response(path, **columns)
+    unit = content["units"]["response"]
+    scale = parse_quantity(f"1 {file_unit}", unit, f"{path}, response")
     trajectory = Trajectory(scale * samples, step, unit, path)
-    return trajectory, model, told["units"]["drive"], told["offsets"][0]
+    return trajectory, model, content["units"]["drive"], content["offsets"][0]
 
 
 def _range(text: str, unit: str, where: str) -> tuple[float, float]:
-    """Two values such as "0..100 V", in a unit; what the first leaves unsaid the second tells."""
+    """The two values of a range such as "0..100 V", in a unit; the first may lack its unit."""
     from .._recording import InputError, parse_quantity
 
     low, dots, high = text.partition("..")
     if not dots:
         raise InputError.at(where, f'a range such as "0..100 {unit}"', f'"{text}"', "correct it")
-    written = re.sub(r"^\s*[-+0-9.eE]*", "", high)
-    bare = re.fullmatch(r"\s*[-+0-9.eE]+\s*", low)
+    written_unit = re.sub(r"^\s*[-+0-9.eE]*", "", high)
+    without_unit = re.fullmatch(r"\s*[-+0-9.eE]+\s*", low)
     return (
-        parse_quantity(f"{low} {written}" if bare else low, unit, where),
+        parse_quantity(f"{low} {written_unit}" if without_unit else low, unit, where),
         parse_quantity(high, unit, where),
     )
 
 
-def _drawn(folder: str) -> dict[str, Any]:
-    """A posterior's draws, and the recording they were drawn for."""
+def _draws(folder: str) -> dict[str, Any]:
+    """The keywords of `compensate` for a posterior: its draws, and the recording they are for."""
     from .._posterior import load_posterior
     from .._recording import Recording
 

@@ -1,4 +1,4 @@
-"""`fracjax crosscheck`: one fit by four methods."""
+"""`fracjax crosscheck`: one fit by several methods."""
 
 from __future__ import annotations
 
@@ -24,13 +24,15 @@ from ._options import (
 from ._progress import stages
 from ._results import Results, Summary
 from ._statuses import status_of
-from ._tables import doubts
+from ._tables import fit_notes
 
 
 @click.command("crosscheck")
 @recordings_argument
 @model_option
-@click.option("--out", type=click.Path(path_type=Path), metavar="DIR", help="For the results.")
+@click.option(
+    "--out", type=click.Path(path_type=Path), metavar="DIR", help="Folder for the results."
+)
 @takes_asked(fix_option, bound_option, mask_option)
 @takes_given
 @takes_results
@@ -42,27 +44,30 @@ def crosscheck_command(
     given: Given,
     results: Results,
 ) -> int:
-    """Fit a model by gradients, bounded L-BFGS, particle swarm and evolution, side by side.
+    """Fit a model by gradients, bounded L-BFGS, particle swarm and differential evolution.
 
-    PSO and DE search with gains eliminated, as the gradient fit does, and over all parameters, as
-    the papers do: there each gain stays within 3 times what spans the response alone.  With --out
-    it writes crosscheck.json, report.html and fit.json, the gradient fit.
+    The last two (PSO and DE) run twice: with gains eliminated, as in the gradient fit, and over all
+    parameters, as in the papers.  Then each gain is searched for up to 3 times the value at which
+    it spans the response alone.  With --out the command writes crosscheck.json, report.html and
+    fit.json (the gradient fit).
     """
-    taken, (model,) = given.understood(recordings, [name])
-    how = given.how(taken)
+    data, (model,) = given.understood(recordings, [name])
+    settings = given.how(data)
     from .._crosscheck import crosscheck
     from .._report import crosscheck_figures, crosscheck_sentence, write_report
 
     prepare_jax()
     with nullcontext() if out is None else folder(out), stages(results.quiet) as progress:
-        found = crosscheck(model, taken, progress=progress, **how, **asked)
+        checked = crosscheck(model, data, progress=progress, **settings, **asked)
         if out is not None:
             progress("writing the report")
-            results.save(found.save, out / "crosscheck.json")
-            results.save(found.fit.save, out / "fit.json")
-            results.save(lambda path: write_report(found, path), out / "report.html")
-    results.tell(
-        found.to_dict,
-        lambda: Summary(crosscheck_sentence(found), crosscheck_figures(found), doubts(found.fit)),
+            results.save(checked.save, out / "crosscheck.json")
+            results.save(checked.fit.save, out / "fit.json")
+            results.save(lambda path: write_report(checked, path), out / "report.html")
+    results.show(
+        checked.to_dict,
+        lambda: Summary(
+            crosscheck_sentence(checked), crosscheck_figures(checked), fit_notes(checked.fit)
+        ),
     )
-    return status_of([found.fit], out)
+    return status_of([checked.fit], out)

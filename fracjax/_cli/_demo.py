@@ -1,4 +1,4 @@
-"""`fracjax demo`: a diagnosis of what is shipped."""
+"""`fracjax demo`: a diagnosis of the recording in the package."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from pathlib import Path
 
 import click
 
-from ._diagnosis import concluded, diagnosed
+from ._diagnosis import conclude, diagnose_and_save
 from ._files import folder
 from ._given import models_for
 from ._options import takes_results
@@ -21,11 +21,11 @@ from ._results import Results
     default=Path("fracjax-demo"),
     show_default=True,
     metavar="DIR",
-    help="For the results.",
+    help="Folder for the results.",
 )
 @takes_results
 def demo_command(out: Path, results: Results) -> int:
-    """Diagnose a shipped recording with a concealed effect."""
+    """Diagnose a recording in the package, in which an effect is concealed."""
     from importlib.resources import as_file, files
 
     from .._io import read
@@ -33,12 +33,12 @@ def demo_command(out: Path, results: Results) -> int:
     with as_file(files("fracjax") / "_demo") as shipped:
         training, held_out = (read(shipped / f"{name}.csv") for name in ("training", "heldout"))
     model = models_for(["foh"], [training])[0]
-    began = time.perf_counter()
+    start = time.perf_counter()
 
-    def told(sentence: str) -> None:
+    def show(sentence: str) -> None:
         if not (results.quiet or results.as_json):
-            print(f"{time.perf_counter() - began:6.1f} s  {sentence}", flush=True)
+            print(f"{time.perf_counter() - start:6.1f} s  {sentence}", flush=True)
 
     with folder(out):
-        diagnosis = diagnosed(model, [training], out, results, told, holdout=held_out)
-    return concluded(diagnosis, out, results)
+        diagnosis = diagnose_and_save(model, [training], out, results, show, holdout=held_out)
+    return conclude(diagnosis, out, results)

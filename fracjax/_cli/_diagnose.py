@@ -1,4 +1,4 @@
-"""`fracjax diagnose`: where a model and recordings differ, and what was left out."""
+"""`fracjax diagnose`: where a model and recordings differ, and which effects the model lacks."""
 
 from __future__ import annotations
 
@@ -7,7 +7,7 @@ from typing import Any
 
 import click
 
-from ._diagnosis import concluded, diagnosed
+from ._diagnosis import conclude, diagnose_and_save
 from ._files import folder
 from ._given import Given
 from ._options import (
@@ -24,17 +24,20 @@ from ._results import Results
 
 @click.command("diagnose")
 @recordings_argument
-@click.option("--model", "name", required=True, help="The model to be questioned; see `models`.")
+@click.option("--model", "name", required=True, help="The model to diagnose; see `models`.")
 @folder_option
-@click.option("--holdout", metavar="FILE", help="A recording that no fit sees.")
+@click.option("--holdout", metavar="FILE", help="A recording for validation alone; no fit uses it.")
 @click.option(
-    "--repeat", multiple=True, metavar="FILE", help="The same drive again, for the noise floor."
+    "--repeat",
+    multiple=True,
+    metavar="FILE",
+    help="A second recording with the same drive, for the noise floor.",
 )
-@click.option("--noise", metavar='"0.07 um"', help="The sensor's noise, rms, as specified.")
+@click.option("--noise", metavar='"0.07 um"', help="The sensor's rms noise by its specification.")
 @click.option(
     "--limits",
     metavar='"0..100 V, 50 V/ms"',
-    help="What the next experiment may ask for: the drive's range and its fastest change.",
+    help="Limits of the next experiment: the drive's range and its fastest change.",
 )
 @takes_asked(mask_option)
 @takes_given
@@ -53,18 +56,21 @@ def diagnose_command(
 ) -> int:
     """Say whether, where and why a model and recordings differ.
 
-    Writes diagnosis.json, report.html and fit.json, the model with what was found; and
-    next_experiment.csv, the drive that would tell look-alikes apart, where there are any.
-    --repeat, for several recordings, and --mask may be given more than once.
+    Writes diagnosis.json, report.html and fit.json (the model with the effects that were
+    identified).  If several effects explain the recordings equally well, it also writes
+    next_experiment.csv, the drive that would distinguish them.  --mask and, for several recordings,
+    --repeat may be given more than once.
     """
-    taken, (model,) = given.understood(recordings, [name])
-    wishes: dict[str, Any] = {
+    data, (model,) = given.understood(recordings, [name])
+    requested: dict[str, Any] = {
         "holdout": holdout and given.read(holdout),
         "repeat": [given.read(each) for each in repeat] or None,
         "noise": noise,
         "limits": limits,
     }
-    how = given.how(taken)
+    settings = given.how(data)
     with folder(out), stages(results.quiet) as progress:
-        diagnosis = diagnosed(model, taken, out, results, progress, **wishes, **asked, **how)
-    return concluded(diagnosis, out, results)
+        diagnosis = diagnose_and_save(
+            model, data, out, results, progress, **requested, **asked, **settings
+        )
+    return conclude(diagnosis, out, results)

@@ -1,4 +1,4 @@
-"""What `fracjax diagnose` and `fracjax demo` share: a diagnosis saved and told."""
+"""What `fracjax diagnose` and `fracjax demo` share: to save and to print a diagnosis."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 from ._jax import prepare_jax
 from ._results import Results, Summary
 from ._statuses import status_of
-from ._tables import doubts
+from ._tables import fit_notes
 
 if TYPE_CHECKING:
     from .._diagnose import Diagnosis
@@ -18,7 +18,7 @@ if TYPE_CHECKING:
     from .._solve import Progress
 
 
-def diagnosed(
+def diagnose_and_save(
     model: Model,
     recordings: list[Recording],
     out: Path,
@@ -26,7 +26,7 @@ def diagnosed(
     progress: Progress,
     **options: Any,
 ) -> Diagnosis:
-    """The diagnosis, saved in the folder `out`."""
+    """The diagnosis, whose files are saved in the folder `out`."""
     from .._diagnose import diagnose
     from .._io import column_name, write
     from .._report import write_report
@@ -38,24 +38,25 @@ def diagnosed(
     results.save((diagnosis.extended or diagnosis.base).save, out / "fit.json")
     if diagnosis.next_experiment:
         drive = diagnosis.next_experiment.drive
-        head = column_name("drive", diagnosis.base.preparation.takes[0].recording.drive_unit)
-        write(out / "next_experiment.csv", {"time_s": drive.times, head: drive.values})
+        header = column_name("drive", diagnosis.base.preparation.takes[0].recording.drive_unit)
+        write(out / "next_experiment.csv", {"time_s": drive.times, header: drive.values})
         results.saved.append(out / "next_experiment.csv")
     results.save(lambda path: write_report(diagnosis, path), out / "report.html")
     return diagnosis
 
 
-def concluded(diagnosis: Diagnosis, out: Path, results: Results) -> int:
-    """Tell of a diagnosis and return the exit status."""
+def conclude(diagnosis: Diagnosis, out: Path, results: Results) -> int:
+    """Print a diagnosis and return the exit status."""
     fits = [diagnosis.base] + ([diagnosis.extended] if diagnosis.extended else [])
-    results.tell(diagnosis.to_dict, lambda: _summary(diagnosis, fits))
+    results.show(diagnosis.to_dict, lambda: _summary(diagnosis, fits))
     return status_of(fits, out)
 
 
 def _summary(diagnosis: Diagnosis, fits: list[Fit]) -> Summary:
+    """The verdict, the scores, and what to note: where, about the fits, and the next experiment."""
     from .._report import key_figures
 
-    notes = [diagnosis.where, *(note for found in fits for note in doubts(found))]
+    notes = [diagnosis.where, *(note for fit in fits for note in fit_notes(fit))]
     if diagnosis.next_experiment:
         notes.append(f"Next: {diagnosis.next_experiment.sentence}")
     return Summary(diagnosis.sentence, key_figures(diagnosis), notes)

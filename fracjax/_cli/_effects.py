@@ -23,7 +23,7 @@ from ._tables import print_json, print_table
 )
 @takes_results
 def effects_command(name: str | None, picture: Path | None, results: Results) -> None:
-    """List the effects that diagnose knows, or tell all about one."""
+    """List the effects that `diagnose` can identify, or describe one in full."""
     from .._blocks import EFFECTS
     from .._recording import InputError
 
@@ -33,7 +33,7 @@ def effects_command(name: str | None, picture: Path | None, results: Results) ->
             "correct it"
         )
     if picture is not None:
-        _drawn(name, picture, results.saved)
+        _draw(name, picture, results.saved)
     listed = [_effect(key) for key in ([name] if name else EFFECTS)]
     if results.as_json:
         print_json(listed[0] if name else listed)
@@ -46,7 +46,8 @@ def effects_command(name: str | None, picture: Path | None, results: Results) ->
         )
 
 
-def _drawn(name: str | None, picture: Path, saved: list[Path]) -> None:
+def _draw(name: str | None, picture: Path, saved: list[Path]) -> None:
+    """Draw an effect into a file, and note the file."""
     from .._recording import InputError
     from .._report import draw_effect
 
@@ -62,7 +63,7 @@ def _drawn(name: str | None, picture: Path, saved: list[Path]) -> None:
 
 
 def _effect(name: str) -> dict[str, Any]:
-    """A catalogue entry as plain data; ranges are those for a stack of common size."""
+    """A catalogue entry as plain data, with ranges for a stack of common size."""
     from .._blocks import EFFECTS
     from .._models import ORDINARY
 
@@ -74,6 +75,7 @@ def _effect(name: str) -> dict[str, Any]:
 
 
 def _rows(effect: dict[str, Any]) -> list[list[str]]:
+    """A catalogue entry as rows of a table."""
     from .._report import figure, pretty_unit, quantity
 
     parameters = [
@@ -82,7 +84,9 @@ def _rows(effect: dict[str, Any]) -> list[list[str]]:
         else f"{p['name']}: any {pretty_unit(p['unit'])}"
         for p in effect["parameters"]
     ]
-    look_alikes = [f"{other}: told apart by {how}" for other, how in effect["separated_by"].items()]
+    look_alikes = [
+        f"{other}: distinguished by {how}" for other, how in effect["separated_by"].items()
+    ]
     return [
         ["effect", effect["name"]],
         ["what it is", effect["sentence"]],

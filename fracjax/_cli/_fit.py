@@ -29,7 +29,7 @@ from ._options import (
 from ._progress import stages
 from ._results import Results, Summary
 from ._statuses import status_of
-from ._tables import doubts, parameter_figures
+from ._tables import fit_notes, parameter_figures
 
 if TYPE_CHECKING:
     from .._fit import Comparison, Fit
@@ -37,19 +37,33 @@ if TYPE_CHECKING:
 
 @click.command("fit")
 @recordings_argument
-@click.option("--model", "names", multiple=True, required=True, help="Once or more; see `models`.")
+@click.option(
+    "--model",
+    "names",
+    multiple=True,
+    required=True,
+    help="May be given more than once; see `models`.",
+)
 @folder_option
 @click.option(
-    "--holdout", "unseen", multiple=True, metavar="FILE", help="A recording that no fit sees."
+    "--holdout",
+    "held_out_paths",
+    multiple=True,
+    metavar="FILE",
+    help="A recording for validation alone; no fit uses it.",
 )
 @click.option(
-    "--profile", "profiled", multiple=True, metavar="NAME", help="Its profile likelihood too."
+    "--profile",
+    "profiled",
+    multiple=True,
+    metavar="NAME",
+    help="A parameter whose profile likelihood is computed too.",
 )
 @click.option(
     "--frequency-response",
-    "of_frequency",
+    "to_table",
     is_flag=True,
-    help="Of a table of frequency, amplitude and phase, by a linear law.",
+    help="Fit a linear model to a table of frequency, amplitude and phase.",
 )
 @takes_asked(
     fix_option,
@@ -66,40 +80,40 @@ def fit_command(
     recordings: tuple[str, ...],
     names: tuple[str, ...],
     out: Path,
-    unseen: tuple[str, ...],
+    held_out_paths: tuple[str, ...],
     profiled: tuple[str, ...],
-    of_frequency: bool,
+    to_table: bool,
     asked: dict[str, Any],
     given: Given,
     results: Results,
 ) -> int:
     """Fit models to recordings, jointly where there are several.
 
-    Writes fit.json (of the best model by BIC), report.html and, for several models, one
-    fit_MODEL.json each and comparison.json: all of them on the data fitted and on data held out,
-    the recordings of --holdout or stretches set aside in turn.  What is asked of a parameter
-    concerns the models that have it; --fix to --mask may be given more than once.
+    Writes fit.json (the best model by BIC), report.html and, for several models, fit_MODEL.json for
+    each and comparison.json.  The comparison scores all models on the fitted data and on held-out
+    data: the recordings of --holdout, or stretches of the recordings held out in turn.  Options for
+    a parameter apply to the models that have it; --fix to --mask may be given more than once.
     """
-    if of_frequency:
+    if to_table:
         return fit_table(recordings, names, out, given, results, asked)
     from .._fit import compare_fits, fit, with_profiles
     from .._prepare import options_for
     from .._report import file_name, write_report
 
-    wishes = asked | {"profiled": profiled}
-    taken, models = given.understood(recordings, names)
-    how = given.how(taken)
-    held_out = [given.read(path) for path in unseen]
-    everything = {name for model in models for name in model.parameters}
+    requested = asked | {"profiled": profiled}
+    data, models = given.understood(recordings, names)
+    settings = given.how(data)
+    held_out = [given.read(path) for path in held_out_paths]
+    all_names = {name for model in models for name in model.parameters}
 
     prepare_jax()
     with folder(out), stages(results.quiet) as progress:
         fits = []
         for model in models:
-            told = options_for(wishes, model.parameters.keys(), everything)
-            wanted = told.pop("profiled")
-            found = fit(model, taken, progress=progress, **how, **told)
-            fits.append(with_profiles(found, wanted, progress))
+            options = options_for(requested, model.parameters.keys(), all_names)
+            to_profile = options.pop("profiled")
+            fitted = fit(model, data, progress=progress, **settings, **options)
+            fits.append(with_profiles(fitted, to_profile, progress))
             if len(models) > 1:
                 results.save(fits[-1].save, out / f"fit_{file_name(model.name)}.json")
         comparison = None
@@ -112,27 +126,27 @@ def fit_command(
             results.save(comparison.save, out / "comparison.json")
         result = comparison or fits[0]
         results.save(lambda path: write_report(result, path), out / "report.html")
-    results.tell(result.to_dict, lambda: _summary(best, comparison))
+    results.show(result.to_dict, lambda: _summary(best, comparison))
     return status_of(fits, out)
 
 
 def _summary(fits: Sequence[Fit], comparison: Comparison | None) -> Summary:
-    """Of the fits, the best first, and of their comparison if there was one."""
+    """The summary of fits, best first, and of their comparison if there is one."""
     from .._fit import analyse_residuals
     from .._report import fit_sentence, key_figures
 
-    notes = [note for found in fits for note in (*_profile_notes(found), *doubts(found))]
+    notes = [note for fit in fits for note in (*_profile_notes(fit), *fit_notes(fit))]
     notes.append("; ".join(analyse_residuals(fits[0])[0].findings) + ".")
     figures = key_figures(comparison or fits)
     return Summary(fit_sentence(fits), figures, notes, parameter_figures(fits[0]))
 
 
-def _profile_notes(found: Fit) -> list[str]:
-    """The intervals of the profiles that were asked for."""
+def _profile_notes(fit: Fit) -> list[str]:
+    """The intervals of the requested profiles."""
     from .._report import figure, pretty_unit
 
     notes = []
-    for profile in found.profiles:
+    for profile in fit.profiles:
         low, high = ("open" if end is None else figure(end, 5) for end in profile.interval_95)
         unit = pretty_unit(profile.unit)
         notes.append(f"Profile of {profile.name}: 95 % from {low} to {high} {unit}".strip() + ".")

@@ -1,4 +1,4 @@
-"""`fracjax fit --frequency-response`: linear laws fitted to a table of a frequency response."""
+"""`fracjax fit --frequency-response`: linear models fitted to a table of a frequency response."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from ._jax import prepare_jax
 from ._progress import stages
 from ._results import Results, Summary
 from ._statuses import status_of
-from ._tables import doubts, parameter_figures
+from ._tables import fit_notes, parameter_figures
 
 if TYPE_CHECKING:
     from .._frequency import FrequencyFit
@@ -28,7 +28,7 @@ def fit_table(
     results: Results,
     asked: dict[str, Any],
 ) -> int:
-    """Fit each of the models to the one table, tell of it and return the exit status."""
+    """Fit each model to the table, print the result and return the exit status."""
     from .._frequency import fit_frequency_response, read_frequency_table
     from .._models import parse_model
     from .._prepare import options_for
@@ -42,35 +42,36 @@ def fit_table(
     units = given.columns["input_unit"], given.columns["output_unit"]
     table = read_frequency_table(paths[0], drive_unit=units[0], response_unit=units[1])
     models = [parse_model(name, table.setting) for name in dict.fromkeys(names)]
-    everything = {name for model in models for name in model.parameters}
+    all_names = {name for model in models for name in model.parameters}
     prepare_jax()
     with folder(out), stages(results.quiet) as progress:
         fits = []
         for model in models:
-            told = options_for(asked, model.parameters.keys(), everything)
+            options = options_for(asked, model.parameters.keys(), all_names)
             fits.append(
-                fit_frequency_response(model, table, seed=given.seed, progress=progress, **told)
+                fit_frequency_response(model, table, seed=given.seed, progress=progress, **options)
             )
-        fits.sort(key=lambda found: found.bic)
+        fits.sort(key=lambda fit: fit.bic)
         progress("writing the report")
         if len(fits) > 1:
-            for found in fits:
-                results.save(found.save, out / f"fit_{file_name(found.model.name)}.json")
+            for fit in fits:
+                results.save(fit.save, out / f"fit_{file_name(fit.model.name)}.json")
         results.save(fits[0].save, out / "fit.json")
         results.save(lambda path: write_report(fits, path), out / "report.html")
-    results.tell(lambda: _as_data(fits), lambda: _summary(fits))
+    results.show(lambda: _as_data(fits), lambda: _summary(fits))
     return status_of(fits, out)
 
 
 def _as_data(fits: Sequence[FrequencyFit]) -> object:
-    """One fit as plain data, or a list of several."""
-    told = [found.to_dict() for found in fits]
-    return told[0] if len(told) == 1 else told
+    """One fit as plain data, or several as a list."""
+    content = [fit.to_dict() for fit in fits]
+    return content[0] if len(content) == 1 else content
 
 
 def _summary(fits: Sequence[FrequencyFit]) -> Summary:
+    """The summary of fits, best first."""
     from .._report import frequency_figures, frequency_sentence
 
-    notes = [note for found in fits for note in doubts(found)]
+    notes = [note for fit in fits for note in fit_notes(fit)]
     parameters = parameter_figures(fits[0])
     return Summary(frequency_sentence(fits), frequency_figures(fits), notes, parameters)

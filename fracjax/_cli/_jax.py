@@ -1,4 +1,4 @@
-"""JAX as the commands want it."""
+"""The configuration of JAX for the commands."""
 
 from __future__ import annotations
 
@@ -6,12 +6,12 @@ import os
 
 
 def prepare_jax() -> None:
-    """Keep compiled programs from one run to the next, silently; JAX's own variables go first."""
+    """Cache compiled programs between runs, silently; JAX's own variables take precedence."""
     import jax
     import platformdirs
 
     if "JAX_LOGGING_LEVEL" not in os.environ:
-        # XLA calls a cached program's tuning flags an error, at any lower level.
+        # At any lower level XLA reports the tuning flags of a cached program as an error.
         jax.config.update("jax_logging_level", "CRITICAL")
     if "JAX_COMPILATION_CACHE_DIR" not in os.environ:
         folder = platformdirs.user_cache_path("fracjax") / "xla"

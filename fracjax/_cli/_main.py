@@ -1,4 +1,4 @@
-"""The program: its commands, and the sentence and exit status of a call that went wrong."""
+"""The program: its commands, and the message and exit status when a call fails."""
 
 from __future__ import annotations
 
@@ -44,12 +44,12 @@ _COMMANDS = (
     commands=_COMMANDS,
     context_settings={"help_option_names": ["-h", "--help"]},
     no_args_is_help=False,
-    epilog='Completion of words: eval "$(_FRACJAX_COMPLETE=bash_source fracjax)", or zsh_source, '
+    epilog='Shell completion: eval "$(_FRACJAX_COMPLETE=bash_source fracjax)", or zsh_source, '
     "fish_source.",
 )
 @click.version_option(__version__, prog_name="fracjax")
 def cli() -> None:
-    """What a simulation of an actuator left out, and by how much."""
+    """Find the physical effects that a simulation of a piezo actuator left out, and their size."""
 
 
 def main() -> None:
@@ -61,9 +61,9 @@ def main() -> None:
 
 
 def heed_interrupt(unraisable: sys.UnraisableHookArgs) -> None:
-    """Ctrl-C once more, where it met a callback of the garbage collector, which swallows it.
+    """Repeat a Ctrl-C that arrived in a callback of the garbage collector, which ignores it.
 
-    JAX has one, and it is the first Python to run after a long computation.
+    JAX has such a callback, and after a long computation it is the first Python code to run.
     """
     if isinstance(unraisable.exc_value, KeyboardInterrupt):
         threading.Timer(0.05, _thread.interrupt_main).start()
@@ -72,13 +72,13 @@ def heed_interrupt(unraisable: sys.UnraisableHookArgs) -> None:
 
 
 def run(arguments: Sequence[str] | None = None) -> int:
-    """Run one command and return its exit status; what went wrong is one sentence on stderr."""
+    """Run one command and return its exit status; an error is one sentence on stderr."""
     saved: list[Path] = []
     try:
         return cli.main(arguments, prog_name="fracjax", standalone_mode=False, obj=saved) or 0
     except click.Abort:
-        kept = f"kept {', '.join(map(str, saved))}" if saved else "nothing had been written yet"
-        return fail(f"Interrupted; {kept}.", INTERRUPTED)
+        files = f"kept {', '.join(map(str, saved))}" if saved else "nothing had been written yet"
+        return fail(f"Interrupted; {files}.", INTERRUPTED)
     except click.ClickException as error:
         context = getattr(error, "ctx", None)
         command = context.command_path if context else "fracjax"

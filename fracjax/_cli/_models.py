@@ -22,24 +22,25 @@ def models_command(results: Results) -> None:
     """List the models with their equations and parameters."""
     from .._models import MODELS
 
-    listed = [_law(name, make()) for name, make in MODELS.items()]
+    listed = [_model(name, make()) for name, make in MODELS.items()]
     if results.as_json:
         print_json(listed)
     elif not results.quiet:
-        heads = ["model", "what it is", "equation", "parameters"]
-        print_table(heads, [_row(law) for law in listed])
+        headers = ["model", "what it is", "equation", "parameters"]
+        print_table(headers, [_row(model) for model in listed])
         print('Models and effects are joined in series by >> and in parallel by +: "foh >> creep".')
 
 
-def _row(law: dict[str, Any]) -> list[str]:
+def _row(model: dict[str, Any]) -> list[str]:
+    """A model as a row of the table."""
     parameters = [
-        f"{p['name']} [{p['unit']}]" if p["unit"] != "1" else p["name"] for p in law["parameters"]
+        f"{p['name']} [{p['unit']}]" if p["unit"] != "1" else p["name"] for p in model["parameters"]
     ]
-    return [law["name"], law["sentence"], law["equation"], "\n".join(parameters)]
+    return [model["name"], model["sentence"], model["equation"], "\n".join(parameters)]
 
 
-def _law(name: str, block: AbstractBlock) -> dict[str, Any]:
-    """A model as plain data, its words those of its blocks' docstrings."""
+def _model(name: str, block: AbstractBlock) -> dict[str, Any]:
+    """A model as plain data, described by the docstrings of its blocks."""
     import inspect
 
     parts = _parts(block)
@@ -56,7 +57,7 @@ def _law(name: str, block: AbstractBlock) -> dict[str, Any]:
 
 
 def _parts(block: AbstractBlock) -> list[AbstractBlock]:
-    """The laws that a composition holds, in order."""
+    """The blocks of a composition, in order."""
     from .._blocks import LinearParallel, LinearSeries, Parallel, Series
 
     if isinstance(block, Series | LinearSeries | Parallel | LinearParallel):

@@ -1,4 +1,4 @@
-"""The parameters of a law, for the lists of models and effects."""
+"""The parameters of a block, for the lists of models and effects."""
 
 from __future__ import annotations
 
@@ -9,7 +9,10 @@ if TYPE_CHECKING:
 
 
 def free_parameters(block: AbstractBlock) -> list[dict[str, Any]]:
-    """A block's free parameters as plain data; of a vector the widest range, None for any."""
+    """A block's free parameters as plain data: name, unit and plausible range.
+
+    The range of a vector is the widest of its components; None where any value is plausible.
+    """
     import numpy as np
 
     from .._parameters import named_parameters

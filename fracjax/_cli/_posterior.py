@@ -25,19 +25,27 @@ if TYPE_CHECKING:
 @click.argument("recording")
 @model_option
 @folder_option
-@click.option("--resume", is_flag=True, help="Go on from the chain in DIR.")
+@click.option("--resume", is_flag=True, help="Continue from the chain in DIR.")
 @click.option(
     "--noise-model",
     type=click.Choice(["white", "ar", "measured", "student"]),
     default="measured",
     show_default=True,
-    help="Its parameters are sampled too; `student` lets outliers weigh little.",
+    help="Its parameters are sampled too; `student` gives outliers less weight.",
 )
-@click.option("--repeat", metavar="FILE", help="The same drive again, for the measured noise.")
-@click.option("--discrepancy", is_flag=True, help="Let intervals bear what the model leaves out.")
-@click.option("--diagnosis", metavar="FILE", help="diagnosis.json, whose verdict is carried along.")
-@click.option("--walkers", type=int, help="An even number; by default as many as suit the model.")
-@click.option("--steps", type=int, default=10_000, show_default=True, help="At most.")
+@click.option(
+    "--repeat", metavar="FILE", help="A second recording with the same drive, for the noise floor."
+)
+@click.option(
+    "--discrepancy", is_flag=True, help="Widen intervals by what the model does not describe."
+)
+@click.option(
+    "--diagnosis", metavar="FILE", help="A diagnosis.json, whose verdict is reported too."
+)
+@click.option("--walkers", type=int, help="Number of walkers, even; by default it suits the model.")
+@click.option(
+    "--steps", type=int, default=10_000, show_default=True, help="Largest number of steps."
+)
 @takes_given
 @takes_results
 def posterior_command(
@@ -54,17 +62,17 @@ def posterior_command(
     given: Given,
     results: Results,
 ) -> int:
-    """Sample the posterior of a model's parameters and of the noise's.
+    """Sample the posterior of the parameters of a model and of its noise.
 
-    Writes posterior.nc (which ArviZ reads), posterior.json, report.html and fit.json; chain.h5
-    grows meanwhile, and a run that was killed goes on from it by --resume.
+    Writes posterior.nc (which ArviZ reads), posterior.json, report.html and fit.json.  The chain is
+    saved in chain.h5 as it grows; --resume continues an interrupted run from it.
     """
     from .._fit import fit
     from .._prepare import measured_noise
 
-    taken, (model,) = given.understood([recording], [name])
-    how = given.how(taken)
-    noise = measured_noise(taken[0], given.read(repeat)) if repeat else None
+    data, (model,) = given.understood([recording], [name])
+    settings = given.how(data)
+    noise = measured_noise(data[0], given.read(repeat)) if repeat else None
     from .._posterior import sample_posterior
     from .._report import write_report
 
@@ -73,11 +81,11 @@ def posterior_command(
     with folder(out):
         try:
             with chain_bar(results.quiet, steps) as progress:
-                found = fit(model, taken, noise=noise, **how)
-                results.save(found.save, out / "fit.json")
+                fitted = fit(model, data, noise=noise, **settings)
+                results.save(fitted.save, out / "fit.json")
                 posterior = sample_posterior(
-                    found,
-                    noise_model=_noise_model(noise_model, found),
+                    fitted,
+                    noise_model=_noise_model(noise_model, fitted),
                     discrepancy=discrepancy,
                     diagnosis=diagnosis,
                     walkers=walkers,
@@ -93,34 +101,37 @@ def posterior_command(
         posterior.save(out)
         results.saved.extend([out / "posterior.nc", out / "posterior.json"])
         results.save(lambda path: write_report(posterior, path), out / "report.html")
-    results.tell(posterior.to_dict, lambda: _summary(posterior))
+    results.show(posterior.to_dict, lambda: _summary(posterior))
     if posterior.converged:
         return 0
     return fail(
-        f"The chain of {name} did not converge in {posterior.steps} steps; what it reached was "
-        f"saved in {out}; go on with --resume and more --steps.",
+        f"The chain of {name} did not converge in {posterior.steps} steps; its draws were saved in "
+        f"{out}; continue with --resume and more --steps.",
         NOT_CONVERGED,
     )
 
 
-def _noise_model(name: str, found: Fit) -> AbstractNoiseModel:
+def _noise_model(name: str, fit: Fit) -> AbstractNoiseModel:
+    """The noise model of a name; an autoregression takes its order from the fit."""
     from .._posterior import MeasuredNoise, StudentNoise, WhiteNoise, ar_noise_of
 
     if name == "ar":
-        return ar_noise_of(found)
+        return ar_noise_of(fit)
     return {"white": WhiteNoise, "measured": MeasuredNoise, "student": StudentNoise}[name]()
 
 
 def _summary(posterior: Posterior) -> Summary:
-    together = posterior.known_only_together
-    notes = [f"Known only together: {'; '.join(together)}."] if together else []
+    """The sentence, the table of parameters, and those that are strongly correlated."""
+    correlated = posterior.known_only_together
+    notes = [f"Strongly correlated: {'; '.join(correlated)}."] if correlated else []
     return Summary(posterior.sentence, _figures(posterior), notes)
 
 
 def _figures(posterior: Posterior) -> Figures:
-    from .._report import cells
+    """The table of parameters."""
+    from .._report import posterior_row
 
-    heads = ["", "mean", "sd", "95 % interval", "unit", "draws", "R-hat", "Laplace"]
+    headers = ["", "mean", "sd", "95 % interval", "unit", "draws", "R-hat", "Laplace"]
     fields = ("name", "mean", "sd", "interval", "unit", "ess", "r_hat", "laplace")
-    rows = [cells(row) for row in posterior.summary]
-    return heads, [[row[field] for field in fields] for row in rows]
+    rows = [posterior_row(row) for row in posterior.summary]
+    return headers, [[row[field] for field in fields] for row in rows]

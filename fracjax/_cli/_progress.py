@@ -1,4 +1,4 @@
-"""Progress on stderr, where someone watches it."""
+"""Progress on stderr, if it is a terminal."""
 
 from __future__ import annotations
 
@@ -12,14 +12,15 @@ if TYPE_CHECKING:
     from .._solve import Progress
 
 
-def _unseen(quiet: bool) -> bool:
+def _hidden(quiet: bool) -> bool:
+    """Whether no progress is shown."""
     return quiet or not sys.stderr.isatty()
 
 
 @contextmanager
 def stages(quiet: bool) -> Iterator[Progress]:
-    """Stages with a spinner and the time each took."""
-    if _unseen(quiet):
+    """A function that begins a stage, shown with a spinner and the time that it takes."""
+    if _hidden(quiet):
         yield lambda sentence: None
         return
     from rich.console import Console
@@ -43,8 +44,8 @@ def stages(quiet: bool) -> Iterator[Progress]:
 
 @contextmanager
 def bar(quiet: bool) -> Iterator[Count]:
-    """A bar with the time left."""
-    if _unseen(quiet):
+    """A function that counts recordings, shown as a bar with the remaining time."""
+    if _hidden(quiet):
         yield lambda done, total: None
         return
     from rich.console import Console
@@ -63,8 +64,8 @@ def bar(quiet: bool) -> Iterator[Count]:
 
 @contextmanager
 def chain_bar(quiet: bool, steps: int) -> Iterator[Callable[[int, int, str], None]]:
-    """A bar of steps with the running estimate."""
-    if _unseen(quiet):
+    """A function that counts steps, shown as a bar with the present estimate."""
+    if _hidden(quiet):
         yield lambda done, most, estimate: None
         return
     from rich.console import Console
@@ -76,7 +77,7 @@ def chain_bar(quiet: bool, steps: int) -> Iterator[Callable[[int, int, str], Non
     with Bars(*columns, console=Console(stderr=True)) as bars:
         task = bars.add_task("fitting", total=steps)
 
-        def told(done: int, most: int, estimate: str) -> None:
+        def count(done: int, most: int, estimate: str) -> None:
             bars.update(task, completed=done, total=most, description=estimate)
 
-        yield told
+        yield count

@@ -1,4 +1,4 @@
-"""What a command found: the files it saved, and how it tells of them."""
+"""The results of a command: the files that it saved, and how it prints them."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from ._tables import Figures, print_json, print_table
 
 
 class Summary(NamedTuple):
-    """The plain sentence, the key figures, what to mind, and the parameters."""
+    """The result in one sentence, the key figures, notes, and the parameters."""
 
     sentence: str
     figures: Figures = ([], [])
@@ -19,14 +19,14 @@ class Summary(NamedTuple):
     parameters: Figures = ([], [])
 
     def show(self, saved: Sequence[Path]) -> None:
-        """Print it, and where everything is."""
+        """Print the summary and the paths of the saved files."""
         from rich.console import Console
 
         console = Console(markup=False, highlight=False)
         console.print(self.sentence, style="bold", soft_wrap=True)
-        for heads, rows in (self.figures, self.parameters):
+        for headers, rows in (self.figures, self.parameters):
             if rows:
-                print_table(heads, rows)
+                print_table(headers, rows)
         for note in self.notes:
             print(note)
         if saved:
@@ -34,19 +34,19 @@ class Summary(NamedTuple):
 
 
 class Results(NamedTuple):
-    """The files that a command saved so far, and how it is to tell of them."""
+    """The files that a command saved so far, and whether it prints nothing, a summary or JSON."""
 
     saved: list[Path]
     quiet: bool
     as_json: bool
 
     def save(self, write: Callable[[Path], None], path: Path) -> None:
-        """Write a file whole or not at all, and note it."""
+        """Write a file completely or not at all, and note its path."""
         write_whole(write, path)
         self.saved.append(path)
 
-    def tell(self, data: Callable[[], object], summary: Callable[[], Summary]) -> None:
-        """Print the result as JSON or in words, if at all; only what is printed is worked out."""
+    def show(self, data: Callable[[], object], summary: Callable[[], Summary]) -> None:
+        """Print the result as JSON, as a summary or not; only what is printed is computed."""
         if self.as_json:
             print_json(data())
         elif not self.quiet:

@@ -31,6 +31,11 @@ if TYPE_CHECKING:
     from .._operators import History
 
 
+_LARGEST_ERROR = 1e-2
+"""A larger discretisation error, as a share of the response's span, is reported as a failure;
+chosen by judgement."""
+
+
 @click.command("simulate")
 @click.argument("drive")
 @click.option("--model", "name", help="A model at its nominal parameters; see `models`.")
@@ -40,7 +45,7 @@ if TYPE_CHECKING:
     required=True,
     type=click.Path(path_type=Path),
     metavar="FILE",
-    help="The suffix tells the format: .csv .mat .h5 .npz .parquet .tdms .xlsx.",
+    help="Its suffix sets the format: .csv .mat .h5 .npz .parquet .tdms .xlsx.",
 )
 @simulated_history_option
 @options(time_option, input_option, rate_option, input_unit_option, resample_option)
@@ -58,7 +63,7 @@ def simulate_command(
 ) -> int:
     """Simulate a model's response to a recorded drive.
 
-    The file need not hold a response.
+    The recording may lack a response.
     """
     import numpy as np
 
@@ -84,7 +89,7 @@ def simulate_command(
     }
     write(out, signals)
     results.saved.append(out)
-    told = {
+    overview = {
         "schema": "fracjax.simulation/1",
         "model": model.name,
         "file": str(out),
@@ -94,24 +99,24 @@ def simulate_command(
         "error": error,
     }
     sentence = (
-        f"{model.name} was simulated over {len(samples)} samples; discretisation changes the "
-        f"response by {100 * error:.2g} % of its span."
+        f"{model.name} was simulated over {len(samples)} samples; the discretisation error is "
+        f"{100 * error:.2g} % of the response's span."
     )
-    results.tell(lambda: told, lambda: Summary(sentence))
-    if not error <= 1e-2:
+    results.show(lambda: overview, lambda: Summary(sentence))
+    if not error <= _LARGEST_ERROR:
         return fail(
-            f"The simulation of {model.name} did not converge as its grid was refined; its finest "
-            f"result was saved in {out}.",
+            f"The simulation of {model.name} did not converge when its grid was refined; the "
+            f"result on the finest grid was saved in {out}.",
             NOT_CONVERGED,
         )
     return 0
 
 
 def _fitted(path: str, drive: np.ndarray, drive_unit: str) -> tuple[Model, np.ndarray, str, str]:
-    """A fitted model, the drive in the unit it was fitted in, and both units."""
+    """A fitted model, the drive (N,) in the unit of the fit, and both units."""
     from .._recording import parse_quantity
 
-    model, told = model_of_fit(path)
-    units = told["units"]
+    model, content = model_of_fit(path)
+    units = content["units"]
     scale = parse_quantity(f"1 {drive_unit}", units["drive"], "drive")
     return model, drive * scale, units["drive"], units["response"]

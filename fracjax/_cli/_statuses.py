@@ -1,4 +1,4 @@
-"""The exit statuses, and the one sentence that goes with each."""
+"""The exit statuses, and the sentence printed with each."""
 
 from __future__ import annotations
 
@@ -15,18 +15,18 @@ UNUSABLE, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
 
 
 def fail(sentence: str, status: int) -> int:
-    """Say it on stderr, and return the status."""
+    """Print a sentence on stderr and return the status."""
     print(sentence, file=sys.stderr)
     return status
 
 
 def status_of(fits: Sequence[Fit | FrequencyFit], out: Path | None) -> int:
-    """0, or 3 and a sentence where a fit did not converge."""
+    """The exit status: 3, with a sentence on stderr, if a fit did not converge, else 0."""
     failed = [fit.model.name for fit in fits if not fit.converged]
     if not failed:
         return 0
-    kept = "is in the table, and nothing was saved" if out is None else f"was saved in {out}"
+    place = "is in the table, and nothing was saved" if out is None else f"was saved in {out}"
     return fail(
-        f"The fit of {' and '.join(failed)} did not converge; its best point {kept}.",
+        f"The fit of {' and '.join(failed)} did not converge; its best point {place}.",
         NOT_CONVERGED,
     )

@@ -13,23 +13,27 @@ from jax import Array
 
 from .._blocks import AbstractBlock, QuasiStaticForce
 from .._computing import compiled, computing
-from .._models import Model, understood
+from .._models import Model, as_model
 from .._operators import HISTORIES, History, interpolate
 from .._parameters import set_values
 from .._prepare import layout_of, values_by_name
 from .._recording import InputError, Recording, require_kind, unit
 from .._solve import Progress, silent
-from ._bounded import Bounds, best_within
+from ._bounded import Bounds, optimise_within
 from ._inverse import inverse_of, without_disturbances
 from ._plant import Plant
 from ._result import Compensation
 from ._trajectory import Trajectory
-from ._unbounded import Inverted, Reached, follow, respond
+from ._unbounded import InvertedPlant, Solution, find_drive, respond
 
-_FINE, _FINEST = 1e-5, 8
+_GRID_TOLERANCE, _FINEST = 1e-5, 8
+"""The grid is refined until halving it changes the response by at most this share of the stroke, a
+hundredth of the error that counts as missed, or to so many steps per sample; by judgement."""
 _DRAWS = 200
+"""Most draws for the band: its 2.5 % ends then rest on five draws each; chosen by judgement."""
 _SMOOTH = ("akima", "cubic")
-_inverted = compiled(Inverted.drive)
+"""Methods of `interpolate` that stand for a drive without corners."""
+_inverse_drive = compiled(InvertedPlant.drive)
 
 
 def compensate(
@@ -48,27 +52,41 @@ def compensate(
 ) -> Compensation:
     """The drive u with model(u) + offset = trajectory [L 10, 12], at the trajectory's samples.
 
-    The law's own inverse is asked first, or that of its linear part, then again for what was
-    missed; where this does not contract, Levenberg–Marquardt goes on, by products with the
-    Jacobian alone.  It ends at 1e-6 of the stroke.  Where limits stand in the way, the drive of
-    least squared error within them is found (`_bounded`).  Thermal drift and mains lines of the
-    recorded run are left out: they will stand elsewhere in the next.
+    The search starts from the model's own inverse, or from that of its linear part, and adds the
+    remaining error to the reference motion again and again.  If this does not contract,
+    Levenberg–Marquardt goes on, by products with the Jacobian alone.  It ends at an error of 1e-6
+    of the stroke.  If limits stand in the way, it finds the drive of least squared error within
+    them.  Thermal drift and mains lines of the recorded run are left out of the model, because
+    their phase will differ in the next run.
 
-    **Arguments:** `limits`, lowest and highest drive, and `slew`, its fastest change per second
-    [drive, drive/s]; `regularisation`, a time τ [s]: detail of the drive faster than it is damped,
-    by adding (τ² g ü)² to the squared error, g = stroke/drive span; `history`, what the drive did
-    before the first sample; `offset`, what the sensor reads where the model says zero [response];
-    `draws`, values (D,) of the model's free parameters by name, such as `Posterior.samples`, for
-    the band of the predicted response; `identified_by`, the recording they were drawn for, whose
-    zero goes with them: each draw then has the offset that leaves the recording's mean as it is.
+    Args:
+        model: The model to invert, or its name.
+        trajectory: The desired response (N,).
+        limits: Lowest and highest drive [drive_unit]; None for no limit.
+        slew: Fastest change of the drive [drive_unit/s]; None for no limit.
+        regularisation: A time τ [s]; detail of the drive that is faster is damped, by adding
+            (τ² g ü)² to the squared error, with g = stroke/drive span.
+        history: What the drive did before the first sample: "rest" (zero), "constant" (its first
+            value) or "periodic" (the same cycles).
+        offset: What the sensor reads where the model's response is zero [response].
+        drive_unit: Unit of the drive that the model was fitted with.
+        draws: Values (D,) of the model's free parameters by name, such as `Posterior.samples`, for
+            the band of the predicted response; None for no band.
+        identified_by: The recording that the draws were sampled for.  Each draw then gets the
+            offset that keeps the mean of the response to this recording.
+        progress: Called with a sentence at each stage.
 
-    **Returns:** the drive with its predicted response; a trajectory that cannot be followed is no
-    error, the result says where and by how much it is missed.
+    Returns:
+        The drive with its predicted response.  A trajectory that cannot be followed is no error:
+        the result states where and by how much the response misses it.
 
-    **Raises:** `InputError` for limits out of order, an unknown history or unit, draws that lack a
-    parameter, or a model that does not respond to its drive.
+    Raises:
+        InputError: When limits are out of order, the history or a unit is unknown, the draws lack a
+            parameter, or the model does not respond to its drive.
+
+    Source: [L 10, 12], the inverse of the linear fractional-order model used as feed-forward.
     """
-    model = understood(model)
+    model = as_model(model)
     require_kind(trajectory, Trajectory, "trajectory", "make one: Trajectory(response, dt, unit)")
     bounds = _bounds(limits, slew, trajectory.dt)
     if not 0 <= regularisation < np.inf:
@@ -81,31 +99,32 @@ def compensate(
     block, left_out = without_disturbances(model.block)
     if block is None:
         raise InputError.at(
-            "compensate", "a model with a drive", f"{model.name}", "compensate another"
+            "compensate", "a model with a drive", f"{model.name}", "choose another model"
         )
     with computing():
         step = np.asarray(trajectory.dt)
         plant = Plant(block, step, np.asarray(float(offset)), history, 1, False)
         desired, stroke = trajectory.response, trajectory.stroke
         progress(f"inverting {model.name}")
-        system = _on_fine_grid(Inverted(plant, _inverse(plant, trajectory)), desired, stroke)
-        reached = follow(system, desired, stroke, progress)
-        if not np.isfinite(reached.response).all() or np.ptp(reached.drive) == 0:
+        inverted = InvertedPlant(plant, _approximate_inverse(plant, trajectory))
+        system = _refined(inverted, desired, stroke)
+        solution = find_drive(system, desired, stroke, progress)
+        if not np.isfinite(solution.response).all() or np.ptp(solution.drive) == 0:
             raise InputError.at(
                 "compensate",
                 "a model whose response follows its drive",
                 f"no finite drive for {model.name}",
                 "check the parameters, or the trajectory's unit and offset",
             )
-        if regularisation or not bounds.admits(reached.drive, history):
+        if regularisation or not bounds.admits(solution.drive, history):
             smoothing = regularisation / trajectory.dt
-            reached = best_within(
-                system.plant, reached, desired, stroke, bounds, smoothing, progress
+            solution = optimise_within(
+                system.plant, solution, desired, stroke, bounds, smoothing, progress
             )
         band = None
         if draws is not None:
-            progress("predicting for draws of the parameters")
-            band = _band(model.block, draws, system.plant, reached.drive, identified_by)
+            progress("predicting the response for draws of the parameters")
+            band = _band(model.block, draws, system.plant, solution.drive, identified_by)
         return Compensation(
             model=model.name,
             source=trajectory.source,
@@ -118,22 +137,23 @@ def compensate(
             regularisation=float(regularisation),
             left_out=left_out,
             desired=desired,
-            drive=reached.drive,
-            predicted=reached.response,
+            drive=solution.drive,
+            predicted=solution.response,
             band=band,
-            method=reached.method,
-            iterations=reached.iterations,
-            converged=reached.converged,
-            numerics=_numerics(system.plant, reached, stroke),
+            method=solution.method,
+            iterations=solution.iterations,
+            converged=solution.converged,
+            numerics=_numerics(system.plant, solution, stroke),
         )
 
 
-def _refusal(name: str, expected: str, found: str) -> InputError:
-    return InputError.at(f"compensate, {name}", expected, found, "correct it")
+def _refusal(name: str, expected: str, actual: str) -> InputError:
+    """The error for an option of `compensate` that has no valid value."""
+    return InputError.at(f"compensate, {name}", expected, actual, "correct it")
 
 
 def _bounds(limits: tuple[float, float] | None, slew: float | None, step: float) -> Bounds:
-    """The limits per sample [drive]."""
+    """The limits, with the slew rate as a change per sample [drive]."""
     low, high = (-np.inf, np.inf) if limits is None else limits
     if not low < high:
         raise _refusal("limits", "the lower limit, then the upper", f"{low} and {high}")
@@ -142,32 +162,34 @@ def _bounds(limits: tuple[float, float] | None, slew: float | None, step: float)
     return Bounds(float(low), float(high), np.inf if slew is None else slew * step)
 
 
-def _inverse(plant: Plant, trajectory: Trajectory) -> AbstractBlock:
-    """The block's inverse, or one near it; else the gain at which the strokes agree."""
+def _approximate_inverse(plant: Plant, trajectory: Trajectory) -> AbstractBlock:
+    """The block's inverse, or an approximate one; else the gain at which the strokes agree."""
     shape = (trajectory.response - trajectory.response[0]) / trajectory.stroke
-    # The frequency of a sine that moves as fast for its height.
+    # The frequency of a sine with the same ratio of rms rate to rms amplitude.
     frequency = np.std(np.diff(shape)) / (2 * np.pi * trajectory.dt * np.std(shape))
-    known = inverse_of(plant.block, float(frequency))
-    if known is not None:
-        return known.block
+    inversion = inverse_of(plant.block, float(frequency))
+    if inversion is not None:
+        return inversion.block
     span, response = trajectory.stroke, shape
+    # A gain that depends on the amplitude settles within ten rescalings; chosen by judgement.
     for _ in range(10):
         response = np.asarray(respond(plant, span * shape))
-        found = np.ptp(response)
-        if not (np.isfinite(found) and found > 0):
+        stroke = np.ptp(response)
+        if not (np.isfinite(stroke) and stroke > 0):
             break
-        span *= trajectory.stroke / found
+        span *= trajectory.stroke / stroke
     sign = 1.0 if (response - response.mean()) @ (shape - shape.mean()) >= 0 else -1.0
     return QuasiStaticForce(sign * trajectory.stroke / span).inverse()
 
 
-def _on_fine_grid(system: Inverted, desired: np.ndarray, stroke: float) -> Inverted:
-    """The system on a grid refined until halving it no longer matters for the inverse's drive.
+def _refined(system: InvertedPlant, desired: np.ndarray, stroke: float) -> InvertedPlant:
+    """The system on a grid fine enough for its response to the approximate inverse's drive.
 
-    Until 1e-5 of the stroke, or 8 steps per sample.
+    The grid is refined until halving it changes the response by at most 1e-5 of the stroke, or to 8
+    steps per sample.  `desired` (N,) and `stroke` are in the response's unit.
     """
-    drive = np.asarray(_inverted(system, jnp.asarray(desired)))
-    # Behind plays the drive bends sharply where it turns, and a cubic would swing over.
+    drive = np.asarray(_inverse_drive(system, jnp.asarray(desired)))
+    # The inverse of play operators has corners where it turns, at which a cubic would overshoot.
     smooth = system.inverse.linear and np.isfinite(drive).all()
     smooth = smooth and interpolate(drive, 2)[1] in _SMOOTH
     plant = replace(system.plant, smooth=bool(smooth))
@@ -175,16 +197,16 @@ def _on_fine_grid(system: Inverted, desired: np.ndarray, stroke: float) -> Inver
     while plant.oversampling < _FINEST:
         finer = replace(plant, oversampling=2 * plant.oversampling)
         coarse, response = response, np.asarray(respond(finer, drive))
-        if not np.abs(response - coarse).max() > _FINE * stroke:
+        if not np.abs(response - coarse).max() > _GRID_TOLERANCE * stroke:
             break
         plant = finer
-    return Inverted(plant, system.inverse)
+    return InvertedPlant(plant, system.inverse)
 
 
-def _numerics(plant: Plant, reached: Reached, stroke: float) -> float:
-    """What halving the grid's step changes of the response, as a share of the stroke."""
+def _numerics(plant: Plant, solution: Solution, stroke: float) -> float:
+    """The largest change of the response when the grid's step is halved, by the stroke."""
     finer = replace(plant, oversampling=2 * plant.oversampling)
-    changed = np.asarray(respond(finer, reached.drive)) - reached.response
+    changed = np.asarray(respond(finer, solution.drive)) - solution.response
     return float(np.abs(changed).max() / stroke)
 
 
@@ -195,7 +217,11 @@ def _band(
     drive: np.ndarray,
     recording: Recording | None,
 ) -> np.ndarray:
-    """The central 95 % (2, N) of the responses at draws of the free parameters."""
+    """The central 95 % (2, N) [response] of the responses at draws of the free parameters.
+
+    With the recording that the draws were sampled for, each response is shifted so that the mean
+    response to that recording is the same for all draws.
+    """
     layout = layout_of(block)
     for label in layout.labels:
         if label not in draws:
@@ -221,9 +247,9 @@ def _responses(block: AbstractBlock, values: np.ndarray, plant: Plant, drive: np
     """Responses (D, N) to one drive (N,) at values (D, d) of the free parameters."""
     layout = layout_of(block)
 
-    def one(vector: Array) -> Array:
-        moved = set_values(block, values_by_name(block, layout.shapes + layout.gains, vector))
-        left, _ = without_disturbances(moved)
-        return eqx.tree_at(lambda p: p.block, plant, left)(jnp.asarray(drive))
+    def response(vector: Array) -> Array:
+        drawn = set_values(block, values_by_name(block, layout.shapes + layout.gains, vector))
+        undisturbed, _ = without_disturbances(drawn)
+        return eqx.tree_at(lambda p: p.block, plant, undisturbed)(jnp.asarray(drive))
 
-    return jax.lax.map(one, jnp.asarray(values))
+    return jax.lax.map(response, jnp.asarray(values))

@@ -1,12 +1,12 @@
-r"""Inverses of laws by their structure: exact where they have one, else of their linear part.
+r"""Inverses of blocks by their structure: exact if there is one, else of their linear part.
 
-A sum of plays y = w_0 u + Σ_i w_i p_i(u, r_i) whose slopes s_j = w_0 + Σ_{i≤j} w_i are all positive
-(or all negative) is undone by another:
+A sum of play operators y = w_0 u + Σ_i w_i p_i(u, r_i) whose slopes s_j = w_0 + Σ_{i≤j} w_i are
+all positive (or all negative) has an inverse of the same form:
 
     u = y/w_0 + Σ_i w'_i p_i(y, r'_i),    r'_i = Σ_{j≤i} s_{j-1} (r_j - r_{j-1}),
     w'_i = 1/s_i - 1/s_{i-1}
 
-Beside a law with memory of its own the plays are inverted with that law's gain at one frequency.
+In parallel with a dynamic block, the plays are inverted with that block's gain at one frequency.
 Source: Krejci & Kuhnen, IEE Proc. Control Theory Appl. 148 (2001) 185.
 """
 
@@ -42,18 +42,19 @@ from .._operators import Grid
 
 
 class Inversion(NamedTuple):
-    """A block from response to drive, and whether it undoes the law, up to discretisation."""
+    """A block from response to drive, and whether it is the exact inverse, up to discretisation."""
 
     block: AbstractBlock
     exact: bool
 
 
 class InversePlaySum(AbstractBlock):
-    """The inverse of w_0 u + Σ w_i play(u, r_i), of the same form: weights and radii (R,).
+    """The inverse of w_0 u + Σ w_i play(u, r_i), which has the same form.
 
-    first [drive/response], weights [drive/response], radii [response].  `exercised`: where the
-    plays start, as those of `AmplitudeDependence` do; exact for 0, with `constant` history also for
-    1 and -1, and else once the drive has moved far.
+    `first` [drive/response] is the gain of the response itself, `weights` (R,) [drive/response] and
+    `radii` (R,) [response] are those of the plays.  `exercised` (dimensionless, -1 to 1) is where
+    the plays start, as in `AmplitudeDependence`: the inverse is exact for 0, with `constant`
+    history also for 1 and -1, and otherwise once the drive has moved far.
     """
 
     first: float
@@ -71,8 +72,11 @@ class InversePlaySum(AbstractBlock):
 
 
 def inverse_of(block: AbstractBlock, frequency: float) -> Inversion | None:
-    """The inverse of a block, or of what is nearest to it at a frequency [Hz], or of its linear
-    part; None where none is known."""
+    """The inverse of a block, else an approximate one; None where there is no rule for the block.
+
+    An approximate inverse uses dynamic parts at their gain at `frequency` [Hz], or is that of the
+    block's linear part alone.
+    """
     if isinstance(block, AbstractLinearBlock):
         return Inversion(block.inverse(), True)
     if isinstance(block, Series):
@@ -89,12 +93,12 @@ def inverse_of(block: AbstractBlock, frequency: float) -> Inversion | None:
 
 
 def linear_part_of(block: AbstractBlock) -> tuple[AbstractLinearBlock | None, bool]:
-    """The linear part of a block, and whether that is all of it."""
+    """The linear part of a block, and whether the whole block is linear."""
     return _linear_part(block), isinstance(block, AbstractLinearBlock)
 
 
 def _linear_part(block: AbstractBlock) -> AbstractLinearBlock | None:
-    """What of a law superposition holds for, or the steepest line along it; None without any."""
+    """The part of a block that obeys superposition, or its steepest gain; None without either."""
     match block:
         case AbstractLinearBlock():
             return block
@@ -114,56 +118,64 @@ def _linear_part(block: AbstractBlock) -> AbstractLinearBlock | None:
             return None if first is None or second is None else _linear(first >> second)
         case Parallel():
             parts = [_linear_part(side) for side in (block.first, block.second)]
-            known = [part for part in parts if part is not None]
-            return _linear(known[0] + known[1]) if len(known) == 2 else next(iter(known), None)
+            linear = [part for part in parts if part is not None]
+            return _linear(linear[0] + linear[1]) if len(linear) == 2 else next(iter(linear), None)
     return None
 
 
 def _linear(block: AbstractBlock) -> AbstractLinearBlock:
-    assert isinstance(block, AbstractLinearBlock)  # two linear laws joined are one
+    """The same block under its narrower type."""
+    assert isinstance(block, AbstractLinearBlock)  # linear blocks in series or parallel are linear
     return block
 
 
 def _inverse_play_sum(
     block: AmplitudeDependence | DriveMemory | Parallel, frequency: float
 ) -> Inversion | None:
-    """The inverse of plays beside a law, or beside the drive itself, where their slopes keep one
-    sign; exact where that law is a gain."""
+    """The inverse of plays in parallel with another block, or with the drive itself.
+
+    None where the slopes change sign; exact where the other block is a gain.  `frequency` [Hz]: at
+    which a dynamic block's gain is taken.
+    """
     if isinstance(block, AmplitudeDependence):
         radii = np.ravel(block.radii)
         weights = np.full(radii.size, 4 * float(block.alpha.value) / radii.size)
-        return _undone(1.0, weights, radii, True, float(block.exercised.value))
+        return _play_sum_inverse(1.0, weights, radii, True, float(block.exercised.value))
     if isinstance(block, DriveMemory):
         shares = np.asarray(block.shares.value)
-        return _undone(1 - float(shares.sum()), shares, np.asarray(block.radii), True)
+        return _play_sum_inverse(1 - float(shares.sum()), shares, np.asarray(block.radii), True)
     sides = (block.first, block.second)
     memory = next((side for side in sides if isinstance(side, MinorLoopMemory)), None)
-    beside = next((_linear_part(side) for side in sides if side is not memory), None)
-    if memory is None or beside is None:
+    parallel = next((_linear_part(side) for side in sides if side is not memory), None)
+    if memory is None or parallel is None:
         return None
-    gain = float(np.real(np.asarray(beside.symbol(jnp.array([2j * np.pi * frequency])))[0]))
+    gain = float(np.real(np.asarray(parallel.symbol(jnp.array([2j * np.pi * frequency])))[0]))
     exact = any(isinstance(side, QuasiStaticForce) for side in sides)
-    return _undone(gain, np.asarray(memory.weights.value), np.asarray(memory.radii), exact)
+    weights = np.asarray(memory.weights.value)
+    return _play_sum_inverse(gain, weights, np.asarray(memory.radii), exact)
 
 
-def _undone(
+def _play_sum_inverse(
     first: float, weights: np.ndarray, radii: np.ndarray, exact: bool, exercised: float = 0.0
 ) -> Inversion | None:
-    """The inverse of first · u + Σ w_i play(u, r_i)."""
+    """The inverse of first · u + Σ w_i play(u, r_i); None where its slopes change sign.
+
+    `first`, `weights` (R,) [response/drive], `radii` (R,) [drive].
+    """
     slopes = first + np.concatenate([[0.0], np.cumsum(weights)])
     if not (np.all(slopes > 0) or np.all(slopes < 0)):
         return None
     steps = np.diff(radii, prepend=0.0)
-    reached = np.cumsum(np.abs(slopes[:-1]) * steps)
-    plays = InversePlaySum(1 / first, np.diff(1 / slopes), reached, exercised)
+    inverse_radii = np.cumsum(np.abs(slopes[:-1]) * steps)
+    plays = InversePlaySum(1 / first, np.diff(1 / slopes), inverse_radii, exercised)
     return Inversion(plays, exact)
 
 
 def without_disturbances(block: AbstractBlock) -> tuple[AbstractBlock | None, tuple[str, ...]]:
-    """The block without what came from the recorded run and not from its drive, and what that was.
+    """The block without its disturbances of the recorded run, and their class names.
 
-    A thermal drift or a mains line will stand elsewhere in the next run; None where nothing is
-    left.
+    A thermal drift or a mains line does not depend on the drive and will have another phase in the
+    next run.  The block is None where nothing that responds to the drive remains.
     """
     if isinstance(block, ThermalDrift | MainsInterference):
         return None, (type(block).__name__,)
@@ -171,8 +183,8 @@ def without_disturbances(block: AbstractBlock) -> tuple[AbstractBlock | None, tu
         return block, ()
     (first, named), (second, others) = map(without_disturbances, (block.first, block.second))
     if isinstance(block, Series):
-        # A law after a disturbance alone has no drive left.
-        left = None if first is None or second is None else first >> second
+        # A block in series with a disturbance alone does not respond to the drive.
+        remaining = None if first is None or second is None else first >> second
     else:
-        left = second if first is None else first if second is None else first + second
-    return left, (*named, *others)
+        remaining = second if first is None else first if second is None else first + second
+    return remaining, (*named, *others)

@@ -14,8 +14,8 @@ from .._operators import Grid, History
 class Plant(eqx.Module):
     """The response (N,) of a block to drive samples (N,) `step` [s] apart, plus an offset.
 
-    Between samples the drive goes on a grid `oversampling` times finer, straight or, where
-    `smooth`, on the cubic through the four samples around: both are linear in the samples.
+    The drive is interpolated on a grid `oversampling` times finer: by straight lines or, if
+    `smooth`, by the cubic through the four nearest samples.  Both are linear in the samples.
     """
 
     block: AbstractBlock
@@ -26,13 +26,16 @@ class Plant(eqx.Module):
     smooth: bool = eqx.field(static=True)
 
     def __call__(self, drive: Array) -> Array:
-        fine = between(drive, self.oversampling, self.smooth, self.history)
+        fine = upsample(drive, self.oversampling, self.smooth, self.history)
         grid = Grid(self.step / self.oversampling, self.history)
         return self.block(fine, grid)[:: self.oversampling] + self.offset
 
 
-def between(drive: Array, oversampling: int, smooth: bool, history: History) -> Array:
-    """Samples (N,) on the finer grid: ((N-1)·oversampling + 1,), or N·oversampling if periodic."""
+def upsample(drive: Array, oversampling: int, smooth: bool, history: History) -> Array:
+    """The drive (N,) interpolated on a finer grid, in the drive's unit.
+
+    The result has shape ((N-1)·oversampling + 1,), or (N·oversampling,) with periodic history.
+    """
     if oversampling == 1:
         return drive
     if history == "periodic":

@@ -1,4 +1,4 @@
-"""The compensation as plain data, saved and loaded without loss."""
+"""The result of a compensation: saved as plain data and loaded without loss."""
 
 from __future__ import annotations
 
@@ -17,6 +17,7 @@ from ._unbounded import TOLERANCE
 SCHEMA = "fracjax.compensation/1"
 JSON = "compensation.json"
 _MISSED = 1e-3
+"""A predicted error above this share of the stroke counts as missed; chosen by judgement."""
 _SIGNALS = ("desired", "drive", "predicted")
 
 Verdict = Literal["followed", "limited", "approximate"]
@@ -24,10 +25,13 @@ Verdict = Literal["followed", "limited", "approximate"]
 
 @dataclass(frozen=True)
 class Stretch:
-    """From `start` to `stop` [s]: a limit that binds, or the trajectory missed by up to `largest`.
+    """A stretch of time in which a limit binds or the response misses the trajectory.
 
-    `kind`: "lower limit", "upper limit", "slew limit" or "missed"; `largest` [drive, drive/s or
-    response] is the limit, or the largest predicted error.
+    Attributes:
+        kind: "lower limit", "upper limit", "slew limit" or "missed".
+        start: Its beginning [s].
+        stop: Its end [s].
+        largest: The limit [drive or drive/s], or the largest predicted error [response].
     """
 
     kind: str
@@ -38,12 +42,29 @@ class Stretch:
 
 @dataclass(frozen=True, eq=False)
 class Compensation:
-    """A drive (N,), the response that the model predicts for it (N,), and how near that comes.
+    """A drive (N,), the response (N,) that the model predicts for it, and its error.
 
-    `desired`, `predicted` and `band` (2, N), the central 95 % over draws of the parameters, are in
-    the response's unit, the second of `units`; `limits` and `slew` in the drive's, the first, and
-    that per second.  `numerics`: what halving the grid changes of the prediction, as a share of
-    the stroke.  `left_out`: what of the model belonged to the recorded run alone.
+    Attributes:
+        model: Name of the model.
+        source: Name of the trajectory, such as its file.
+        dt: The time step [s].
+        units: Units of drive and response.
+        history: What the drive did before the first sample: "rest", "constant" or "periodic".
+        offset: What the sensor reads where the model's response is zero [response].
+        limits: Lowest and highest drive [drive]; None without limits.
+        slew: Fastest change of the drive [drive/s]; None without a limit.
+        regularisation: The time τ below which detail of the drive was damped [s]; 0 for none.
+        left_out: Names of the blocks left out because they belong to the recorded run alone.
+        desired: The desired response (N,) [response].
+        drive: The drive (N,) [drive].
+        predicted: The response that the model predicts for this drive (N,) [response].
+        band: Central 95 % of the predicted response over draws of the parameters (2, N) [response];
+            None without draws.
+        method: Name of the method that determined the drive.
+        iterations: Number of its iterations.
+        converged: Whether the method converged.
+        numerics: Largest change of the prediction when the grid's step is halved, as a share of the
+            stroke.
     """
 
     model: str
@@ -67,53 +88,57 @@ class Compensation:
 
     @property
     def times(self) -> np.ndarray:
-        """Sample times from 0, shape (N,) [s]."""
+        """Sample times (N,) from 0 [s]."""
         return self.dt * np.arange(len(self.drive))
 
     @property
     def stroke(self) -> float:
-        """Peak to peak of the desired response."""
+        """Peak-to-peak value of the desired response [response]."""
         return float(np.ptp(self.desired))
 
     @property
     def error(self) -> np.ndarray:
-        """Predicted minus desired (N,), in the response's unit."""
+        """Predicted minus desired response (N,) [response]."""
         return self.predicted - self.desired
 
     @property
     def max_error(self) -> float:
+        """The largest absolute error [response]."""
         return float(np.abs(self.error).max())
 
     @property
     def rms_error(self) -> float:
+        """The root mean square error [response]."""
         return float(np.sqrt(np.mean(self.error**2)))
 
     @property
     def max_error_of_band(self) -> float | None:
-        """The largest error anywhere within the band; None where there is no band."""
+        """The largest error anywhere within the band [response]; None without a band."""
         return None if self.band is None else float(np.abs(self.band - self.desired).max())
 
     @property
     def binding(self) -> tuple[Stretch, ...]:
-        """Where the drive rests on a limit, in time's order."""
+        """The stretches in which the drive is at a limit, in order of time."""
+        # A drive this near to a limit counts as being at it; chosen by judgement.
         slack = 1e-6 * float(np.ptp(self.drive))
-        found = []
+        stretches = []
         if self.limits is not None:
             low, high = self.limits
-            found += self._stretches("lower limit", self.drive <= low + slack, low)
-            found += self._stretches("upper limit", self.drive >= high - slack, high)
+            stretches += self._stretches("lower limit", self.drive <= low + slack, low)
+            stretches += self._stretches("upper limit", self.drive >= high - slack, high)
         if self.slew is not None:
             change = np.abs(np.diff(self.drive, prepend=self.drive[0]))
             bound = change >= self.slew * self.dt * (1 - 1e-6)
-            found += self._stretches("slew limit", bound, self.slew)
-        return tuple(sorted(found, key=lambda stretch: stretch.start))
+            stretches += self._stretches("slew limit", bound, self.slew)
+        return tuple(sorted(stretches, key=lambda stretch: stretch.start))
 
     @property
     def missed(self) -> tuple[Stretch, ...]:
-        """Where the predicted error exceeds 0.1 % of the stroke."""
+        """The stretches in which the predicted error exceeds 0.1 % of the stroke."""
         return tuple(self._stretches("missed", np.abs(self.error) > _MISSED * self.stroke, None))
 
     def _stretches(self, kind: str, mask: np.ndarray, level: float | None) -> list[Stretch]:
+        """The stretches where a mask (N,) holds, with the limit's level or the largest error."""
         return [
             Stretch(
                 kind,
@@ -126,13 +151,20 @@ class Compensation:
 
     @property
     def verdict(self) -> Verdict:
-        """followed to 1e-6 of the stroke, limited by the drive's limits, or approximate."""
+        """Whether the trajectory is followed to 1e-6 of the stroke.
+
+        "followed", or else "limited" if a limit of the drive binds, or else "approximate".
+        """
         if self.max_error <= TOLERANCE * self.stroke:
             return "followed"
         return "limited" if self.binding else "approximate"
 
     def to_dict(self) -> dict[str, Any]:
-        """Plain data, as in compensation.json."""
+        """The compensation as plain data, as in compensation.json.
+
+        Returns:
+            The content by key; signals as lists of numbers in the units under "units".
+        """
         return {
             "schema": SCHEMA,
             "model": self.model,
@@ -166,7 +198,14 @@ class Compensation:
         }
 
     def write_drive(self, path: str | Path) -> None:
-        """Write time, drive and desired response as a recording, in the format the suffix tells."""
+        """Write time [s], drive and desired response as a recording.
+
+        Args:
+            path: The file; its suffix sets the format, as in `fracjax.write`.
+
+        Raises:
+            InputError: When the suffix is unknown.
+        """
         columns = {
             "time_s": self.times,
             column_name("drive", self.units[0]): self.drive,
@@ -175,34 +214,48 @@ class Compensation:
         write(path, columns)
 
     def save(self, path: str | Path) -> None:
-        """Write compensation.json; `load_compensation` reads it back."""
+        """Write the compensation as JSON, which `load_compensation` reads.
+
+        Args:
+            path: The file, usually compensation.json.
+        """
         Path(path).write_text(json.dumps(self.to_dict(), indent=1) + "\n", encoding="utf-8")
 
 
 def load_compensation(path: str | Path) -> Compensation:
-    """The compensation from a compensation.json.  Raises InputError where the file is none."""
+    """The compensation that was saved in a file.
+
+    Args:
+        path: A file written by `Compensation.save`, usually compensation.json.
+
+    Returns:
+        The compensation, as it was saved.
+
+    Raises:
+        InputError: When there is no such file or it holds no compensation.
+    """
     try:
-        told = json.loads(Path(path).read_text(encoding="utf-8"))
-        if told["schema"] != SCHEMA:
-            raise KeyError(told["schema"])
-        signals = {name: np.asarray(told["signals"][name]) for name in _SIGNALS}
-        band, limits = told["signals"]["band"], told["limits"]
+        content = json.loads(Path(path).read_text(encoding="utf-8"))
+        if content["schema"] != SCHEMA:
+            raise KeyError(content["schema"])
+        signals = {name: np.asarray(content["signals"][name]) for name in _SIGNALS}
+        band, limits = content["signals"]["band"], content["limits"]
         return Compensation(
-            model=told["model"],
-            source=told["trajectory"],
-            dt=told["step_s"],
-            units=(told["units"]["drive"], told["units"]["response"]),
-            history=told["history"],
-            offset=told["offset"],
+            model=content["model"],
+            source=content["trajectory"],
+            dt=content["step_s"],
+            units=(content["units"]["drive"], content["units"]["response"]),
+            history=content["history"],
+            offset=content["offset"],
             limits=None if limits is None else (limits[0], limits[1]),
-            slew=told["slew_per_s"],
-            regularisation=told["regularisation_s"],
-            left_out=tuple(told["left_out"]),
+            slew=content["slew_per_s"],
+            regularisation=content["regularisation_s"],
+            left_out=tuple(content["left_out"]),
             band=None if band is None else np.asarray(band),
-            method=told["method"],
-            iterations=told["iterations"],
-            converged=told["converged"],
-            numerics=told["numerics"],
+            method=content["method"],
+            iterations=content["iterations"],
+            converged=content["converged"],
+            numerics=content["numerics"],
             **signals,
         )
     except FileNotFoundError:

@@ -1,11 +1,11 @@
-r"""Rational laws as state spaces, and the Laplace variable whose powers they are.
+r"""Rational transfer functions as state spaces, and the Laplace variable s that they are made of.
 
     ẋ = A x + b u,   y = c x + d u,     G(s) = c (s - A)^-1 b + d
 
-Sums, products and reciprocals of such laws are such laws again, without a polynomial ever being
-formed.  A fractional power is Oustaloup's filter on a band [ω_b, ω_h]; a whole power n > 0 is
-n differentiators s/(1 + s/p) with poles p beyond ω_h.  A block's symbol, called with `Variable`,
-so becomes the rational law that stands for it.
+Sums, products and reciprocals of such systems are such systems again, and no polynomial is formed.
+A fractional power of s is Oustaloup's filter on a band [ω_b, ω_h]; an integer power n > 0 is a
+product of n differentiators s/(1 + s/p) with poles p beyond ω_h.  A block's symbol, called with a
+`Variable`, thus becomes the block's rational transfer function.
 """
 
 from __future__ import annotations
@@ -27,15 +27,19 @@ from .._operators import oustaloup
 from .._recording import InputError
 
 _PAIRS_PER_DECADE = 3
-_APART = 1.07
-_REACH, _FURTHER = 10.0, 1.5
+"""Poles, each with a zero, per decade of Oustaloup's filter; chosen by judgement."""
+_WIDENING = 1.07
+"""Each further filter's band is wider by this factor, so that no two share a pole; by judgement."""
+_REACH, _SPACING = 10.0, 1.5
+"""A differentiator's pole lies at this factor beyond the band, and each further one at this factor
+beyond the last; chosen by judgement."""
 
 
 class Band:
-    """Angular frequencies [rad/s] between which powers of s are followed.
+    """Angular frequencies [rad/s] between which powers of s are approximated.
 
-    No two filters of one band share a pole, for which partial fractions would have no place: each
-    power's band is a little wider than the last one's.
+    The band of each power is a little wider than that of the last one, so that no two filters share
+    a pole: partial fractions with simple poles have no term for a double one.
     """
 
     def __init__(self, low: float, high: float):
@@ -43,25 +47,25 @@ class Band:
         self._turns = count()
 
     def power(self, order: float) -> System:
-        """s^order."""
+        """The system of s^order, for any order above -1."""
         whole = int(order)
         if whole < 0:
-            raise _unknown("a power of s below -1")
-        law = System.constant(1.0)
+            raise _unsupported("a power of s below -1")
+        system = System.constant(1.0)
         if order != whole:
-            wider = _APART ** next(self._turns)
+            wider = _WIDENING ** next(self._turns)
             number = int(np.ceil(_PAIRS_PER_DECADE * np.log10(self.high / self.low) / 2))
             edges = self.low / wider, self.high * wider
             filtered = oustaloup(order - whole, *edges, number)
-            law = System.parallel(-filtered.poles, filtered.residues(), filtered.gain)
+            system = System.parallel(-filtered.poles, filtered.residues(), filtered.gain)
         for _ in range(whole):
-            pole = _REACH * self.high * _FURTHER ** next(self._turns)
-            law = law * System.parallel(np.array([-pole]), np.array([-(pole**2)]), pole)
-        return law
+            pole = _REACH * self.high * _SPACING ** next(self._turns)
+            system = system * System.parallel(np.array([-pole]), np.array([-(pole**2)]), pole)
+        return system
 
 
 class System:
-    """A rational law: A (n, n), b (n,), c (n,) and d."""
+    """A rational transfer function c (s - A)^-1 b + d: A (n, n) [1/s], b (n,), c (n,) and d."""
 
     __array_ufunc__ = None  # NumPy leaves `array * system` to this class
 
@@ -70,20 +74,22 @@ class System:
 
     @classmethod
     def constant(cls, gain: float) -> System:
+        """A gain, without states."""
         return cls(np.zeros((0, 0)), np.zeros(0), np.zeros(0), gain)
 
     @classmethod
     def parallel(cls, poles: np.ndarray, residues: np.ndarray, direct: float) -> System:
         """direct + Σ residues/(s - poles)."""
-        # Both ways in and out alike, for the sake of the eigenvalues.
+        # b and c have equal sizes, which keeps the eigenvalues of products well conditioned.
         root = np.sqrt(np.abs(residues))
         return cls(np.diag(poles), root, np.sign(residues) * root, direct)
 
     def reciprocal(self) -> System:
+        """The system of 1/G(s), for d ≠ 0."""
         gain = 1 / self.d
         return System(self.a - gain * np.outer(self.b, self.c), gain * self.b, -gain * self.c, gain)
 
-    def __add__(self, other: Law) -> System:
+    def __add__(self, other: Term) -> System:
         two = as_system(other)
         return System(
             _corner(self.a, two.a, np.zeros((self.b.size, two.b.size))),
@@ -92,7 +98,7 @@ class System:
             self.d + two.d,
         )
 
-    def __mul__(self, other: Law) -> System:
+    def __mul__(self, other: Term) -> System:
         two = as_system(other)
         return System(
             _corner(self.a, two.a, np.outer(self.b, two.c)),
@@ -101,10 +107,10 @@ class System:
             self.d * two.d,
         )
 
-    def __truediv__(self, other: Law) -> System:
+    def __truediv__(self, other: Term) -> System:
         return self * as_system(other).reciprocal()
 
-    def __rtruediv__(self, other: Law) -> System:
+    def __rtruediv__(self, other: Term) -> System:
         return self.reciprocal() * other
 
     __radd__, __rmul__ = __add__, __mul__
@@ -121,7 +127,7 @@ class System:
 
 
 class Variable:
-    """gain · s^order, until it must become a system on its band."""
+    """gain · s^order, a power of s that becomes a system on its band where it is added."""
 
     __array_ufunc__ = None
 
@@ -129,6 +135,7 @@ class Variable:
         self.band, self.order, self.gain = band, order, gain
 
     def system(self) -> System:
+        """The power of s as a system on the band."""
         return self.band.power(self.order) * self.gain
 
     def __pow__(self, exponent: float) -> Variable:
@@ -138,14 +145,14 @@ class Variable:
     def __neg__(self) -> Variable:
         return Variable(self.band, self.order, -self.gain)
 
-    def __mul__(self, other: Law) -> Variable | System:
+    def __mul__(self, other: Term) -> Variable | System:
         if isinstance(other, Variable):
             return Variable(self.band, self.order + other.order, self.gain * other.gain)
         if isinstance(other, System):
             return self.system() * other
         return Variable(self.band, self.order, self.gain * float(other))
 
-    def __truediv__(self, other: Law) -> Variable | System:
+    def __truediv__(self, other: Term) -> Variable | System:
         if isinstance(other, System):
             return self.system() / other
         return self * (other**-1 if isinstance(other, Variable) else 1 / float(other))
@@ -153,30 +160,31 @@ class Variable:
     def __rtruediv__(self, other: float) -> Variable | System:
         return self**-1 * other
 
-    def __add__(self, other: Law) -> System:
+    def __add__(self, other: Term) -> System:
         return self.system() + other
 
     __radd__, __rmul__ = __add__, __mul__
 
 
-Law = System | Variable | float
+Term = System | Variable | float
 
 
-def as_system(law: Law) -> System:
+def as_system(term: Term) -> System:
     """A system, a power of s or a number as a system."""
-    if isinstance(law, System):
-        return law
-    return law.system() if isinstance(law, Variable) else System.constant(float(law))
+    if isinstance(term, System):
+        return term
+    return term.system() if isinstance(term, Variable) else System.constant(float(term))
 
 
 def _corner(one: np.ndarray, two: np.ndarray, joint: np.ndarray) -> np.ndarray:
+    """The block matrix [[one, joint], [0, two]]."""
     return np.block([[one, joint], [np.zeros((len(two), len(one))), two]])
 
 
 def rational(block: AbstractLinearBlock, band: Band) -> System:
-    """The rational law that stands for a block on a band.
+    """The rational transfer function that approximates a block on a band.
 
-    Raises InputError for a law that is no arithmetic of powers of s.
+    Raises InputError when the block's transfer function is not made of powers of s.
     """
     match block:
         case LinearSeries():
@@ -188,19 +196,20 @@ def rational(block: AbstractLinearBlock, band: Band) -> System:
         case QuasiStaticForce():
             return System.constant(float(block.stiffness.value))
         case LogarithmicCreep():
-            # It is a sum of relaxations as it stands.
+            # It is defined as a sum of relaxations, which are its partial fractions.
             poles, share = _NODES / block.onset.value, block.gamma.value / np.log(10)
             return System.parallel(-poles, share * _WEIGHTS / block.onset.value, 1.0)
     try:
         return as_system(block.symbol(Variable(band)))  # type: ignore[arg-type]
     except TypeError:
-        raise _unknown(type(block).__name__) from None
+        raise _unsupported(type(block).__name__) from None
 
 
-def _unknown(found: str) -> InputError:
+def _unsupported(actual: str) -> InputError:
+    """The error for a block that has no rational transfer function."""
     return InputError.at(
         "streaming inverse",
-        "a law made of sums, products and powers of s above -1",
-        found,
-        "compensate off line",
+        "a model made of sums, products and powers of s above -1",
+        actual,
+        "use compensate instead",
     )

@@ -1,4 +1,4 @@
-"""The motion that is wanted, validated once at the border."""
+"""The desired motion, validated when it is made."""
 
 from __future__ import annotations
 
@@ -13,11 +13,15 @@ from .._recording import LARGEST, InputError, parse_quantity, unit, varying
 class Trajectory:
     """Uniform samples of a desired response.
 
-    **Arguments:** `response`, shape (N,), in `response_unit`; `dt`, the step [s]; `source`, named
-    in messages.
+    Attributes:
+        response: The desired response (N,) [response_unit].
+        dt: The time step [s].
+        response_unit: Unit of the response.
+        source: Name of the trajectory in messages, such as its file.
 
-    **Raises:** `InputError` unless it is finite, one-dimensional, at least 32 samples long and not
-    constant, `dt` is positive and the unit is known.
+    Raises:
+        InputError: When the response is not finite, not one-dimensional, shorter than 32 samples or
+            constant, the step is not positive, or the unit is unknown.
     """
 
     response: np.ndarray
@@ -40,5 +44,5 @@ class Trajectory:
 
     @property
     def stroke(self) -> float:
-        """Peak to peak of the desired response, in its unit."""
+        """Peak-to-peak value of the desired response [response_unit]."""
         return float(np.ptp(self.response))

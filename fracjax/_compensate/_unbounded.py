@@ -1,4 +1,7 @@
-"""The drive without limits: fixed-point iteration, then Levenberg–Marquardt without a Jacobian."""
+"""The drive without limits: fixed-point iteration, then Levenberg–Marquardt.
+
+The Jacobian is never formed: LSMR needs only its products with vectors.
+"""
 
 from __future__ import annotations
 
@@ -18,16 +21,27 @@ from .._solve import Progress
 from ._plant import Plant
 
 TOLERANCE = 1e-6
-_ROUNDS, _SLOWEST = 30, 0.8
-_STEPS, _BATCHES, _LITTLE = 10, 8, 0.9
-# Each step is solved no further than it can be trusted.
+"""Largest error of a trajectory that counts as followed, as a share of the stroke; by judgement."""
+_FIXED_POINT_STEPS = 30
+"""Most steps of the fixed-point iteration; chosen by judgement."""
+_SLOWEST_CONTRACTION = 0.8
+"""The fixed-point iteration goes on while each step reduces the error to less than this share of
+the last one; chosen by judgement."""
+_STEPS, _BATCHES = 10, 8
+"""Steps of Levenberg–Marquardt per compiled call, and most calls; chosen by judgement."""
+_LITTLE = 0.9
+"""It ends when one call reduces the error to no less than this share; chosen by judgement."""
+# The linear problem of a step is solved only loosely, as the linearisation is not exact either.
 _SOLVER = optx.LevenbergMarquardt(
     rtol=1e-10, atol=1e-10, linear_solver=lx.LSMR(rtol=1e-4, atol=1e-12, max_steps=200)
 )
 
 
-class Reached(NamedTuple):
-    """A drive (N,) with its response (N,), how many times the model was asked, and the end."""
+class Solution(NamedTuple):
+    """A drive (N,), its response (N,), the number of iterations, whether they converged, and how.
+
+    Drive and response are in the model's units; `method` is its name as the report prints it.
+    """
 
     drive: np.ndarray
     response: np.ndarray
@@ -36,97 +50,111 @@ class Reached(NamedTuple):
     method: str
 
 
-class Inverted(eqx.Module):
-    """The plant after the block that nearly undoes it: from what is asked for to what comes.
+class InvertedPlant(eqx.Module):
+    """The plant in series after its approximate inverse: from a reference motion to the response.
 
-    Nearly the identity, and so as good as preconditioned for whatever solves for the motion (N,)
-    that must be asked for.
+    This is nearly the identity, so that the search for the reference (N,) [response] whose response
+    is the desired one is well conditioned.
     """
 
     plant: Plant
     inverse: AbstractBlock
 
-    def drive(self, asked: Array) -> Array:
+    def drive(self, reference: Array) -> Array:
+        """The drive (N,) of the approximate inverse for a reference motion (N,)."""
         grid = Grid(self.plant.step, self.plant.history)
-        return self.inverse(asked - self.plant.offset, grid)
+        return self.inverse(reference - self.plant.offset, grid)
 
-    def __call__(self, asked: Array) -> Array:
-        return self.plant(self.drive(asked))
+    def __call__(self, reference: Array) -> Array:
+        """The response (N,) to the drive for a reference motion (N,)."""
+        return self.plant(self.drive(reference))
 
 
 @compiled
 def respond(plant: Plant, drive: np.ndarray | Array) -> Array:
-    """The plant's response (N,)."""
+    """The plant's response (N,) [response] to a drive (N,) [drive]."""
     return plant(jnp.asarray(drive))
 
 
 @compiled
-def _ask(system: Inverted, asked: Array) -> tuple[Array, Array]:
-    drive = system.drive(asked)
+def _drive_and_response(system: InvertedPlant, reference: Array) -> tuple[Array, Array]:
+    """Drive (N,) and response (N,) for a reference motion (N,)."""
+    drive = system.drive(reference)
     return drive, system.plant(drive)
 
 
 @compiled
-def _improve(system: Inverted, asked: Array, desired: Array, stroke: Array) -> tuple:
-    """Some steps of Levenberg–Marquardt, everything in strokes; where it ended and whether done."""
+def _levenberg_marquardt(
+    system: InvertedPlant, reference: Array, desired: Array, stroke: Array
+) -> tuple[Array, Array, Array]:
+    """Some steps from a reference (N,): the new reference, the number of steps, whether converged.
 
-    def miss(scaled: Array, _: None) -> Array:
+    The problem is solved in strokes; `reference`, `desired` (N,) and `stroke` are in the response's
+    unit.
+    """
+
+    def error(scaled: Array, _: None) -> Array:
         return (system(scaled * stroke) - desired) / stroke
 
-    found = optx.least_squares(miss, _SOLVER, asked / stroke, max_steps=_STEPS, throw=False)
-    done = found.result == optx.RESULTS.successful
-    return found.value * stroke, found.stats["num_steps"], done
+    solution = optx.least_squares(error, _SOLVER, reference / stroke, max_steps=_STEPS, throw=False)
+    converged = solution.result == optx.RESULTS.successful
+    return solution.value * stroke, solution.stats["num_steps"], converged
 
 
-def follow(system: Inverted, desired: np.ndarray, stroke: float, progress: Progress) -> Reached:
-    """The drive whose response is `desired` (N,), to 1e-6 of the stroke, or nearest to it.
+def find_drive(
+    system: InvertedPlant, desired: np.ndarray, stroke: float, progress: Progress
+) -> Solution:
+    """The drive whose response is `desired` (N,) to 1e-6 of the stroke, or as near as possible.
 
-    Asking for what was missed once more, again and again, contracts while the inverse is near
-    enough.  Where it does not, Levenberg–Marquardt goes on from the best.
+    Each step of the fixed-point iteration adds the remaining error to the reference motion, which
+    contracts if the inverse is accurate enough.  If it does not contract, Levenberg–Marquardt goes
+    on from the best reference.  `desired` and `stroke` are in the response's unit.
     """
-    asked = best = jnp.asarray(desired)
+    reference = best = jnp.asarray(desired)
     least = last = np.inf
-    drive = response = asked
+    drive = response = reference
     iterations = 0
-    while iterations < _ROUNDS:
+    while iterations < _FIXED_POINT_STEPS:
         iterations += 1
-        drive, response = _ask(system, asked)
-        missed = jnp.asarray(desired) - response
-        error = float(jnp.abs(missed).max()) / stroke
+        drive, response = _drive_and_response(system, reference)
+        missing = jnp.asarray(desired) - response
+        error = float(jnp.abs(missing).max()) / stroke
         if error < least:
-            least, best = error, asked
+            least, best = error, reference
         if error <= TOLERANCE:
             method = "closed form" if iterations == 1 else "fixed point"
-            return Reached(np.asarray(drive), np.asarray(response), iterations, True, method)
-        if not error < _SLOWEST * last:
+            return Solution(np.asarray(drive), np.asarray(response), iterations, True, method)
+        if not error < _SLOWEST_CONTRACTION * last:
             break
-        last, asked = error, asked + missed
+        last, reference = error, reference + missing
     if least == np.inf:
-        return Reached(np.asarray(drive), np.asarray(response), iterations, False, "closed form")
+        return Solution(np.asarray(drive), np.asarray(response), iterations, False, "closed form")
     return _by_least_squares(system, best, jnp.asarray(desired), stroke, iterations, progress)
 
 
 def _by_least_squares(
-    system: Inverted,
-    asked: Array,
+    system: InvertedPlant,
+    reference: Array,
     desired: Array,
     stroke: float,
     iterations: int,
     progress: Progress,
-) -> Reached:
-    """Levenberg–Marquardt from a motion asked for (N,); done too where ten steps gain little."""
+) -> Solution:
+    """Levenberg–Marquardt from a reference (N,) until it converges or ten steps gain little."""
     before, done = np.inf, False
-    drive = response = asked
+    drive = response = reference
     for _ in range(_BATCHES):
         progress("inverting by Levenberg–Marquardt")
-        asked, steps, done = _improve(system, asked, desired, jnp.asarray(stroke))
+        reference, steps, done = _levenberg_marquardt(
+            system, reference, desired, jnp.asarray(stroke)
+        )
         iterations += int(steps)
-        drive, response = _ask(system, asked)
+        drive, response = _drive_and_response(system, reference)
         error = float(jnp.linalg.norm(response - desired))
-        reached = float(jnp.abs(response - desired).max()) <= TOLERANCE * stroke
-        done = bool(done) or reached or error > _LITTLE * before
+        accurate = float(jnp.abs(response - desired).max()) <= TOLERANCE * stroke
+        done = bool(done) or accurate or error > _LITTLE * before
         before = error
         if done:
             break
     method = "Levenberg–Marquardt"
-    return Reached(np.asarray(drive), np.asarray(response), iterations, done, method)
+    return Solution(np.asarray(drive), np.asarray(response), iterations, done, method)

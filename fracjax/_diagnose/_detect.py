@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 
 from .._blocks import EFFECTS
-from .._computing import side_by_side
+from .._computing import map_in_threads
 from .._solve import Progress, Solved
 from ._judgement import SIGNIFICANCE, freedom_of
 from ._locate import locate
@@ -70,4 +70,4 @@ def scored(stage: Stage, solved: Solved, residual: Residual) -> list[EffectScore
     scorer = Scorer(solved.blocks, stage.preparation.problems(), residual)
     setting = stage.preparation.setting
     others = [effect for name, effect in EFFECTS.items() if name not in stage.adopted]
-    return side_by_side(lambda effect: scorer.score(effect, setting), others)
+    return map_in_threads(lambda effect: scorer.score(effect, setting), others)

@@ -27,7 +27,7 @@ from jax.flatten_util import ravel_pytree
 from .._blocks import AbstractBlock, AbstractLinearBlock
 from .._computing import compiled, computing
 from .._fit import SCHEMA, Combination, Estimate, uncertainty_of
-from .._models import Model, understood
+from .._models import Model, as_model
 from .._parameters import named_parameters, set_values
 from .._prepare import Conditions, ModelOptions, apply_options, require_whole_number
 from .._recording import InputError, require_kind
@@ -206,7 +206,7 @@ def fit_frequency_response(
     Source: Pintelon & Schoukens, System Identification: A Frequency Domain Approach (2012)
     chapter 9.
     """
-    model = understood(model)
+    model = as_model(model)
     require_kind(table, FrequencyTable, "table", "make one by frequency_table(...)")
     starts, seed = require_whole_number(starts, "starts", 1), require_whole_number(seed, "seed", 0)
     with computing():

@@ -1,4 +1,4 @@
-"""Real recordings, which are no part of the package: where they are from, and where they lie."""
+"""Real recordings, which are not part of the package: their origin and their local copies."""
 
 from ._registry import RECORDINGS as RECORDINGS
 from ._registry import fetch_recording as fetch_recording

@@ -1,4 +1,4 @@
-"""Real recordings by name, from a local copy or from their origin, and nothing but their bytes."""
+"""Real recordings by name, from a local copy or their origin, verified by their SHA-256."""
 
 from __future__ import annotations
 
@@ -13,27 +13,32 @@ _ORIGIN = pooch.create(path=pooch.os_cache("fracjax"), base_url="")
 _ORIGIN.load_registry(Path(__file__).with_name("recordings.txt"))
 
 RECORDINGS: tuple[str, ...] = tuple(_ORIGIN.registry_files)
-"""The names that `fetch_recording` knows, such as "piezo_dbo/Model_Vi_Do.dat"."""
+"""The names that `fetch_recording` accepts, such as "piezo_dbo/Model_Vi_Do.dat"."""
 
 
 def fetch_recording(name: str) -> Path:
-    """The path of a real recording, whose bytes are those of the origin by their SHA-256.
+    """A local copy of a real recording, with the same bytes as at its origin (by SHA-256).
 
-    Where the environment variable FRACJAX_DATA names a folder, the recording is taken from there.
-    Otherwise it is fetched from its origin once and kept in the user's cache.  Columns and units
-    are told to `read`: the files are as their authors wrote them.
+    If the environment variable FRACJAX_DATA names a folder, the recording is taken from there.
+    Otherwise it is downloaded from its origin once and kept in the user's cache.  The files are as
+    their authors wrote them: pass the columns and units to `read`.
 
-    **Arguments:** `name`, one of `RECORDINGS`, such as "piezo_dbo/Model_Vi_Do.dat".
+    Args:
+        name: One of `RECORDINGS`, such as "piezo_dbo/Model_Vi_Do.dat".
 
-    **Raises:** `InputError` for an unknown name, for a file that is missing from the local copy or
-    is another, and where the origin cannot be reached.
+    Returns:
+        The path of the file.
+
+    Raises:
+        InputError: When the name is unknown, the file is missing from the local copy or has another
+            SHA-256, or the origin cannot be reached.
     """
     if name not in RECORDINGS:
         raise InputError.at(
             "recording", "a name of the registry", f'"{name}"', f"give one of {_listed()}"
         )
     folder = os.environ.get("FRACJAX_DATA")
-    return _local(name, Path(folder)) if folder else _fetched(name)
+    return _local(name, Path(folder)) if folder else _cached(name)
 
 
 def _local(name: str, folder: Path) -> Path:
@@ -44,32 +49,32 @@ def _local(name: str, folder: Path) -> Path:
             str(path),
             "a recording in the folder that FRACJAX_DATA names",
             "no such file",
-            f"copy it from {_ORIGIN.get_url(name)}, or unset FRACJAX_DATA to have it fetched",
+            f"copy it from {_ORIGIN.get_url(name)}, or unset FRACJAX_DATA to download it",
         )
-    known, found = _ORIGIN.registry[name], pooch.file_hash(str(path))
-    if found != known:
+    expected, actual = _ORIGIN.registry[name], pooch.file_hash(str(path))
+    if actual != expected:
         raise InputError.at(
             str(path),
-            f"a file of SHA-256 {known}",
-            found,
+            f"a file of SHA-256 {expected}",
+            actual,
             f"copy it again from {_ORIGIN.get_url(name)}",
         )
     return path
 
 
-def _fetched(name: str) -> Path:
-    """The recording in the user's cache, from its origin where it is not there yet."""
+def _cached(name: str) -> Path:
+    """The recording in the user's cache, downloaded from its origin on first use."""
     try:
         return Path(_ORIGIN.fetch(name))
     except OSError as error:
-        found = f"neither a copy in {_ORIGIN.path} nor a download ({type(error).__name__})"
+        reason = f"neither a copy in {_ORIGIN.path} nor a download ({type(error).__name__})"
         raise InputError.at(
             name,
             f"the recording from {_ORIGIN.get_url(name)}",
-            found,
+            reason,
             "go online, or name a local copy of the recordings' folders in FRACJAX_DATA",
         ) from None
-    except ValueError:  # pooch's word for another SHA-256
+    except ValueError:  # pooch's error for another SHA-256
         raise InputError.at(
             name,
             f"a download of SHA-256 {_ORIGIN.registry[name]}",
@@ -79,7 +84,7 @@ def _fetched(name: str) -> Path:
 
 
 def _listed() -> str:
-    """All names, the folder said once: piezo_dbo/Model_Vi_Do.dat, Test_Vi_Do_Di.dat; …"""
+    """All names, grouped by folder: piezo_dbo/Model_Vi_Do.dat, Test_Vi_Do_Di.dat; …"""
     files: dict[str, list[str]] = {}
     for name in RECORDINGS:
         folder, _, file = name.partition("/")

@@ -1,11 +1,11 @@
 """The report: one self-contained HTML file."""
 
 from ._compensation_page import compensation_figures as compensation_figures
-from ._compensation_page import sentence_of as sentence_of
-from ._compensation_page import warnings_of as warnings_of
+from ._compensation_page import compensation_sentence as compensation_sentence
+from ._compensation_page import compensation_warnings as compensation_warnings
 from ._description import describe as describe
 from ._effect_picture import draw_effect as draw_effect
-from ._posterior_page import cells as cells
+from ._posterior_page import posterior_row as posterior_row
 from ._report import write_report as write_report
 from ._text import crosscheck_figures as crosscheck_figures
 from ._text import crosscheck_sentence as crosscheck_sentence

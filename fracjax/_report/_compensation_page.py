@@ -1,4 +1,4 @@
-"""What the page of a compensation holds, and what the terminal says of it."""
+"""The report of a compensation, and its summary on the terminal."""
 
 from __future__ import annotations
 
@@ -19,152 +19,168 @@ _BADGES = {
     "approximate": "followed approximately",
 }
 _COARSE = 1e-3
+"""A larger discretisation error, as a share of the stroke, is warned of; chosen by judgement."""
 
 
-def of_compensation(found: Compensation) -> dict[str, Any]:
+def compensation_content(compensation: Compensation) -> dict[str, Any]:
     """The template's content."""
-    _, rows = compensation_figures(found)
+    _, rows = compensation_figures(compensation)
     return {
-        "title": f"Compensation along {Path(found.source).name}",
-        "sentence": sentence_of(found),
-        "badge": _BADGES[found.verdict] if found.converged else "not converged",
-        "verdict": "none" if found.verdict == "followed" else "unexplained",
+        "title": f"Compensation along {Path(compensation.source).name}",
+        "sentence": compensation_sentence(compensation),
+        "badge": _BADGES[compensation.verdict] if compensation.converged else "not converged",
+        "verdict": "none" if compensation.verdict == "followed" else "unexplained",
         "rows": rows,
-        "warnings": warnings_of(found),
-        "stretches": [_told(stretch, found) for stretch in (*found.missed, *found.binding)],
-        "motion": _motion(found),
-        "drive": _drive(found),
-        "error": _error(found),
-        "downloads": [download("compensation.json", found.to_dict())],
+        "warnings": compensation_warnings(compensation),
+        "stretches": [
+            _stretch_row(stretch, compensation)
+            for stretch in (*compensation.missed, *compensation.binding)
+        ],
+        "motion": _motion(compensation),
+        "drive": _drive(compensation),
+        "error": _error(compensation),
+        "downloads": [download("compensation.json", compensation.to_dict())],
     }
 
 
-def sentence_of(found: Compensation) -> str:
-    """How near the predicted response comes, and where it does not."""
-    drive, unit = found.units
-    name, share = Path(found.source).name, figure(100 * found.max_error / found.stroke)
-    error = f"{quantity(found.max_error, unit)} at most ({share} % of the stroke)"
-    used = f"{figure(found.drive.min(), 4)} to {quantity(found.drive.max(), drive)}"
-    if found.verdict == "followed":
+def compensation_sentence(compensation: Compensation) -> str:
+    """The largest predicted error, and where the response misses the trajectory."""
+    model, (drive, unit) = compensation.model, compensation.units
+    name = Path(compensation.source).name
+    share = figure(100 * compensation.max_error / compensation.stroke)
+    error = f"{quantity(compensation.max_error, unit)} at most ({share} % of the stroke)"
+    used = f"{figure(compensation.drive.min(), 4)} to {quantity(compensation.drive.max(), drive)}"
+    if compensation.verdict == "followed":
+        return f"{model} follows {name} with a predicted error of {error}; the drive is {used}."
+    if not compensation.missed:
         return (
-            f"{found.model} follows {name} with a predicted error of {error}, driven from {used}."
+            f"{model} follows {name} with a predicted error of {error}; the drive is {used}, and "
+            "no better drive was found."
         )
-    if not found.missed:
-        return (
-            f"{found.model} follows {name} to a predicted error of {error}, driven by {used}; "
-            "no drive found comes nearer."
-        )
-    time = sum(stretch.stop - stretch.start for stretch in found.missed)
-    worst = found.times[np.argmax(np.abs(found.error))]
-    why = f" within {_limits(found)}" if found.verdict == "limited" else ""
+    time = sum(stretch.stop - stretch.start for stretch in compensation.missed)
+    worst = compensation.times[np.argmax(np.abs(compensation.error))]
+    why = f" within {_limits(compensation)}" if compensation.verdict == "limited" else ""
     return (
-        f"{found.model} cannot follow {name}{why}: the best drive found misses it by {error}, at "
-        f"{figure(worst)} s, and by more than 0.1 % for {figure(time)} s in all."
+        f"{model} cannot follow {name}{why}: with the best drive, the predicted error is {error} "
+        f"at {figure(worst)} s, and exceeds 0.1 % of the stroke for {figure(time)} s in total."
     )
 
 
-def _limits(found: Compensation) -> str:
-    unit, told = found.units[0], []
-    if found.limits is not None:
-        told.append(f"{figure(found.limits[0])} to {quantity(found.limits[1], unit)}")
-    if found.slew is not None:
-        told.append(quantity(found.slew, f"{unit}/s"))
-    return " and ".join(told)
+def _limits(compensation: Compensation) -> str:
+    """The limits of drive and slew rate in words."""
+    unit, limits = compensation.units[0], []
+    if compensation.limits is not None:
+        limits.append(
+            f"{figure(compensation.limits[0])} to {quantity(compensation.limits[1], unit)}"
+        )
+    if compensation.slew is not None:
+        limits.append(quantity(compensation.slew, f"{unit}/s"))
+    return " and ".join(limits)
 
 
-def compensation_figures(found: Compensation) -> tuple[list[str], list[list[str]]]:
-    """No heads, and rows of the table of key figures."""
-    unit = found.units[1]
+def compensation_figures(compensation: Compensation) -> tuple[list[str], list[list[str]]]:
+    """The table of key figures: no headers, and its rows."""
+    unit = compensation.units[1]
 
     def error(value: float) -> str:
-        return f"{quantity(value, unit)}, {figure(100 * value / found.stroke)} % of the stroke"
+        return (
+            f"{quantity(value, unit)}, {figure(100 * value / compensation.stroke)} % of the stroke"
+        )
 
     rows = [
-        ["largest predicted error", error(found.max_error)],
-        ["rms predicted error", error(found.rms_error)],
-        ["discretisation", f"{figure(100 * found.numerics)} % of the stroke"],
-        ["found by", f"{found.method}, {found.iterations} iterations"],
-        ["limits", _limits(found) or "none"],
+        ["largest predicted error", error(compensation.max_error)],
+        ["rms predicted error", error(compensation.rms_error)],
+        ["discretisation", f"{figure(100 * compensation.numerics)} % of the stroke"],
+        ["method", f"{compensation.method}, {compensation.iterations} iterations"],
+        ["limits", _limits(compensation) or "none"],
     ]
-    if found.offset:
-        rows.append(["model's zero", f"sensor at {quantity(found.offset, unit)}"])
-    if found.band is not None:
-        width = float(np.max(found.band[1] - found.band[0]))
+    if compensation.offset:
+        rows.append(["model's zero", f"sensor at {quantity(compensation.offset, unit)}"])
+    if compensation.band is not None:
+        width = float(np.max(compensation.band[1] - compensation.band[0]))
         rows.append(["95 % band of the parameters", f"{quantity(width, unit)} wide at most"])
-    if found.max_error_of_band is not None:
-        rows.append(["largest error within the band", error(found.max_error_of_band)])
+    if compensation.max_error_of_band is not None:
+        rows.append(["largest error within the band", error(compensation.max_error_of_band)])
     return [], rows
 
 
-def warnings_of(found: Compensation) -> list[str]:
-    """What to mind."""
-    noted = []
-    if not found.converged:
-        noted.append("The inversion did not converge: this is the best drive it reached.")
-    if found.left_out:
-        noted.append(
-            f"{' and '.join(found.left_out)} belonged to the recorded run and were left out: they "
-            "will stand elsewhere in the next."
+def compensation_warnings(compensation: Compensation) -> list[str]:
+    """Warnings about convergence, blocks left out, and discretisation."""
+    warnings = []
+    if not compensation.converged:
+        warnings.append("The inversion did not converge: this is the best drive that it reached.")
+    if compensation.left_out:
+        warnings.append(
+            f"{' and '.join(compensation.left_out)} belonged to the recorded run and were left "
+            "out: their phase will differ in the next run."
         )
-    if found.numerics > _COARSE:
-        noted.append(
-            f"Halving the grid changes the prediction by {figure(100 * found.numerics)} % of the "
-            "stroke: give the trajectory more samples."
+    if compensation.numerics > _COARSE:
+        warnings.append(
+            "Halving the grid's step changes the prediction by "
+            f"{figure(100 * compensation.numerics)} % of the stroke: give the trajectory more "
+            "samples."
         )
-    return noted
+    return warnings
 
 
-def _told(stretch: Stretch, found: Compensation) -> dict[str, str]:
-    unit = {"missed": found.units[1], "slew limit": f"{found.units[0]}/s"}
+def _stretch_row(stretch: Stretch, compensation: Compensation) -> dict[str, str]:
+    """A stretch as a row of the table."""
+    unit = {"missed": compensation.units[1], "slew limit": f"{compensation.units[0]}/s"}
     return {
         "kind": stretch.kind,
         "start": f"{stretch.start:.6g}",
         "stop": f"{stretch.stop:.6g}",
-        "value": quantity(stretch.largest, unit.get(stretch.kind, found.units[0])),
+        "value": quantity(stretch.largest, unit.get(stretch.kind, compensation.units[0])),
     }
 
 
 @mpl.rc_context(_STYLE)
-def _motion(found: Compensation) -> Markup:
+def _motion(compensation: Compensation) -> Markup:
     """Desired and predicted response over time."""
     drawing, axes = _canvas(3.4)
-    panel, times = axes[0, 0], found.times
-    if found.band is not None:
-        panel.fill_between(times, *found.band, color=_BAND, lw=0, rasterized=True)
-    panel.plot(*_thinned(times, found.desired), color=MEASURED, lw=2.4, alpha=0.5, label="desired")
-    panel.plot(*_thinned(times, found.predicted), color=COLOURS[1], label="predicted")
-    panel.set(xlabel="time [s]", ylabel=f"response [{pretty_unit(found.units[1])}]")
+    panel, times = axes[0, 0], compensation.times
+    if compensation.band is not None:
+        panel.fill_between(times, *compensation.band, color=_BAND, lw=0, rasterized=True)
+    panel.plot(
+        *_thinned(times, compensation.desired), color=MEASURED, lw=2.4, alpha=0.5, label="desired"
+    )
+    panel.plot(*_thinned(times, compensation.predicted), color=COLOURS[1], label="predicted")
+    panel.set(xlabel="time [s]", ylabel=f"response [{pretty_unit(compensation.units[1])}]")
     panel.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0)
     return _svg(drawing)
 
 
 @mpl.rc_context(_STYLE)
-def _drive(found: Compensation) -> Markup:
-    """The drive over time between its limits, and over the response."""
+def _drive(compensation: Compensation) -> Markup:
+    """The drive over time with its limits, and over the response."""
     drawing, axes = _canvas(3.4, 1, 2, gridspec_kw={"width_ratios": (2, 1)})
     panel, loop = axes[0]
-    panel.plot(*_thinned(found.times, found.drive), color=COLOURS[0])
-    for level in found.limits or ():
+    panel.plot(*_thinned(compensation.times, compensation.drive), color=COLOURS[0])
+    for level in compensation.limits or ():
         panel.axhline(level, color=MEASURED, lw=0.8, ls="--")
-    for stretch in found.binding:
+    for stretch in compensation.binding:
         panel.axvspan(stretch.start, stretch.stop, color=_BAND, lw=0, zorder=0)
-    unit = f"drive [{pretty_unit(found.units[0])}]"
+    unit = f"drive [{pretty_unit(compensation.units[0])}]"
     panel.set(xlabel="time [s]", ylabel=unit)
-    loop.plot(found.predicted, found.drive, color=COLOURS[0], rasterized=True)
-    loop.set(xlabel=f"response [{pretty_unit(found.units[1])}]")
+    loop.plot(compensation.predicted, compensation.drive, color=COLOURS[0], rasterized=True)
+    loop.set(xlabel=f"response [{pretty_unit(compensation.units[1])}]")
     return _svg(drawing)
 
 
 @mpl.rc_context(_STYLE)
-def _error(found: Compensation) -> Markup:
-    """Predicted less desired response over time."""
+def _error(compensation: Compensation) -> Markup:
+    """Predicted minus desired response over time."""
     drawing, axes = _canvas(2.6)
     panel = axes[0, 0]
-    if found.band is not None:
+    if compensation.band is not None:
         panel.fill_between(
-            found.times, *(found.band - found.desired), color=_BAND, lw=0, rasterized=True
+            compensation.times,
+            *(compensation.band - compensation.desired),
+            color=_BAND,
+            lw=0,
+            rasterized=True,
         )
-    panel.plot(*_thinned(found.times, found.error), color=COLOURS[1], lw=0.7)
-    unit = pretty_unit(found.units[1])
+    panel.plot(*_thinned(compensation.times, compensation.error), color=COLOURS[1], lw=0.7)
+    unit = pretty_unit(compensation.units[1])
     panel.set(xlabel="time [s]", ylabel=f"predicted − desired [{unit}]")
     return _svg(drawing)

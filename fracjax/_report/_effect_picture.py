@@ -1,4 +1,4 @@
-"""A picture of an effect: what it changes on a drive with two amplitudes, two speeds and rests."""
+"""A picture of an effect: the change that it causes for a drive of two amplitudes and speeds."""
 
 from __future__ import annotations
 
@@ -17,7 +17,9 @@ from ._figures import _STYLE, COLOURS, MEASURED, _canvas
 from ._text import figure
 
 _STEP = 5e-4
+"""Time step of the picture's drive [s]."""
 _VISIBLE = 0.15
+"""Share of the response's span to which a smaller change is magnified in the loop."""
 
 
 def _drive() -> np.ndarray:
@@ -29,8 +31,10 @@ def _drive() -> np.ndarray:
 
 
 def draw_effect(name: str, path: Path) -> None:
-    """Draw an effect on the hysteresis model foh: loops with and without it, and its change over
-    time.  The suffix of the path tells the format, such as .svg or .png."""
+    """Draw an effect on the hysteresis model foh: loops with and without it, and the change.
+
+    The suffix of the path sets the format, such as .svg or .png.
+    """
     effect, drive = EFFECTS[name], _drive()
     with jax.enable_x64(True):
         grid = Grid(np.asarray(_STEP), "constant")
@@ -51,14 +55,14 @@ def draw_effect(name: str, path: Path) -> None:
         drawing, axes = _canvas(4.0, 1, 2)
         loop, series = axes.flat
         loop.plot(drive, plain, color=MEASURED, lw=2.4, alpha=0.5, label="without")
-        times_said = "" if factor == 1 else f", {factor:g} times as large"
-        loop.plot(drive, plain + factor * change, color=COLOURS[0], label=f"with{times_said}")
+        magnified = "" if factor == 1 else f", magnified {factor:g} times"
+        loop.plot(drive, plain + factor * change, color=COLOURS[0], label=f"with{magnified}")
         loop.legend(loc="upper left")
         loop.set_title(name)
         loop.set_xlabel("drive [V]")
         loop.set_ylabel("response [µm]")
         series.plot(times, change, color=COLOURS[0])
-        series.set_title(f"its change of the response, at most {figure(np.abs(change).max())} µm")
+        series.set_title(f"change of the response, at most {figure(np.abs(change).max())} µm")
         series.set_xlabel("time [s]")
         series.set_ylabel("change [µm]")
         second = series.twinx()

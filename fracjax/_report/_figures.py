@@ -1,4 +1,4 @@
-"""The report's figures: inline SVG, drawn through matplotlib's object interface."""
+"""The report's figures: inline SVG, drawn with matplotlib's object interface."""
 
 from __future__ import annotations
 
@@ -19,12 +19,15 @@ from .._fit import Fit
 from .._prepare import Noise
 from ._text import figure, p_value, percent, pretty_unit, quantity
 
-# Okabe & Ito's palette, told apart by all eyes.
+# Okabe & Ito's palette, which colour-blind readers can distinguish.
 MEASURED = "#444444"
 COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7")
 _BAND = "#DDDDDD"
 _WIDTH = 10.4
-_DENSE, _MOST_POINTS = 4000, 20_000
+_DENSE = 4000
+"""Longer recordings are drawn as pixels, which keep the file small."""
+_MOST_POINTS = 20_000
+"""Most points of a loop."""
 _STYLE: dict[Any, Any] = {
     "font.size": 11,
     "axes.titlesize": 11,
@@ -51,6 +54,7 @@ _AXIS_NAMES = {
 
 
 def _canvas(height: float, rows: int = 1, columns: int = 1, **shared) -> tuple[Figure, np.ndarray]:
+    """An empty figure of this height [inch] and its axes, shape (rows, columns)."""
     drawing = Figure(figsize=(_WIDTH, height), layout="constrained", dpi=150)
     return drawing, drawing.subplots(rows, columns, squeeze=False, **shared)
 
@@ -64,7 +68,7 @@ def _svg(drawing: Figure) -> Markup:
 
 
 def _thinned(x: np.ndarray, y: np.ndarray, bins: int = 1500) -> tuple[np.ndarray, np.ndarray]:
-    """A long series by the extremes of each of its stretches, as a screen would show it."""
+    """A long series (N,) reduced to the extremes of its bins, which looks the same on a screen."""
     if x.size <= 2 * bins:
         return x, y
     starts = np.linspace(0, x.size, bins, endpoint=False).astype(int)
@@ -76,6 +80,7 @@ def _thinned(x: np.ndarray, y: np.ndarray, bins: int = 1500) -> tuple[np.ndarray
 
 
 def _band(axes: Axes, sigma: float) -> None:
+    """Draw the band of ±2 standard deviations of the noise."""
     axes.axhspan(-2 * sigma, 2 * sigma, color=_BAND, lw=0)
     for edge in (-2 * sigma, 2 * sigma):
         axes.axhline(edge, color=MEASURED, lw=0.8, ls="--", zorder=3)
@@ -83,7 +88,7 @@ def _band(axes: Axes, sigma: float) -> None:
 
 @mpl.rc_context(_STYLE)
 def loops(fits: Sequence[Fit], index: int, noise: Noise) -> Markup:
-    """Response and residual over drive, one column for each model."""
+    """Response and residual over drive, one column per model."""
     if len(fits) == 1:
         drawing, axes = _canvas(4.2, 1, 2)
         panels = axes.T
@@ -97,17 +102,20 @@ def loops(fits: Sequence[Fit], index: int, noise: Noise) -> Markup:
     rasterized = len(recording) > _DENSE
     chosen = np.flatnonzero(used)
     chosen = chosen[:: -(-chosen.size // _MOST_POINTS)]
-    # Of a long recording, points: lines between distant samples would cut across the loop.
+    # A long recording is drawn as points: lines between distant samples would cut across the loop.
     style = {"marker": ".", "ms": 1.5, "ls": ""} if chosen.size < used.sum() else {}
     unit = pretty_unit(recording.response_unit)
     for (top, bottom), fit, colour in zip(panels.T, fits, COLOURS, strict=False):
-        for panel, signal, look in (
+        for panel, signal, appearance in (
             (top, recording.response, {"color": MEASURED, "lw": 2.4, "alpha": 0.5}),
             (top, fit.simulations[index], {"color": colour}),
             (bottom, fit.residuals[index], {"color": colour, "lw": 0.7}),
         ):
             panel.plot(
-                recording.drive[chosen], signal[chosen], rasterized=rasterized, **{**look, **style}
+                recording.drive[chosen],
+                signal[chosen],
+                rasterized=rasterized,
+                **{**appearance, **style},
             )
         top.set_title(fit.model.name)
         top.legend(["measured", "simulated"], loc="upper left", markerscale=6)
@@ -122,13 +130,13 @@ def loops(fits: Sequence[Fit], index: int, noise: Noise) -> Markup:
 
 @mpl.rc_context(_STYLE)
 def series(fits: Sequence[Fit], index: int) -> Markup:
-    """Measured and simulated response over time, and where the first model errs most."""
+    """Measured and simulated response over time, and a stretch where the first model errs most."""
     take = fits[0].preparation.takes[index]
     recording = take.recording
     times, unit = recording.times, pretty_unit(recording.response_unit)
     drawing, axes = _canvas(5.4, 2, 1)
     residual = np.where(take.used, fits[0].residuals[index], 0.0)
-    begin, end = _telling_window(residual, recording.response)
+    begin, end = _error_window(residual, recording.response)
     for panel, part in zip(axes[:, 0], (slice(None), slice(begin, end)), strict=True):
         panel.plot(
             *_thinned(times[part], recording.response[part]),
@@ -141,15 +149,16 @@ def series(fits: Sequence[Fit], index: int) -> Markup:
     whole, zoom = axes[:, 0]
     whole.axvspan(times[begin], times[end - 1], color=_BAND, lw=0, zorder=0)
     whole.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=1 + len(fits), borderaxespad=0)
-    zoom.set_title(f"the shaded stretch, where the error of {fits[0].model.name} shows best")
+    zoom.set_title(f"the shaded stretch, where the error of {fits[0].model.name} is easiest to see")
     zoom.set_xlabel("time [s]")
     return _svg(drawing)
 
 
-def _telling_window(residual: np.ndarray, response: np.ndarray) -> tuple[int, int]:
-    """A fortieth of the recording where the error is large and the response itself changes little.
+def _error_window(residual: np.ndarray, response: np.ndarray) -> tuple[int, int]:
+    """First and last sample of a fortieth of the recording in which the error is easy to see.
 
-    Of all stretches with at least half the squared error of the worst one: the flattest.
+    Of all stretches with at least half the squared error of the worst one it is that with the
+    smallest span of the response.  `residual`, `response`: (N,).
     """
     width = max(residual.size // 40, min(64, residual.size))
     stride = max(1, width // 8)
@@ -161,7 +170,7 @@ def _telling_window(residual: np.ndarray, response: np.ndarray) -> tuple[int, in
 
 @mpl.rc_context(_STYLE)
 def residuals(fits: Sequence[Fit], index: int, noise: Noise) -> Markup:
-    """What each model leaves over time, against the noise band."""
+    """The residual of each model over time, with the noise band."""
     take = fits[0].preparation.takes[index]
     recording = take.recording
     drawing, axes = _canvas(0.9 + 1.75 * len(fits), len(fits), 1, sharex=True, sharey=True)
@@ -177,12 +186,15 @@ def residuals(fits: Sequence[Fit], index: int, noise: Noise) -> Markup:
 
 
 @mpl.rc_context({**_STYLE, "axes.grid": False, "axes.spines.left": False})
-def places(axes_found: Sequence[Axis]) -> Markup:
-    """One strip per axis, its bins equally wide, dark where strong; what stands out bracketed."""
-    drawing, panels = _canvas(1.05 * len(axes_found) + 0.2, len(axes_found), 1)
-    top = max(float(axis.strength.max()) for axis in axes_found)
+def places(located: Sequence[Axis]) -> Markup:
+    """One strip of equal bins per axis, darker where the mismatch is stronger.
+
+    Brackets mark the intervals where it is significant.
+    """
+    drawing, panels = _canvas(1.05 * len(located) + 0.2, len(located), 1)
+    top = max(float(axis.strength.max()) for axis in located)
     image = None
-    for panel, axis in zip(panels[:, 0], axes_found, strict=True):
+    for panel, axis in zip(panels[:, 0], located, strict=True):
         bins = axis.strength.size
         positions = np.arange(bins + 1)
         image = panel.pcolormesh(
@@ -212,17 +224,19 @@ def places(axes_found: Sequence[Axis]) -> Markup:
 
 @mpl.rc_context({**_STYLE, "axes.grid.axis": "x"})
 def hidden(candidates: Sequence[Candidate], noise: Noise, span: float) -> Markup:
-    """The smallest amplitude of each effect that would have been seen, and what is concealed; bars
-    end at the response's span, beyond which no effect goes."""
+    """The smallest detectable amplitude of each effect, and the share that the model conceals.
+
+    Bars end at the response's span [response], the largest possible change.
+    """
     ordered = sorted(candidates, key=lambda c: c.detectable_amplitude)
     drawing, axes = _canvas(0.9 + 0.32 * len(ordered))
     panel = axes[0, 0]
     amplitudes = [min(c.detectable_amplitude, span) for c in ordered]
     panel.barh([c.name for c in ordered], amplitudes, color="#56B4E9", height=0.65)
     for row, (candidate, amplitude) in enumerate(zip(ordered, amplitudes, strict=True)):
-        beyond = "" if candidate.is_seen_within(span) else ", not seen"
+        remark = "" if candidate.is_seen_within(span) else ", not detectable"
         panel.annotate(
-            f"{percent(candidate.concealment)} concealed{beyond}",
+            f"{percent(candidate.concealment)} concealed{remark}",
             (amplitude, row), (5, 0), textcoords="offset points",
             va="center", fontsize=10, bbox={"color": "white", "pad": 1},
         )  # fmt: skip
@@ -231,20 +245,20 @@ def hidden(candidates: Sequence[Candidate], noise: Noise, span: float) -> Markup
                    textcoords="offset points", fontsize=10)  # fmt: skip
     panel.set_xscale("log")
     panel.set_xlim(0.5 * min(*amplitudes, noise.sigma), 6 * max(amplitudes))
-    panel.set_xlabel(f"smallest change of the response seen [{pretty_unit(noise.unit)} rms]")
+    panel.set_xlabel(f"smallest detectable change of the response [{pretty_unit(noise.unit)} rms]")
     return _svg(drawing)
 
 
 @mpl.rc_context({**_STYLE, "axes.grid.axis": "y"})
 def held_out(scores: HeldOut, names: Sequence[str], noise: Noise) -> Markup:
-    """Error on data held out, fold by fold."""
+    """Error on held-out data, fold by fold."""
     drawing, axes = _canvas(3.2)
     panel = axes[0, 0]
     groups = [folds for folds in (scores.base_folds, scores.extended_folds) if folds]
     width = 0.8 / len(groups)
     for k, (folds, name) in enumerate(zip(groups, names, strict=False)):
-        places_ = np.arange(1, len(folds) + 1) + width * (k - (len(groups) - 1) / 2)
-        panel.bar(places_, folds, width=0.92 * width, color=COLOURS[k], label=name)
+        positions = np.arange(1, len(folds) + 1) + width * (k - (len(groups) - 1) / 2)
+        panel.bar(positions, folds, width=0.92 * width, color=COLOURS[k], label=name)
     panel.axhline(noise.sigma, color=MEASURED, ls="--", lw=1, label="noise floor")
     panel.xaxis.get_major_locator().set_params(integer=True)
     panel.set_xlabel("fold")

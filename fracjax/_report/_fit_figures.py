@@ -1,4 +1,4 @@
-"""Figures of the fit's report alone: the tests on its residual, and profiles."""
+"""Figures of fits: tests of the residual, Bode plots and profiles."""
 
 from __future__ import annotations
 
@@ -16,19 +16,24 @@ from ._figures import _BAND, _STYLE, COLOURS, MEASURED, _canvas, _svg
 from ._text import pretty_unit
 
 _BINS = 41
+"""Edges of the histogram's bins."""
 _WIDEST = 5.0
+"""The histogram ends at most at so many standard deviations, or at 4 if that is more."""
 _COLUMNS = 3
-_DECADES = 30.0
+"""Profiles side by side."""
+_LOGARITHMIC = 30.0
+"""Profiles that span more than this factor have a logarithmic axis."""
 
 
 def _within(panel: Axes, low: float, high: float) -> None:
-    """The band that chance keeps to."""
+    """Draw the band that holds 99 % of what chance causes."""
     panel.axhspan(low, high, color=_BAND, lw=0)
     for edge in (low, high):
         panel.axhline(edge, color=MEASURED, lw=0.8, ls="--", zorder=3)
 
 
 def _stems(panel: Axes, places: np.ndarray, heights: np.ndarray, band: float) -> None:
+    """Draw correlations (L,) over lags (L,), with the band of ± `band`."""
     _within(panel, -band, band)
     panel.vlines(places, 0, heights, color=COLOURS[1], lw=2)
     top = 1.15 * max(float(np.abs(heights).max()), 2 * band)
@@ -38,7 +43,7 @@ def _stems(panel: Axes, places: np.ndarray, heights: np.ndarray, band: float) ->
 
 @mpl.rc_context(_STYLE)
 def residual_tests(analysis: ResidualAnalysis) -> Markup:
-    """Histogram, autocorrelation, cross-correlation with the drive, and spread over time."""
+    """The residual's histogram, autocorrelation, correlation with the drive, and level in time."""
     drawing, ((histogram, auto), (cross, spread)) = _canvas(6.4, 2, 2)
     width = float(np.clip(np.abs(analysis.residual).max(), 4, _WIDEST * analysis.residual.std()))
     bins = np.linspace(-width, width, _BINS)
@@ -67,37 +72,39 @@ def residual_tests(analysis: ResidualAnalysis) -> Markup:
 
 @mpl.rc_context(_STYLE)
 def bode_plot(fits: Sequence[FrequencyFit]) -> Markup:
-    """Magnitude and phase measured and fitted, and below them what is left."""
+    """Magnitude and phase measured and fitted, and the residuals below them."""
     drawing, panels = _canvas(6.4, 2, 2, sharex=True, gridspec_kw={"height_ratios": (3, 2)})
     table = fits[0].table
     frequencies, ratio = table.frequencies_Hz, table.response
-    (magnitude, phase), (left_magnitude, left_phase) = panels
+    (magnitude, phase), (magnitude_residual, phase_residual) = panels
     style = {"color": MEASURED, "ls": "", "marker": "o", "ms": 4, "alpha": 0.6}
     magnitude.plot(frequencies, np.abs(ratio), label="measured", **style)
     phase.plot(frequencies, np.degrees(np.unwrap(np.angle(ratio))), **style)
     for errors, panel, scale in (
-        (table.amplitude_errors, left_magnitude, 20 / np.log(10)),
-        (table.phase_errors, left_phase, 180 / np.pi),
+        (table.amplitude_errors, magnitude_residual, 20 / np.log(10)),
+        (table.phase_errors, phase_residual, 180 / np.pi),
     ):
         if errors is not None:
             panel.fill_between(
                 frequencies, -2 * scale * errors, 2 * scale * errors, color=_BAND, lw=0
             )
     for fit, colour in zip(fits, COLOURS, strict=False):
-        off = ratio / fit.fitted
+        quotient = ratio / fit.fitted
         magnitude.plot(frequencies, np.abs(fit.fitted), color=colour, label=fit.model.name)
-        # The model's phase in the turn that the measured one is in.
-        angles = np.unwrap(np.angle(ratio)) - np.angle(off)
+        # The model's phase, on the same branch of the phase as the measured one.
+        angles = np.unwrap(np.angle(ratio)) - np.angle(quotient)
         phase.plot(frequencies, np.degrees(angles), color=colour)
-        left_magnitude.plot(frequencies, 20 * np.log10(np.abs(off)), color=colour, marker=".")
-        left_phase.plot(frequencies, np.degrees(np.angle(off)), color=colour, marker=".")
+        magnitude_residual.plot(
+            frequencies, 20 * np.log10(np.abs(quotient)), color=colour, marker="."
+        )
+        phase_residual.plot(frequencies, np.degrees(np.angle(quotient)), color=colour, marker=".")
     magnitude.set_xscale("log")
     magnitude.set_yscale("log")
     unit = f"{pretty_unit(table.response_unit)}/{pretty_unit(table.drive_unit)}"
     magnitude.set_ylabel(f"amplitude [{unit}]")
     phase.set_ylabel("phase [degrees]")
-    left_magnitude.set_ylabel("measured − fitted [dB]")
-    left_phase.set_ylabel("measured − fitted [degrees]")
+    magnitude_residual.set_ylabel("measured − fitted [dB]")
+    phase_residual.set_ylabel("measured − fitted [degrees]")
     magnitude.legend(loc="best")
     for panel in panels[1]:
         panel.set_xlabel("frequency [Hz]")
@@ -105,14 +112,14 @@ def bode_plot(fits: Sequence[FrequencyFit]) -> Markup:
 
 
 @mpl.rc_context(_STYLE)
-def profiles(found: Sequence[Profile]) -> Markup:
+def profiles(computed: Sequence[Profile]) -> Markup:
     """Δχ² of each parameter, with the levels of 68 and 95 %."""
-    rows = -(-len(found) // _COLUMNS)
-    columns = min(len(found), _COLUMNS)
+    rows = -(-len(computed) // _COLUMNS)
+    columns = min(len(computed), _COLUMNS)
     drawing, panels = _canvas(0.4 + 2.9 * rows, rows, columns, sharey=True)
-    for panel in panels.flat[len(found) :]:
+    for panel in panels.flat[len(computed) :]:
         panel.set_axis_off()
-    for panel, profile in zip(panels.flat, found, strict=False):
+    for panel, profile in zip(panels.flat, computed, strict=False):
         panel.plot(profile.values, profile.delta, color=COLOURS[0], marker="o", ms=3)
         panel.plot(profile.values, _parabola(profile), color=MEASURED, lw=0.9, ls=":", scalex=False)
         for level, name in ((1.0, "68 %"), (3.84, "95 %")):
@@ -120,7 +127,7 @@ def profiles(found: Sequence[Profile]) -> Markup:
             panel.annotate(name, (1, level), (-2, 2), xycoords=("axes fraction", "data"),
                            textcoords="offset points", ha="right", fontsize=9)  # fmt: skip
         panel.set_ylim(0, 6)
-        if profile.values.min() > 0 and profile.values.max() > _DECADES * profile.values.min():
+        if profile.values.min() > 0 and profile.values.max() > _LOGARITHMIC * profile.values.min():
             panel.set_xscale("log")
         unit = pretty_unit(profile.unit)
         panel.set_xlabel(f"{profile.name} [{unit}]" if unit else profile.name)
@@ -131,5 +138,5 @@ def profiles(found: Sequence[Profile]) -> Markup:
 
 
 def _parabola(profile: Profile) -> np.ndarray:
-    """The parabola that the standard error stands for."""
+    """The parabola of Δχ² that the standard error implies."""
     return ((profile.values - profile.estimate) / profile.standard_error) ** 2

@@ -1,4 +1,4 @@
-"""The figures of a posterior: corner plot, traces, priors overlaid, predictive bands."""
+"""The figures of a posterior: corner plot, traces, prior and posterior, predictive bands."""
 
 from __future__ import annotations
 
@@ -13,17 +13,20 @@ from ._figures import _BAND, _STYLE, _WIDTH, COLOURS, MEASURED, _canvas, _svg, _
 from ._text import pretty_unit
 
 _MOST_DRAWS = 5000
+"""Most draws in the corner plot."""
 _COLUMNS = 4
+"""Densities side by side."""
 
 
 def _label(row: Row, separator: str = " ") -> str:
+    """A parameter's name with its unit."""
     unit = pretty_unit(row.unit)
     return f"{row.name}{separator}[{unit}]" if unit else row.name
 
 
 @mpl.rc_context({**_STYLE, "axes.grid": False, "font.size": 8})
 def corner_plot(posterior: Posterior) -> Markup:
-    """Every number's density, and every pair's."""
+    """The density of every parameter and of every pair."""
     draws = np.stack([posterior.samples[row.name].ravel() for row in posterior.summary], axis=1)
     draws = draws[:: -(-len(draws) // _MOST_DRAWS)]
     drawing = Figure(figsize=(_WIDTH, _WIDTH), dpi=150)
@@ -47,16 +50,16 @@ def corner_plot(posterior: Posterior) -> Markup:
 
 @mpl.rc_context({**_STYLE, "font.size": 9})
 def prior_and_posterior(posterior: Posterior) -> Markup:
-    """Densities of prior and posterior: where they coincide the data told nothing."""
+    """Densities of prior and posterior; where they coincide the data contain no information."""
     rows = -(-len(posterior.summary) // _COLUMNS)
     drawing, axes = _canvas(2.1 * rows, rows, _COLUMNS)
     for panel, row in zip(axes.flat, posterior.summary, strict=False):
-        drawn, prior = posterior.samples[row.name].ravel(), posterior.prior[row.name]
-        low, high = np.percentile(drawn, [0.1, 99.9])
+        draws, prior = posterior.samples[row.name].ravel(), posterior.prior[row.name]
+        low, high = np.percentile(draws, [0.1, 99.9])
         margin = 1.5 * (high - low)
         edges = np.linspace(max(low - margin, min(low, prior.min())), high + margin, 60)
-        panel.hist(drawn, edges, density=True, color=COLOURS[1], alpha=0.6, label="posterior")
-        # The prior's share within the panel, as a density over all of it.
+        panel.hist(draws, edges, density=True, color=COLOURS[1], alpha=0.6, label="posterior")
+        # The prior's density, normalised over its whole range and not only over the panel.
         counts, _ = np.histogram(prior, edges)
         panel.stairs(counts / prior.size / np.diff(edges), edges, color=MEASURED, label="prior")
         panel.set_xlabel(_label(row))
@@ -71,7 +74,7 @@ def prior_and_posterior(posterior: Posterior) -> Markup:
 
 @mpl.rc_context({**_STYLE, "font.size": 9})
 def traces(posterior: Posterior) -> Markup:
-    """All walkers over the steps kept."""
+    """All walkers over the steps that were kept."""
     count = len(posterior.summary)
     drawing, axes = _canvas(0.6 + 1.1 * count, count, 1, sharex=True)
     for panel, row in zip(axes[:, 0], posterior.summary, strict=True):
@@ -86,30 +89,30 @@ def traces(posterior: Posterior) -> Markup:
 
 @mpl.rc_context(_STYLE)
 def loop_band(band: Band, units: tuple[str, str]) -> Markup:
-    """The loop measured and predicted, and what the prediction leaves within its band."""
+    """The loop measured and predicted, and the residual of the prediction within its band."""
     drawing, axes = _canvas(4.4, 1, 2)
-    loop, rest = axes[0]
+    loop, below = axes[0]
     drive, unit = band.drive[band.used], pretty_unit(units[1])
     loop.plot(drive, band.response[band.used], color=MEASURED, lw=2.4, alpha=0.5, rasterized=True)
     loop.plot(drive, band.median[band.used], color=COLOURS[1], rasterized=True)
     loop.legend(["measured", "median prediction"], loc="upper left")
     loop.set_ylabel(f"response [{unit}]")
-    left = (band.response - band.median)[band.used]
+    residual = (band.response - band.median)[band.used]
     order = np.argsort(drive)
     for edge in (band.predictive - band.median)[:, band.used]:
-        rest.plot(drive[order], edge[order], ".", ms=1.5, color="#AAAAAA", rasterized=True)
-    rest.plot(drive, left, ".", ms=2, color=COLOURS[1], rasterized=True)
-    rest.set_ylabel(f"measured − median [{unit}]")
-    for panel in (loop, rest):
+        below.plot(drive[order], edge[order], ".", ms=1.5, color="#AAAAAA", rasterized=True)
+    below.plot(drive, residual, ".", ms=2, color=COLOURS[1], rasterized=True)
+    below.set_ylabel(f"measured − median [{unit}]")
+    for panel in (loop, below):
         panel.set_xlabel(f"drive [{pretty_unit(units[0])}]")
     return _svg(drawing)
 
 
 @mpl.rc_context(_STYLE)
 def series_band(band: Band, units: tuple[str, str]) -> Markup:
-    """The response over time, and below it what is left within the predictive band."""
+    """The response over time, and below it the residual within the predictive band."""
     drawing, axes = _canvas(5.4, 2, 1, sharex=True)
-    whole, rest = axes[:, 0]
+    whole, below = axes[:, 0]
     unit = pretty_unit(units[1])
     whole.plot(
         *_thinned(band.times, band.response), color=MEASURED, lw=2.4, alpha=0.5, label="measured"
@@ -118,14 +121,14 @@ def series_band(band: Band, units: tuple[str, str]) -> Markup:
     whole.set_ylabel(f"response [{unit}]")
     whole.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0)
     noisy, model = band.predictive - band.median, band.model - band.median
-    rest.fill_between(
+    below.fill_between(
         band.times, *noisy, color=_BAND, lw=0, label="95 % with noise", rasterized=True
     )
-    rest.fill_between(
-        band.times, *model, color=COLOURS[0], lw=0, label="95 % without", rasterized=True
+    below.fill_between(
+        band.times, *model, color=COLOURS[0], lw=0, label="95 % without noise", rasterized=True
     )
-    left = np.where(band.used, band.response - band.median, np.nan)
-    rest.plot(band.times, left, color=COLOURS[1], lw=0.7, label="measured", rasterized=True)
-    rest.set(xlabel="time [s]", ylabel=f"less the median [{unit}]")
-    rest.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, borderaxespad=0)
+    residual = np.where(band.used, band.response - band.median, np.nan)
+    below.plot(band.times, residual, color=COLOURS[1], lw=0.7, label="measured", rasterized=True)
+    below.set(xlabel="time [s]", ylabel=f"minus the median [{unit}]")
+    below.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, borderaxespad=0)
     return _svg(drawing)

@@ -1,4 +1,4 @@
-"""What the page of a posterior holds."""
+"""The report of a posterior."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from ._text import download, figure, pretty_unit, rounded
 _MOST_RECORDINGS = 3
 
 
-def of_posterior(posterior: Posterior) -> dict[str, Any]:
+def posterior_content(posterior: Posterior) -> dict[str, Any]:
     """The template's content."""
     names = ", ".join(Path(band.source).name for band in posterior.bands)
     drawn = posterior.bands[:_MOST_RECORDINGS]
@@ -22,8 +22,8 @@ def of_posterior(posterior: Posterior) -> dict[str, Any]:
         "badge": "converged" if posterior.converged else "not converged",
         "verdict": "none" if posterior.converged else "unexplained",
         "facts": _facts(posterior),
-        "rows": [cells(row) for row in posterior.summary],
-        "together": posterior.known_only_together,
+        "rows": [posterior_row(row) for row in posterior.summary],
+        "correlated": posterior.known_only_together,
         "warnings": _warnings(posterior),
         "corner": figures.corner_plot(posterior),
         "overlay": figures.prior_and_posterior(posterior),
@@ -36,12 +36,13 @@ def of_posterior(posterior: Posterior) -> dict[str, Any]:
             }
             for band in drawn
         ],
-        "undrawn": len(posterior.bands) - len(drawn),
+        "omitted": len(posterior.bands) - len(drawn),
         "downloads": [download("posterior.json", posterior.to_dict())],
     }
 
 
 def _facts(posterior: Posterior) -> list[tuple[str, str]]:
+    """The table about the chain."""
     walkers, draws = posterior.log_posterior.shape
     return [
         ("Model", posterior.model),
@@ -55,8 +56,8 @@ def _facts(posterior: Posterior) -> list[tuple[str, str]]:
     ]
 
 
-def cells(row: Row) -> dict[str, str]:
-    """A parameter as the table prints it, without digits that its uncertainty does not bear."""
+def posterior_row(row: Row) -> dict[str, str]:
+    """A parameter as a row of the table, with as many digits as its uncertainty justifies."""
     return {
         "name": row.name,
         "mean": rounded(row.mean, row.sd),
@@ -71,12 +72,13 @@ def cells(row: Row) -> dict[str, str]:
 
 
 def _warnings(posterior: Posterior) -> list[str]:
-    found = [posterior.doubt] if posterior.doubt else []
+    """Warnings about the diagnosis, the convergence and the Laplace approximation."""
+    warnings = [posterior.doubt] if posterior.doubt else []
     if not posterior.converged:
-        found.append("The chain has not converged: go on with --resume and more --steps.")
+        warnings.append("The chain has not converged: continue with --resume and more --steps.")
     if posterior.disagreeing:
-        found.append(
+        warnings.append(
             "The Laplace approximation differs from the chain by more than 0.5 standard deviations "
-            f"or a factor of 1.25 in {', '.join(posterior.disagreeing)}: take the chain's figures."
+            f"or a factor of 1.25 in {', '.join(posterior.disagreeing)}: use the chain's values."
         )
-    return found
+    return warnings

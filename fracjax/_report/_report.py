@@ -20,8 +20,8 @@ from .._frequency import FrequencyFit
 from .._posterior import Posterior
 from .._recording import InputError, found_in
 from . import _figures, _fit_figures
-from ._compensation_page import of_compensation
-from ._posterior_page import of_posterior
+from ._compensation_page import compensation_content
+from ._posterior_page import posterior_content
 from ._text import (
     crosscheck_figures,
     crosscheck_sentence,
@@ -45,12 +45,14 @@ from ._text import (
 )
 
 _MOST_MODELS = 4
+"""Most models drawn, as many as there are colours."""
 _MOST_RECORDINGS = 3
+"""Most recordings drawn."""
 _BADGES = {
     "none": "nothing missing beyond noise",
     "missing": "physics missing",
-    "confusable": "physics missing, not told apart",
-    "unexplained": "mismatch without a name",
+    "confusable": "physics missing, several explanations",
+    "unexplained": "mismatch not explained",
 }
 
 
@@ -61,34 +63,44 @@ Reported = (
 
 
 def write_report(result: Reported, path: str | Path) -> None:
-    """Write a result as one HTML file: fits, a cross-check, diagnosis, posterior, compensation."""
+    """Write a result as one self-contained HTML file.
+
+    Args:
+        result: A fit, a cross-check, a comparison, a diagnosis, a posterior or a compensation, or a
+            sequence of fits to the same data.
+        path: The file to write.
+
+    Raises:
+        InputError: When the result is none of these.
+    """
     template = "report.html.jinja"
     if isinstance(result, Diagnosis):
-        content = _of_diagnosis(result)
+        content = _diagnosis_content(result)
     elif isinstance(result, Crosscheck):
-        content = _of_crosscheck(result)
+        content = _crosscheck_content(result)
     elif isinstance(result, Posterior):
-        template, content = "posterior.html.jinja", of_posterior(result)
+        template, content = "posterior.html.jinja", posterior_content(result)
     elif isinstance(result, Compensation):
-        template, content = "compensation.html.jinja", of_compensation(result)
+        template, content = "compensation.html.jinja", compensation_content(result)
     elif isinstance(result, FrequencyFit):
-        content = _of_frequency_fits([result])
+        content = _frequency_content([result])
     elif isinstance(result, Comparison):
-        content = _of_comparison(result)
+        content = _comparison_content(result)
     elif isinstance(result, Fit):
-        content = _of_fits([result])
+        content = _fit_content([result])
     else:
         listed = result if isinstance(result, Sequence) else []
         tables = [fit for fit in listed if isinstance(fit, FrequencyFit)]
         recordings = [fit for fit in listed if isinstance(fit, Fit)]
         if not (tables or recordings):
             raise InputError.at("report", "a result of fracjax", found_in(result), "give one")
-        content = _of_frequency_fits(tables) if tables else _of_fits(recordings)
+        content = _frequency_content(tables) if tables else _fit_content(recordings)
     page = _environment().get_template(template).render(content)
     Path(path).write_text(page, encoding="utf-8")
 
 
 def _environment() -> jinja2.Environment:
+    """The templates, with filters for numbers and units."""
     folder = files("fracjax._report")
     environment = jinja2.Environment(
         loader=jinja2.FunctionLoader(lambda name: folder.joinpath(name).read_text("utf-8")),
@@ -101,7 +113,8 @@ def _environment() -> jinja2.Environment:
     return environment
 
 
-def _of_fits(fits: Sequence[Fit]) -> dict[str, Any]:
+def _fit_content(fits: Sequence[Fit]) -> dict[str, Any]:
+    """The content of the report of fits to the same recordings."""
     best_first = [fit for fit, _ in rank_fits(fits)]
     downloads = [
         download(f"fit_{file_name(fit.model.name)}.json", fit.to_dict()) for fit in best_first
@@ -116,35 +129,37 @@ def _of_fits(fits: Sequence[Fit]) -> dict[str, Any]:
         "facts": [("Noise floor", noise_text(noise_of(best_first[0])))],
         "warnings": _warnings(best_first),
         "diagnosis": None,
-        "leftovers": _leftovers(best_first[0]),
+        "residual_tests": _residual_tests(best_first[0]),
         "downloads": downloads,
     }
 
 
-def _of_frequency_fits(fits: Sequence[FrequencyFit]) -> dict[str, Any]:
-    """The report of fits to one frequency response, best first."""
-    heads, rows = frequency_figures(fits)
+def _frequency_content(fits: Sequence[FrequencyFit]) -> dict[str, Any]:
+    """The content of the report of fits to one frequency response, best first."""
+    headers, rows = frequency_figures(fits)
     converged = all(fit.converged for fit in fits)
     return {
         "title": f"Frequency response of {Path(fits[0].table.source).name}",
         "sentence": frequency_sentence(fits),
         "badge": "converged" if converged else "not converged",
         "verdict": "none" if converged else "unexplained",
-        "heads": heads,
+        "headers": headers,
         "rows": rows,
         "facts": [],
         "diagnosis": None,
         "bode": _fit_figures.bode_plot(fits[:_MOST_MODELS]),
         "recordings": [],
-        "undrawn": 0,
-        "leftovers": [],
+        "omitted": 0,
+        "residual_tests": [],
         "models": [
             {
                 "name": fit.model.name,
                 "estimates": parameter_rows(fit),
                 "profiles": None,
                 "correlated": fit.correlated,
-                "assumptions": ["Amplitude and phase in steady state, of a linear law."],
+                "assumptions": [
+                    "The model is linear and was fitted to amplitude and phase in steady state."
+                ],
             }
             for fit in fits
         ],
@@ -157,22 +172,22 @@ def _of_frequency_fits(fits: Sequence[FrequencyFit]) -> dict[str, Any]:
     }
 
 
-def _of_comparison(comparison: Comparison) -> dict[str, Any]:
-    """The report of the fits, with the scores on data held out."""
-    content = _of_fits(comparison.fits)
-    heads, rows = key_figures(comparison)
+def _comparison_content(comparison: Comparison) -> dict[str, Any]:
+    """The content of the report of fits, with the scores on held-out data."""
+    content = _fit_content(comparison.fits)
+    headers, rows = key_figures(comparison)
     held_out = ("Held out", comparison.method)
     attached = download("comparison.json", comparison.to_dict())
     return content | {
-        "heads": heads,
+        "headers": headers,
         "rows": rows,
         "facts": [*content["facts"], held_out],
         "downloads": [attached, *content["downloads"]],
     }
 
 
-def _leftovers(fit: Fit) -> list[dict[str, Any]]:
-    """The tests on the residual of each recording that is drawn."""
+def _residual_tests(fit: Fit) -> list[dict[str, Any]]:
+    """The tests of the residual of each recording that is drawn."""
     drawn = replace(
         fit,
         preparation=replace(fit.preparation, takes=fit.preparation.takes[:_MOST_RECORDINGS]),
@@ -188,24 +203,25 @@ def _leftovers(fit: Fit) -> list[dict[str, Any]]:
     ]
 
 
-def _of_crosscheck(crosscheck: Crosscheck) -> dict[str, Any]:
-    """The report of the gradient fit, the methods' table in place of its key figures."""
-    content = _of_fits([crosscheck.fit])
-    heads, rows = crosscheck_figures(crosscheck)
+def _crosscheck_content(crosscheck: Crosscheck) -> dict[str, Any]:
+    """The content of the report of the gradient fit, with the table of methods as key figures."""
+    content = _fit_content([crosscheck.fit])
+    headers, rows = crosscheck_figures(crosscheck)
     attached = download("crosscheck.json", crosscheck.to_dict())
-    told = {
+    changes = {
         "title": f"Cross-check of {sources(crosscheck.fit)}",
         "sentence": crosscheck_sentence(crosscheck),
-        "heads": heads,
+        "headers": headers,
         "rows": rows,
         "downloads": [attached, *content["downloads"]],
     }
     if crosscheck.warning is not None:
-        told |= {"badge": "not at the optimum", "verdict": "unexplained"}
-    return content | told
+        changes |= {"badge": "not at the optimum", "verdict": "unexplained"}
+    return content | changes
 
 
-def _of_diagnosis(diagnosis: Diagnosis) -> dict[str, Any]:
+def _diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
+    """The content of the report of a diagnosis."""
     fits = [fit for fit in (diagnosis.base, diagnosis.extended) if fit is not None]
     names = [fit.model.name for fit in fits]
     span = diagnosis.base.preparation.setting.response_span
@@ -218,11 +234,11 @@ def _of_diagnosis(diagnosis: Diagnosis) -> dict[str, Any]:
         "facts": [
             ("Noise floor", noise_text(diagnosis.noise)),
             ("Discretisation error over noise", figure(diagnosis.numerics)),
-            ("Chance of such a residual from noise alone", p_value(diagnosis.p_value)),
+            ("Probability of such a residual from noise alone", p_value(diagnosis.p_value)),
         ],
         "warnings": diagnosis.warnings,
         "diagnosis": diagnosis,
-        "leftovers": [],
+        "residual_tests": [],
         "groups": _groups(diagnosis),
         "largest_score": max(candidate.score for candidate in diagnosis.candidates),
         "effects": [
@@ -243,7 +259,7 @@ def _of_diagnosis(diagnosis: Diagnosis) -> dict[str, Any]:
 
 
 def _next_drive(diagnosis: Diagnosis) -> Markup | None:
-    """The drive of the next experiment, where one is proposed."""
+    """The figure of the proposed drive of the next experiment; None without a proposal."""
     if diagnosis.next_experiment is None:
         return None
     unit = diagnosis.base.preparation.takes[0].recording.drive_unit
@@ -251,12 +267,12 @@ def _next_drive(diagnosis: Diagnosis) -> Markup | None:
 
 
 def _common(fits: Sequence[Fit], result: Diagnosis | Sequence[Fit]) -> dict[str, Any]:
-    """What the reports of fits and diagnoses share."""
+    """The content that reports of fits and diagnoses share."""
     drawn, noise = fits[:_MOST_MODELS], noise_of(fits[0])
     takes = fits[0].preparation.takes
-    heads, rows = key_figures(result)
+    headers, rows = key_figures(result)
     return {
-        "heads": heads,
+        "headers": headers,
         "rows": rows,
         "bode": None,
         "recordings": [
@@ -268,7 +284,7 @@ def _common(fits: Sequence[Fit], result: Diagnosis | Sequence[Fit]) -> dict[str,
             }
             for index, take in enumerate(takes[:_MOST_RECORDINGS])
         ],
-        "undrawn": max(0, len(takes) - _MOST_RECORDINGS),
+        "omitted": max(0, len(takes) - _MOST_RECORDINGS),
         "models": [
             {
                 "name": fit.model.name,
@@ -283,67 +299,76 @@ def _common(fits: Sequence[Fit], result: Diagnosis | Sequence[Fit]) -> dict[str,
 
 
 def _assumptions(fit: Fit) -> list[str]:
-    """What the figures rest on, a sentence for each recording and one for the grid."""
-    sentences = {
+    """The assumptions of the fits: sentences for each recording, the parameters and the grid."""
+    states = {
         "rest": "at zero drive",
-        "constant": "the first value of the drive, held for ever",
-        "periodic": "the same steady cycles",
-        "estimated": "another drive, whose memory the fit estimates",
+        "constant": "at the first value of the drive",
+        "periodic": "in the same steady cycles",
+        "estimated": "in a different state, which the fit estimates",
     }
-    found = []
+    assumptions = []
     for take in fit.preparation.takes:
         name, count = Path(take.recording.source).name, len(take.recording)
-        counted = f"all {count} samples count"
+        samples = f"all {count} samples are used"
         if take.settling:
-            counted = (
-                f"the first {take.settling} of {count} samples, of unknown memory, do not count"
+            samples = (
+                f"the first {take.settling} of {count} samples are not used, since they depend on "
+                "the unknown prior history"
             )
-        found.append(f"{name}: before the first sample {sentences[take.history]}; {counted}.")
-        if left_out := int((~take.used[take.settling :]).sum()):
-            found.append(f"{name}: {left_out} samples more were left out by weight or mask.")
-    found += _asked(fit)
+        assumptions.append(
+            f"{name}: before the first sample the actuator was {states[take.history]}; {samples}."
+        )
+        if excluded := int((~take.used[take.settling :]).sum()):
+            assumptions.append(f"{name}: weight or mask excluded {excluded} more samples.")
+    assumptions += _conditions(fit)
     if fit.residual_order:
-        found.append(
-            "What is left is coloured; the standard errors allow for it by an autoregression of "
+        assumptions.append(
+            "The residual is coloured; the standard errors allow for this by an autoregression of "
             f"order {fit.residual_order}."
         )
-    return [*found, f"Simulated on a grid {fit.preparation.oversampling} times finer than sampled."]
+    finer = fit.preparation.oversampling
+    return [*assumptions, f"The simulation used a grid {finer} times finer than the samples."]
 
 
-def _asked(fit: Fit) -> list[str]:
-    """What was asked of parameters and of the loss, a sentence each."""
-    asked = fit.preparation.conditions
-    found = [
+def _conditions(fit: Fit) -> list[str]:
+    """The conditions on parameters and the loss, a sentence each."""
+    conditions = fit.preparation.conditions
+    sentences = [
         f"{name} was tied to {source}"
         + ("." if factor == 1 else f", as {factor:g} times its value.")
-        for name, (source, factor) in asked.ties.items()
+        for name, (source, factor) in conditions.ties.items()
     ]
-    found += [
-        f"{name} was known before as {float(p.mean):.6g} ± {float(p.sd):.2g}."
-        for name, p in asked.priors.items()
+    sentences += [
+        f"{name} had the prior {float(p.mean):.6g} ± {float(p.sd):.2g}."
+        for name, p in conditions.priors.items()
         if p.mean.size == p.sd.size == 1
     ]
-    found += [f"Of {name} every recording has its own value, @1 the first's." for name in asked.own]
+    sentences += [
+        f"{name} has a separate value for each recording; @1 is that of the first."
+        for name in conditions.own
+    ]
     if fit.robust is not None:
-        found.append(
+        sentences.append(
             f"The loss is {fit.robust.loss}; {100 * fit.robust.downweighted:.2g} % of the samples "
-            "count for less than half."
+            "have less than half the weight of the others."
         )
-    return found
+    return sentences
 
 
 def _warnings(fits: Sequence[Fit]) -> list[str]:
+    """The warnings about recordings and fits."""
     takes = fits[0].preparation.takes
-    noted = [w for take in takes for w in (*take.recording.warnings, *take.recording.checks())]
+    checks = [w for take in takes for w in (*take.recording.warnings, *take.recording.checks())]
     failed = [f"The fit of {fit.model.name} did not converge." for fit in fits if not fit.converged]
-    return [*noted, *failed, *(warning for fit in fits for warning in fit.warnings)]
+    return [*checks, *failed, *(warning for fit in fits for warning in fit.warnings)]
 
 
 def _groups(diagnosis: Diagnosis) -> list[tuple[bool, list[Candidate]]]:
-    """What was named, each with its look-alikes in one bracket, then the others as ranked."""
+    """Each identified effect with its look-alikes, in one bracket, then the others by rank."""
     by_name = {candidate.name: candidate for candidate in diagnosis.candidates}
     groups: list[tuple[bool, list[Candidate]]] = []
     for effect in diagnosis.effects:
-        together = [by_name.pop(n) for n in (effect.name, *effect.confusable_with) if n in by_name]
-        groups.append((len(together) > 1, together))
+        names = (effect.name, *effect.confusable_with)
+        alike = [by_name.pop(name) for name in names if name in by_name]
+        groups.append((len(alike) > 1, alike))
     return [*groups, (False, list(by_name.values()))]

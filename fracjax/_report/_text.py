@@ -1,4 +1,4 @@
-"""Results in words and figures, the same in the terminal and in the report."""
+"""Results as sentences and tables, the same on the terminal and in the report."""
 
 from __future__ import annotations
 
@@ -27,24 +27,24 @@ _METHODS = {
 
 
 def figure(value: float | None, digits: int = 3) -> str:
-    """A number to so many significant digits, a dash where there is none."""
+    """A number to this many significant digits; a dash for None."""
     if value is None:
         return "–"
     return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.{digits}g}"
 
 
 def p_value(p: float) -> str:
-    """A p-value, as far as one can be told from 0."""
+    """A p-value, with a lower limit of 1e-12."""
     return "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"
 
 
 def opening(sentence: str) -> str:
-    """A sentence with its first letter in upper case, the others as they are."""
+    """A sentence with its first letter in upper case."""
     return sentence[:1].upper() + sentence[1:]
 
 
 def percent(share: float | None) -> str:
-    """A share of 1 in per cent; 100 only where it is the whole."""
+    """A share in per cent; 100 % only if it is exactly 1."""
     if share is None:
         return "–"
     return "> 99.9 %" if 0.9995 <= share < 1 else f"{100 * share:.3g} %"
@@ -63,25 +63,25 @@ def quantity(value: float | None, unit: str) -> str:
 
 
 def noise_of(fit: Fit) -> Noise:
-    """The noise that a fit was weighed by."""
+    """The noise by which the residuals of a fit were weighted."""
     noise = fit.preparation.takes[0].noise
     assert noise is not None  # fit() always ends with a noise model
     return noise
 
 
 def noise_text(noise: Noise) -> str:
-    """The noise floor and where it was read."""
+    """The noise floor and how it was determined."""
     return f"{quantity(noise.sigma, noise.unit)} ({_METHODS[noise.method]})"
 
 
 def sources(fit: Fit) -> str:
-    """The names of the files that were fitted, as far as they are few."""
+    """The names of the fitted files; of more than three, the first and their number."""
     names = [Path(take.recording.source).name for take in fit.preparation.takes]
     return ", ".join(names) if len(names) <= 3 else f"{names[0]} and {len(names) - 1} others"
 
 
 def fit_sentence(fits: Sequence[Fit]) -> str:
-    """What one fit, or the best of several, achieved."""
+    """The error of a fit, or of the best of several, compared with the noise."""
     fit, noise = fits[0], noise_of(fits[0])
     unit = fit.preparation.takes[0].recording.response_unit
     error = f"{quantity(fit.scores.rmse, unit)} rms (fit {fit.scores.nrmse_percent:.4g} %)"
@@ -89,7 +89,7 @@ def fit_sentence(fits: Sequence[Fit]) -> str:
     if noise.method == "residual":
         return (
             f"{fit.model.name} describes {sources(fit)}{best}, with an error of {error}; "
-            "no repeat and no rest shows how much of it is noise."
+            "no repeat and no rest shows how much of the error is noise."
         )
     return (
         f"{fit.model.name} describes {sources(fit)}{best}, with an error of {error}, "
@@ -98,12 +98,12 @@ def fit_sentence(fits: Sequence[Fit]) -> str:
 
 
 def file_name(model: str) -> str:
-    """A model's name as part of a file's: foh >> creep becomes foh-then-creep."""
+    """A model's name as part of a file name: foh >> creep becomes foh-then-creep."""
     return model.replace(" >> ", "-then-").replace(" + ", "-plus-")
 
 
 def estimate_row(estimate: Estimate) -> dict[str, str]:
-    """Name, value, 95 % interval, unit and remark of a parameter, without false digits."""
+    """Name, value, 95 % interval, unit and remark of a parameter, with significant digits only."""
     if not estimate.identified:
         value, remark = f"about {estimate.value:.1g}", "not identified by this recording"
     else:
@@ -121,7 +121,7 @@ def estimate_row(estimate: Estimate) -> dict[str, str]:
 
 
 def combination_row(combination: Combination) -> dict[str, str]:
-    """A combination as `estimate_row` has a parameter."""
+    """A combination of parameters as a row like that of `estimate_row`."""
     value, error = combination.value, combination.standard_error
     low, high = (rounded(value + side * 1.96 * error, error) for side in (-1, 1))
     return {
@@ -129,12 +129,12 @@ def combination_row(combination: Combination) -> dict[str, str]:
         "value": rounded(value, error),
         "interval": f"{low} to {high}",
         "unit": pretty_unit(combination.unit),
-        "remark": f"known together, to {combination.percent:.2g} %",
+        "remark": f"combination determined to {combination.percent:.2g} %",
     }
 
 
 def parameter_rows(fit: Fit | FrequencyFit) -> list[dict[str, str]]:
-    """Rows of the table of parameters, and of what is known of them together."""
+    """Rows of the table of parameters and of the combinations that the data determine."""
     return [
         *(estimate_row(estimate) for estimate in fit.estimates),
         *(combination_row(combination) for combination in fit.combinations),
@@ -142,7 +142,7 @@ def parameter_rows(fit: Fit | FrequencyFit) -> list[dict[str, str]]:
 
 
 def rounded(value: float, error: float) -> str:
-    """A value with as many digits as leave two of its error."""
+    """A value rounded to two significant digits of its error."""
     if not (isfinite(value) and 0 < error < np.inf) or value == 0:
         return figure(value)
     digits = max(1, floor(log10(abs(value))) - floor(log10(error)) + 2)
@@ -152,16 +152,16 @@ def rounded(value: float, error: float) -> str:
 def key_figures(
     result: Diagnosis | Comparison | Sequence[Fit],
 ) -> tuple[list[str], list[list[str]]]:
-    """Heads and rows of the table of scores: a column for each model."""
+    """Headers and rows of the table of scores, a column per model."""
     held_out: list[float | None]
-    unseen = []
+    held_out_scores = []
     if isinstance(result, Diagnosis):
         fits = [fit for fit in (result.base, result.extended) if fit is not None]
         held_out = [result.held_out.base_rmse, result.held_out.extended_rmse][: len(fits)]
         bics = [fit.scores.bic for fit in fits]
     elif isinstance(result, Comparison):
-        fits, unseen = list(result.fits), [row.unseen for row in result.rows]
-        held_out = [None if errors is None else errors.rmse for errors in unseen]
+        fits, held_out_scores = list(result.fits), [row.unseen for row in result.rows]
+        held_out = [None if errors is None else errors.rmse for errors in held_out_scores]
         bics = [row.bic for row in result.rows]
     else:
         fits, held_out = list(result), []
@@ -173,9 +173,9 @@ def key_figures(
     rows = [["RMSE, fitted data", *(quantity(s.rmse, unit) for s in scores)]]
     if held_out:
         rows.append(["RMSE, held-out data", *(quantity(rmse, unit) for rmse in held_out)])
-    if unseen:
-        e_r = [None if errors is None else errors.e_r for errors in unseen]
-        nrmse = [None if errors is None else errors.nrmse_percent for errors in unseen]
+    if held_out_scores:
+        e_r = [None if errors is None else errors.e_r for errors in held_out_scores]
+        nrmse = [None if errors is None else errors.nrmse_percent for errors in held_out_scores]
         rows.append(["e_r, held-out data", *(figure(value) for value in e_r)])
         rows.append(["NRMSE fit, held-out data [%]", *(figure(value, 5) for value in nrmse)])
     if noise.method != "residual":
@@ -185,13 +185,13 @@ def key_figures(
         ["NRMSE fit", *(f"{s.nrmse_percent:.5g} %" for s in scores)],
         ["R²", *(f"{s.r_squared:.7g}" for s in scores)],
         ["BIC", *(f"{bic:.1f}" for bic in bics)],
-        ["numbers fitted", *counts],
+        ["free parameters and offsets", *counts],
     ]
     return ["", *(fit.model.name for fit in fits)], rows
 
 
 def frequency_sentence(fits: Sequence[FrequencyFit]) -> str:
-    """What the best of fits to one frequency response achieved."""
+    """The errors of the best fit to one frequency response."""
     fit = fits[0]
     best = "" if len(fits) == 1 else f" best of {len(fits)} models by BIC"
     return (
@@ -202,19 +202,19 @@ def frequency_sentence(fits: Sequence[FrequencyFit]) -> str:
 
 
 def frequency_figures(fits: Sequence[FrequencyFit]) -> tuple[list[str], list[list[str]]]:
-    """Heads and rows of the scores of fits to one frequency response: a column for each model."""
+    """Headers and rows of the scores of fits to one frequency response, a column per model."""
     rows = [
-        ["amplitude left [dB rms]", *(figure(fit.amplitude_rms_dB) for fit in fits)],
-        ["phase left [degrees rms]", *(figure(fit.phase_rms_deg) for fit in fits)],
+        ["amplitude residual [dB rms]", *(figure(fit.amplitude_rms_dB) for fit in fits)],
+        ["phase residual [degrees rms]", *(figure(fit.phase_rms_deg) for fit in fits)],
         ["e_r", *(figure(fit.e_r) for fit in fits)],
         ["BIC", *(f"{fit.bic:.1f}" for fit in fits)],
-        ["numbers fitted", *(str(len(fit.estimates)) for fit in fits)],
+        ["free parameters", *(str(len(fit.estimates)) for fit in fits)],
     ]
     return ["", *(fit.model.name for fit in fits)], rows
 
 
 def crosscheck_sentence(crosscheck: Crosscheck) -> str:
-    """Whether other methods end where the gradient fit does."""
+    """Whether other methods converge to the same optimum as the gradient fit."""
     fit = crosscheck.fit
     unit = fit.preparation.takes[0].recording.response_unit
     best, others = crosscheck.best, crosscheck.rows[1:]
@@ -222,36 +222,36 @@ def crosscheck_sentence(crosscheck: Crosscheck) -> str:
     name = f"{fit.model.name} on {sources(fit)}"
     if crosscheck.warning is not None:
         return (
-            f"{name}: the gradient fit is not at the optimum; the least error, "
-            f"{quantity(best.rmse, unit)} rms, is that of {best.method}."
+            f"{name}: the gradient fit is not at the optimum; {best.method} has the least error, "
+            f"{quantity(best.rmse, unit)} rms."
         )
     return (
-        f"{name}: no method finds less than the gradient fit's error of "
-        f"{quantity(best.rmse, unit)} rms, and {agree} of {len(others)} others end at it."
+        f"{name}: no method has a smaller error than the gradient fit, "
+        f"{quantity(best.rmse, unit)} rms, and {agree} of {len(others)} others agree with it."
     )
 
 
 def crosscheck_figures(crosscheck: Crosscheck) -> tuple[list[str], list[list[str]]]:
-    """Heads and rows of the cross-check's table: a column for each method, and the unit."""
-    ways = crosscheck.rows
+    """Headers and rows of the cross-check's table: a column per method, and the unit."""
+    methods = crosscheck.rows
     unit = crosscheck.fit.preparation.takes[0].recording.response_unit
     rows = [
-        ["e_RMS", *(f"{row.rmse:.5g}" for row in ways), pretty_unit(unit)],
-        ["e_r", *(f"{row.e_r:.5g}" for row in ways), ""],
-        ["over the best", *(f"{row.over_best:.6g}" for row in ways), ""],
-        ["agrees", *("yes" if row.agrees else "no" for row in ways), ""],
+        ["e_RMS", *(f"{row.rmse:.5g}" for row in methods), pretty_unit(unit)],
+        ["e_r", *(f"{row.e_r:.5g}" for row in methods), ""],
+        ["over the best", *(f"{row.over_best:.6g}" for row in methods), ""],
+        ["agrees", *("yes" if row.agrees else "no" for row in methods), ""],
         *(
-            [name, *(f"{row.parameters[name]:.4g}" for row in ways), pretty_unit(unit)]
+            [name, *(f"{row.parameters[name]:.4g}" for row in methods), pretty_unit(unit)]
             for name, unit in crosscheck.units.items()
         ),
-        ["evaluations", *(str(row.evaluations) for row in ways), ""],
-        ["derivatives", *("yes" if row.derivatives else "no" for row in ways), ""],
-        ["seconds", *(figure(row.seconds, 2) for row in ways), "s"],
+        ["evaluations", *(str(row.evaluations) for row in methods), ""],
+        ["derivatives", *("yes" if row.derivatives else "no" for row in methods), ""],
+        ["seconds", *(figure(row.seconds, 2) for row in methods), "s"],
     ]
-    return ["", *(row.method for row in ways), "unit"], rows
+    return ["", *(row.method for row in methods), "unit"], rows
 
 
 def download(name: str, content: dict) -> dict[str, str]:
-    """A file that the page carries with it."""
+    """A JSON file that the page contains as a link."""
     encoded = base64.b64encode(json.dumps(content, indent=1).encode()).decode()
     return {"name": name, "href": Markup(f"data:application/json;base64,{encoded}")}

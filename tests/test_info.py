@@ -1,4 +1,4 @@
-"""What is understood of a recording before anything is fitted to it."""
+"""What is as_model of a recording before anything is fitted to it."""
 
 import json
 from pathlib import Path
@@ -95,7 +95,7 @@ def test_a_drive_that_never_moves_is_a_rest_and_what_it_is_good_for_is_said():
     assert (told["drive"]["kind"], told["drive"]["top_frequency_Hz"]) == ("rest", None)
     assert told["noise"]["sigma"] == pytest.approx(1, rel=0.1)
     (warning,) = told["warnings"]
-    assert "constant at 3 V: a rest" in warning
+    assert "constant at 3 V: such a rest" in warning
     assert "--input" in warning
 
 

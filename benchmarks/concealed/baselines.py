@@ -45,7 +45,7 @@ from fracjax._diagnose._score import Residual, Scorer
 from fracjax._diagnose._stage import Stage
 from fracjax._fit import fit_of, settle
 from fracjax._prepare import prepare
-from fracjax._solve import fine_enough, silent
+from fracjax._solve import refine_until_accurate, silent
 
 from .answer import cases_of, tell_each
 from .exam import part_of
@@ -107,7 +107,7 @@ def fitted_of(recording: fj.Recording, base: str) -> Fitted:
     began, model = time.perf_counter(), fj.parse_model(base)
     prepared = prepare([recording])
     settled = settle(model.block, prepared, history=None, starts=STARTS, seed=SEED)
-    solved, _ = fine_enough(settled, silent)
+    solved, _ = refine_until_accurate(settled, silent)
     (take,), (problem,) = solved.preparation.takes, solved.preparation.problems()
     constant = problem.whiten(np.ones(problem.response.shape[0]))
     left = Residual(solved.whitened[0], constant[:, None] / np.linalg.norm(constant))

@@ -36,7 +36,7 @@ from benchmarks.real.recordings import fsm_cubespec as mirror
 from benchmarks.real.recordings import mr_damper as damper
 from benchmarks.real.recordings import piezo_dbo
 from fracjax._crosscheck._variable_projection import project
-from fracjax._prepare._layout import layout_of, placed, position_of
+from fracjax._prepare._layout import layout_of, position_of, with_shapes_at
 from fracjax._prepare._setting import setting_of
 
 STEP = 2e-3  # s
@@ -93,7 +93,7 @@ def cases() -> Iterator[Case]:
 @eqx.filter_jit
 def residual(position, block, problems):
     """The whitened residual at a point of the unit cube, gains and own terms at their best."""
-    return project(placed(block, position), problems)[1]
+    return project(with_shapes_at(block, position), problems)[1]
 
 
 def by_scipy(found: fj.Crosscheck, seed: int) -> float:

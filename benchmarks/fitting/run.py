@@ -32,7 +32,7 @@ from benchmarks.concealed.truth import BASES, OVER
 from benchmarks.fitting.tables import HERE, Table
 from fracjax._crosscheck._variable_projection import projected_residual
 from fracjax._prepare import prepare
-from fracjax._prepare._layout import placed
+from fracjax._prepare._layout import with_shapes_at
 
 STEP = 2e-3  # s
 LAW = {"alpha": 0.14, "beta": -0.13, "k_l": 0.07, "k_h": 0.04, "k_p": 1.5e-6}
@@ -151,7 +151,7 @@ def by_optimistix(recording: fj.Recording, starts: int) -> Outcome:
         @jax.jit
         def solved(start: jax.Array) -> tuple[jax.Array, jax.Array]:
             def residual(z: jax.Array, _: None) -> jax.Array:
-                return projected_residual(placed(block, jax.nn.sigmoid(z)), problems)
+                return projected_residual(with_shapes_at(block, jax.nn.sigmoid(z)), problems)
 
             found = optimistix.least_squares(residual, solver, start, max_steps=100, throw=False)
             left = residual(found.value, None)

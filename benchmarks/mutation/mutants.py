@@ -23,7 +23,7 @@ import ast
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-SPEED = {"AT_ONCE", "_ROWS", "_LARGEST_TABLE", "at_once"}
+SPEED = {"BATCH_SIZE", "_ROWS", "_LARGEST_TABLE", "at_once"}
 TEXTS = {"progress", "warn", "field"}
 
 _OPERATORS = {

@@ -24,7 +24,7 @@ import pandas as pd
 
 from .._fit import Loss
 from .._models import Model
-from .._prepare import Mask, ModelOptions, HistoryOption, history_of, require_whole_number
+from .._prepare import HistoryOption, Mask, ModelOptions, history_of, require_whole_number
 from .._recording import parse_quantity
 from ._cluster import on_cluster
 from ._jobs import Job, RecordingInput, jobs_of

@@ -16,7 +16,7 @@ import pyarrow as pa
 
 from .._fit import Fit, fit, shape_of
 from .._models import Model, as_model
-from .._prepare import ModelOptions, HistoryOption, apply_options, model_of, free_parameters_of
+from .._prepare import HistoryOption, ModelOptions, apply_options, free_parameters_of, model_of
 from .._recording import InputError, Recording
 from ._jobs import Job
 

@@ -19,21 +19,30 @@ from .._fit import Fit, fit_of, scores_of, settle_finely
 from .._models import Model
 from .._parameters import named_parameters
 from .._prepare import (
+    HistoryOption,
     Layout,
     Noise,
-    HistoryOption,
     Preparation,
     Problem,
     SearchOptions,
+    free_parameters_of,
     layout_of,
     model_of,
-    free_parameters_of,
     prepare_fit,
     recordings_of,
     require_whole_number,
 )
 from .._recording import InputError, Recording
-from .._solve import Objective, Progress, Solved, fit_block, limit_compiled_programs, silent, solved_at, starts_of
+from .._solve import (
+    Objective,
+    Progress,
+    Solved,
+    fit_block,
+    limit_compiled_programs,
+    silent,
+    solved_at,
+    starts_of,
+)
 from ._bounded import bounded_lbfgs, require_jaxopt
 from ._box import SearchResult, dimension, objective, with_bounded_gains, with_bounded_shapes
 from ._evolution import DifferentialEvolution

@@ -17,7 +17,7 @@ import numpy as np
 from scipy.stats import norm
 
 from .._blocks import AbstractBlock
-from .._computing import computing, side_by_side
+from .._computing import computing, map_in_threads
 from .._parameters import Parameter, named_parameters, replace_parameters
 from .._prepare import Conditions, Preparation
 from .._recording import InputError, require_kind
@@ -114,7 +114,7 @@ def with_profiled_intervals(fit: Fit, names: Iterable[str]) -> Fit:
         reach = _end(constrained, constrained.at(0.0), factor, side)
         return _ConstrainedFit(estimate, fit.model.block, fit.weighed, _BOUNDS_FACTOR).value(reach)
 
-    ends = iter(side_by_side(end, [(k, side) for k in selected for side in (-1, 1)]))
+    ends = iter(map_in_threads(end, [(k, side) for k in selected for side in (-1, 1)]))
     estimates = list(fit.estimates)
     for k in selected:
         low, high = next(ends), next(ends)

@@ -50,7 +50,9 @@ class Prediction(eqx.Module):
     def __call__(self, shapes: Array, gains: Array) -> tuple[Array, ...]:
         """The responses (L,) or (m,) of all recordings."""
         block, layout = self.block, layout_of(self.block)
-        named = values_by_name(block, layout.shapes, shapes) | values_by_name(block, layout.gains, gains)
+        named = values_by_name(block, layout.shapes, shapes) | values_by_name(
+            block, layout.gains, gains
+        )
         at_values = set_values(block, named)
         return tuple(problem.simulate(at_values) for problem in self.problems)
 

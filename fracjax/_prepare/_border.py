@@ -7,7 +7,7 @@ import numbers
 from collections.abc import Iterable
 from typing import Any
 
-from .._models import Model, understood
+from .._models import Model, as_model
 from .._operators import HISTORIES
 from .._recording import (
     MINIMUM_SAMPLES,
@@ -51,7 +51,7 @@ def require_recording(value: Recording, where: str) -> None:
 
 def model_of(model: Model | str, recordings: list[Recording]) -> Model:
     """A model, or the model of a name with effects sized for the recordings.  Raises InputError."""
-    return understood(model, setting_of(recordings) if isinstance(model, str) else None)
+    return as_model(model, setting_of(recordings) if isinstance(model, str) else None)
 
 
 def require_whole_number(value: int, where: str, least: int) -> int:

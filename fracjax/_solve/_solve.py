@@ -8,7 +8,7 @@ import jax
 import numpy as np
 
 from .._blocks import AbstractBlock
-from .._computing import side_by_side
+from .._computing import map_in_threads
 from .._parameters import named_parameters, set_values
 from .._prepare import Preparation, Problem, layout_of
 from ._least_squares import Descent, Objective, begin, descend, simulate
@@ -57,7 +57,7 @@ def solve_from(
         return descend(begin(start, problems, conditions), _FIRST_EVALUATIONS)
 
     # The first alone, so that what all have in common is compiled once.
-    descents = [first_descent(starts[0]), *side_by_side(first_descent, starts[1:])]
+    descents = [first_descent(starts[0]), *map_in_threads(first_descent, starts[1:])]
     descents.sort(key=lambda d: d.cost)
     descents = [
         d._replace(converged=d.converged or _joins_better(descents[:k], d, samples, preparation))
@@ -66,7 +66,7 @@ def solve_from(
     decreases = np.zeros(len(starts))
 
     def continue_descents(which: list[int]) -> None:
-        continued = side_by_side(lambda k: descend(descents[k], _EVALUATIONS), which)
+        continued = map_in_threads(lambda k: descend(descents[k], _EVALUATIONS), which)
         for k, descent in zip(which, continued, strict=True):
             decreases[k], descents[k] = descents[k].cost - descent.cost, descent
 

@@ -38,7 +38,7 @@ def test_the_table_itself_is_no_recording(quick):
     ("given", "said"),
     [
         ("data", r"data: expected files in \.csv.*found none"),
-        ("data/*.csv", r"data/\*\.csv: expected a pattern that meets files, found none"),
+        ("data/*.csv", r"data/\*\.csv: expected a pattern that matches files, found none"),
         ([], "recordings: expected at least one, found none"),
     ],
 )

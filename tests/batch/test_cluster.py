@@ -141,7 +141,7 @@ def test_a_recording_that_kills_workers_is_a_row(quick_cluster, monkeypatch):
     told = {Path(row["source"]).name: (row["status"], row["reason"]) for row in rows}
     assert told == {
         "a.csv": ("fitted", ""),
-        "b.csv": ("failed", "every worker that took it died."),
+        "b.csv": ("failed", "every worker that fitted it died."),
     }
 
 
@@ -156,7 +156,7 @@ def test_work_does_not_wait_for_ever_for_a_worker(quick_cluster, monkeypatch):
             quick_cluster.scale(0)
 
     address = quick_cluster.scheduler_address
-    with pytest.raises(fj.InputError, match=r"expected a worker, found none; .* is kept"):
+    with pytest.raises(fj.InputError, match=r"expected a worker, found none; .* are kept"):
         batch("data", cluster=address, progress=dismiss)
     assert 0 < len(pd.read_parquet(OUT / FITS)) < 60
     monkeypatch.setattr("fracjax._batch._cluster._SECONDS", 1)
@@ -178,7 +178,7 @@ def test_results_that_went_with_the_last_worker_are_not_waited_for(quick_cluster
             quick_cluster.scale(0)
             wait_until(lambda: not scheduler.workers)
 
-    with pytest.raises(fj.InputError, match=r"expected a worker, found none; .* is kept"):
+    with pytest.raises(fj.InputError, match=r"expected a worker, found none; .* are kept"):
         batch("data", cluster=scheduler.address, progress=dismiss)
     assert lost
     assert 0 < len(pd.read_parquet(OUT / FITS)) < 60

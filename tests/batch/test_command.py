@@ -56,7 +56,7 @@ def test_the_command_where_fits_do_not_converge(data, quick, fitted, monkeypatch
         ("batch --model creep --out results", "Missing argument 'PATH...'"),
         ("batch a.csv --out results", "Missing option '--model'"),
         ("batch a.csv --model nope --out results", 'model "nope": expected names'),
-        ("batch *.csv --model creep --out results", "expected a pattern that meets files"),
+        ("batch *.csv --model creep --out results", "expected a pattern that matches files"),
         ("batch a.csv --model creep --out results --settle 9um", "expected a value in s"),
         ("batch a.csv --model creep --out results --cluster 127.0.0.1:9", "connection refused"),
     ],
@@ -69,7 +69,7 @@ def test_unusable_calls(call, said, capsys):
 
 def test_where_nothing_can_be_read(capsys):
     assert run(["batch", "none.csv", "--model", "creep", "--out", "results", "--quiet"]) == 2
-    assert "Of 1 recordings none could be read; the first: " in failure(capsys)
+    assert "None of 1 recordings could be read; the first: " in failure(capsys)
 
 
 def test_an_interrupted_command_says_what_it_kept(data, quick, fitted, monkeypatch, capsys):

@@ -22,7 +22,7 @@ def diagnosis_of(fitted: Fit) -> Diagnosis:
         effects=(),
         candidates=(Candidate("delay", "drive", 1.0, -1.0, 0.1, 0.5, "no need"),),
         axes=(Axis("time", "s", np.arange(5.0), np.ones(4), 3.0, (), 0.5),),
-        where="Nowhere does the residual stand out from the noise.",
+        where="The residual does not exceed the noise anywhere.",
         noise=noise_of(fitted),
         numerics=0.01,
         p_value=0.4,

@@ -78,7 +78,12 @@ def test_a_fit_with_options_for_real(loop, capsys):
     assert told["loss"]["name"] == "student_t"
     assert [profile["name"] for profile in told["profiles"]] == ["k_c"]
     page = (FOLDER / "report.html").read_text()
-    for said in ("What is left over", "Profiles: how", "51 samples more were left out", "Held out"):
+    for said in (
+        "<h2>Residual</h2>",
+        "Profiles: the rise",
+        "weight or mask excluded 51 more samples",
+        "Held out",
+    ):
         assert said in page
     assert written() == {"fit.json", "comparison.json", "report.html"}
 

@@ -133,7 +133,7 @@ def test_what_did_not_converge_is_saved_and_said(call, capsys, monkeypatch):
     stopped = replace(found, converged=False)
     monkeypatch.setattr(fracjax._compensate, "compensate", lambda *_, **__: stopped)
     assert call("--quiet") == 3
-    assert "did not converge; the best drive it reached was saved in out" in capsys.readouterr().err
+    assert "did not converge; the best drive was saved in out" in capsys.readouterr().err
     assert Path("out/compensation.json").exists()
 
 

@@ -10,7 +10,7 @@ import fracjax as fj
 import fracjax._compensate
 from fracjax import blocks
 from fracjax._compensate._inverse import inverse_of
-from fracjax._compensate._plant import between
+from fracjax._compensate._plant import upsample
 from fracjax._operators import Grid
 from tests.compensate.helpers import HYSTERESIS, SINE, STEP, TIMES, model, wanted
 
@@ -172,14 +172,14 @@ def test_plays_beside_a_law_and_behind_a_curve_are_inverted_by_contraction(motio
 @given(st.sampled_from([2, 5]), st.booleans(), st.sampled_from(["constant", "periodic"]))
 def test_between_samples_the_drive_is_linear_in_them(finer, smooth, history):
     drive = np.random.default_rng(0).normal(size=(2, 12))
-    one, two = (np.asarray(between(jax.numpy.asarray(d), finer, smooth, history)) for d in drive)
-    both = np.asarray(between(jax.numpy.asarray(drive[0] - 3 * drive[1]), finer, smooth, history))
+    one, two = (np.asarray(upsample(jax.numpy.asarray(d), finer, smooth, history)) for d in drive)
+    both = np.asarray(upsample(jax.numpy.asarray(drive[0] - 3 * drive[1]), finer, smooth, history))
     np.testing.assert_allclose(both, one - 3 * two, atol=1e-12)
     np.testing.assert_allclose(one[::finer][:12], drive[0], atol=1e-14)
 
 
 def test_between_samples_a_cubic_is_exact_inside():
     t = np.arange(12.0)
-    fine = np.asarray(between(jax.numpy.asarray(t**3 - 4 * t**2), 4, True, "constant"))
+    fine = np.asarray(upsample(jax.numpy.asarray(t**3 - 4 * t**2), 4, True, "constant"))
     s = np.arange(45) / 4
     np.testing.assert_allclose(fine[4:-4], (s**3 - 4 * s**2)[4:-4], atol=1e-10)

@@ -55,7 +55,7 @@ def test_a_slew_limit_is_kept_and_anticipated():
     assert any(stretch.kind == "slew limit" for stretch in found.binding)
     assert found.verdict == "limited"
     free = fj.compensate(model(blocks.FOHLinear(0.05, 0.05, 0.1)), wanted(step))
-    greedy = Bounds(-np.inf, np.inf, 400.0 * STEP).applied(free.drive, "constant")
+    greedy = Bounds(-np.inf, np.inf, 400.0 * STEP).apply(free.drive, "constant")
     late = fj.simulate(model(blocks.FOHLinear(0.05, 0.05, 0.1)), greedy, STEP).response
     assert found.rms_error < 0.7 * np.sqrt(np.mean((late - step) ** 2))
 
@@ -86,9 +86,9 @@ def test_a_law_that_saturates_cannot_be_followed():
 )
 def test_whatever_is_applied_keeps_within_the_bounds(levels, change, history):
     bounds = Bounds(-60.0, 40.0, change)
-    drive = bounds.applied(np.array(levels), history)
+    drive = bounds.apply(np.array(levels), history)
     assert bounds.admits(drive, history) or np.ptp(drive) == 0
-    np.testing.assert_allclose(bounds.applied(drive, history), drive, atol=1e-12)
+    np.testing.assert_allclose(bounds.apply(drive, history), drive, atol=1e-12)
 
 
 def test_regularisation_smooths_the_drive():

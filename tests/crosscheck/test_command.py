@@ -43,7 +43,7 @@ def test_the_command_prints_one_table(loop, checked, monkeypatch, capsys):
     out, err = capsys.readouterr()
     assert err == ""
     assert out.startswith("foh on three_tones.csv: no method finds less than the gradient fit's")
-    assert "5 of 5 others end at it" in out
+    assert "5 of 5 others agree with it" in out
     heads, rows = crosscheck_figures(checked)
     assert {len(row) for row in rows} == {len(heads)}
     for label in ("e_RMS", "e_r", "alpha", "k_h", "evaluations", "seconds", "agrees"):

@@ -12,9 +12,9 @@ import numpy as np
 import pytest
 
 import fracjax as fj
-from fracjax._crosscheck._box import with_bounded_gains, with_bounded_shapes, with_gradient
+from fracjax._crosscheck._box import cost_and_gradient, with_bounded_gains, with_bounded_shapes
 from fracjax._parameters import named_parameters, set_values
-from fracjax._prepare._layout import layout_of, placed
+from fracjax._prepare._layout import layout_of, with_shapes_at
 from fracjax._report import write_report
 from tests.crosscheck.helpers import (
     FEW,
@@ -38,7 +38,7 @@ def response_to(block, problem):
 def test_the_objective_is_least_squares_over_the_gains(checked):
     """Against NumPy's lstsq on the columns that unit gains give."""
     block, problems = checked.fit.model.block, checked.fit.preparation.problems()
-    shaped = placed(block, jnp.asarray([0.63]))
+    shaped = with_shapes_at(block, jnp.asarray([0.63]))
     (problem,) = problems
     columns = [
         response_to(set_values(shaped, {"k_l": 0.0, "k_h": 0.0} | {name: 1.0}), problem)
@@ -56,9 +56,9 @@ def test_the_gradient_is_that_of_finite_differences(checked):
     block, problems = checked.fit.model.block, checked.fit.preparation.problems()
 
     def cost(share):
-        return float(with_gradient(block, problems, jnp.asarray([share]))[0])
+        return float(cost_and_gradient(block, problems, jnp.asarray([share]))[0])
 
-    slope = float(with_gradient(block, problems, jnp.asarray([0.55]))[1][0])
+    slope = float(cost_and_gradient(block, problems, jnp.asarray([0.55]))[1][0])
     assert slope == pytest.approx((cost(0.55 + 1e-5) - cost(0.55 - 1e-5)) / 2e-5, rel=1e-6)
     assert cost(0.55) == pytest.approx(float(cost_at(block, problems, np.array([0.55]))))
 
@@ -154,7 +154,10 @@ def test_the_report_tells_of_an_estimated_past(checked, tmp_path):
     fit = replace(checked.fit, preparation=preparation)
     write_report(replace(checked, fit=fit), tmp_path / "report.html")
     page = (tmp_path / "report.html").read_text(encoding="utf-8")
-    assert "before the first sample another drive, whose memory the fit estimates" in page
+    assert (
+        "before the first sample the actuator was in a different state, which the fit estimates"
+        in page
+    )
 
 
 def test_saved_as_plain_data(checked, tmp_path):
@@ -193,7 +196,7 @@ def test_a_masked_stretch_counts_in_no_search():
 
 
 def test_what_the_searches_do_not_know_is_refused():
-    with pytest.raises(fj.InputError, match=r"found priors; the searches know none"):
+    with pytest.raises(fj.InputError, match=r"found priors; the searches cannot use these"):
         fj.crosscheck(
             fj.parse_model("foh"),
             recording(),

@@ -28,7 +28,15 @@ def creeping(noise: np.ndarray) -> Recording:
     return Recording(TONE, law + noise, STEP, "V", "um")
 
 
-CONVINCING = Gain(100.0, 1.0, 1.0, foretold=(True,), base_rmse=2.0, extended_rmse=1.0, left=1.0)
+CONVINCING = Gain(
+    100.0,
+    1.0,
+    1.0,
+    predicted_folds=(True,),
+    base_rmse=2.0,
+    extended_rmse=1.0,
+    chi_square_per_sample=1.0,
+)
 
 
 def judged_of(
@@ -40,7 +48,7 @@ def judged_of(
     spared: float = 0.0,
     conceded: float = 0.0,
     before: float = 0.0,
-    foretells_worse: bool = False,
+    predicts_worse: bool = False,
     left: float = 0.0,
     special_case: str = "",
 ) -> Judged:
@@ -59,7 +67,7 @@ def judged_of(
         explained=1.0,
         numerics=0.0,
         gain=gain,
-        foretells_worse=foretells_worse,
+        predicts_worse=predicts_worse,
         prediction=unseen,
         predict=unseen,
         plausible=plausible,

@@ -39,7 +39,7 @@ def refined_contenders(
         return (name, found) if found.delta_bic > answer.delta_bic else None
 
     monkeypatch.setattr(_round, "_refined", refined)
-    monkeypatch.setattr(_round, "_sought_beside", sought_beside)
+    monkeypatch.setattr(_round, "_refitted_from_other", sought_beside)
     pairs = [(one, other) for one in alike for other in alike if one != other]
     monkeypatch.setattr(_round, "_look_alike", lambda one, other: (one.name, other.name) in pairs)
     questions: Any = [(judged.name, judged) for judged in found]
@@ -135,7 +135,7 @@ def test_a_refined_candidate_keeps_to_its_usual_ranges_on_its_own_grid(monkeypat
     def finer(solved: Any, *_: Any) -> tuple[Any, float]:
         return Solution(f"{solved.grid}+"), 0.1
 
-    monkeypatch.setattr(_round, "fine_enough", finer)
+    monkeypatch.setattr(_round, "refine_until_accurate", finer)
     monkeypatch.setattr(_round, "_kept_usual", kept_usual)
     coarse: Any = Part(Solution("out"))
     question: Any = Question(coarse, coarse)

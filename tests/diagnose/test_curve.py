@@ -135,7 +135,7 @@ def test_where_drive_and_response_are_nearly_one_it_may_be_a_curve_of_either():
         curve = find_curve(fitted(seen), 0.0)
     assert curve is not None
     assert {curve.argument, curve.or_else} == {"drive", "response"}
-    assert f"(or of the {curve.or_else}, which does nearly as well)" in curve.sentence
+    assert f"(or of the {curve.or_else}, which fits nearly as well)" in curve.sentence
 
 
 def test_a_law_that_does_not_hear_the_drive_has_no_curve_of_it():

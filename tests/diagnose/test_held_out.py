@@ -15,10 +15,10 @@ from fracjax._blocks import EFFECTS
 from fracjax._diagnose._diagnose import held_out_take
 from fracjax._diagnose._held_out import (
     Prediction,
-    foretells_worse,
     gain,
     predict_recording,
     predict_stretches,
+    predicts_worse,
 )
 from fracjax._fit import settle
 from fracjax._operators._grid import History
@@ -286,11 +286,11 @@ def test_what_training_leaves_open_excuses_no_worse_prediction_of_a_recording():
     line, cubic = predicted([1]), predicted([1, 3, 5, 7, 9])
     assert cubic.rmse > 10 * line.rmse
     assert gain(line, cubic).convincing  # for what it claims to know
-    assert foretells_worse(predict_another, line, cubic)
-    assert not foretells_worse(predict_another, cubic, line)
-    assert not foretells_worse(predict_another, line, replace(line, rmse=1.9 * line.rmse))
+    assert predicts_worse(predict_another, line, cubic)
+    assert not predicts_worse(predict_another, cubic, line)
+    assert not predicts_worse(predict_another, line, replace(line, rmse=1.9 * line.rmse))
     # Between stretches no model is worse for what its neighbours do not tell.
-    assert not foretells_worse(predict_stretches, line, cubic)
+    assert not predicts_worse(predict_stretches, line, cubic)
 
 
 def predict_another(*_: Any) -> Any:
@@ -320,7 +320,7 @@ def test_a_stretch_that_the_others_do_not_foretell_does_not_count_in_the_rmse():
     wild = Prediction(9.0, (1.0, 1.0, 1e3, 1.0, 1.0), noise + spread[:, 0], fold, spread)
     base = Prediction(2.0, (2.0,) * 5, 3 * noise, fold, np.zeros((1000, 0)))
     found = gain(base, wild)
-    assert found.foretold == (True, True, False, True, True)
+    assert found.predicted_folds == (True, True, False, True, True)
     assert found.convincing
     assert found.extended_rmse == pytest.approx(1.0)
     assert found.share_of_rmse == pytest.approx(0.5)

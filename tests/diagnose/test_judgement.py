@@ -13,10 +13,10 @@ from fracjax._diagnose._judgement import (
     excess_doubt,
     explained_fraction,
     freedom_of,
-    is_exhausted,
-    leaves_a_pattern,
     probability_of,
     reason,
+    residual_has_pattern,
+    residual_is_noise,
     rivals_of,
     share_of_excess,
 )
@@ -49,7 +49,7 @@ def test_rivals_are_those_within_25_or_a_hundredth():
     # One outside its usual range is not adopted, but not excluded either.
     assert rivals_of(best, found) == [bad, close]
     # Nor is one that foretells a recording worse than without it, however much it gains.
-    wild = judged_of("i", 10_200, foretells_worse=True)
+    wild = judged_of("i", 10_200, predicts_worse=True)
     assert best_of([*found, wild]) is best
     assert rivals_of(best, [*found, wild]) == [wild, bad, close]
     # What needs to leave its range and still fits less well only mimics the winner.
@@ -133,10 +133,10 @@ SCORED: Any = SimpleNamespace()
 @pytest.mark.parametrize(
     ("judged", "p_value", "numerics", "said"),
     [
-        (judged_of("a", 100), 0.02, 0.0, "nothing in the residual beyond noise"),
+        (judged_of("a", 100), 0.02, 0.0, "the residual does not exceed the noise"),
         (judged_of("a", 100), 0.001, 1.5, "not refitted: the discretisation error is 1.5"),
         (None, 0.001, 0.0, "not refitted: other effects have more evidence"),
-        (judged_of("a", 100), 0.001, 0.0, "adopted: better beyond doubt"),
+        (judged_of("a", 100), 0.001, 0.0, "adopted: significantly better"),
         (replace(judged_of("b", 100), numerics=2.0), 0.001, 0.0, "its discretisation error is 2"),
         (judged_of("b", 9.9), 0.001, 0.0, "rejected: the refit gains only 9.9 in BIC"),
         (judged_of("b", 100, plausible=False), 0.001, 0.0, "outside their plausible range"),
@@ -170,8 +170,8 @@ def test_what_is_left_over_is_judged_as_far_as_the_noise_is_known():
     assert freedom_of(known_to(0.1), 3.0) == pytest.approx(200)
     for excess, most in ((0.0, 1.5 + doubt), (4000.0, 1.7 + doubt)):
         base = ended_at(5000, excess)
-        assert is_exhausted(base, ended_at(1000 * most - 1))
-        assert not is_exhausted(base, ended_at(1000 * most + 1))
+        assert residual_is_noise(base, ended_at(1000 * most - 1))
+        assert not residual_is_noise(base, ended_at(1000 * most + 1))
 
 
 def test_the_shares_that_an_effect_explains():
@@ -198,4 +198,4 @@ def test_a_pattern_is_what_places_still_take_of_what_an_effect_took(excess, left
     axes = [
         Axis("time", "s", np.arange(3.0), np.ones(2), 3.0, (), 0.5, excess=e) for e in (0.0, excess)
     ]
-    assert leaves_a_pattern(stage_of(2000), stage_of(1000), axes) == left
+    assert residual_has_pattern(stage_of(2000), stage_of(1000), axes) == left

@@ -68,7 +68,7 @@ def test_jumps_are_not_gradual(size, seed):
     told = found(recording((0.8, size), (1.9, -0.9 * size), seed=seed))
     assert told is not None
     assert not told.gradual
-    assert "Record the same drive again, for such jumps" in told.sentence
+    assert "Record the same drive again, since such jumps" in told.sentence
 
 
 @pytest.mark.parametrize("seed", range(5))
@@ -78,7 +78,7 @@ def test_what_takes_a_while_is_gradual(seed):
     told = found(fj.Recording(DRIVE, plain.response + slow, STEP, "V", "um"))
     assert told is not None
     assert told.gradual
-    assert "yet these come gradually" in told.sentence
+    assert "but these are gradual" in told.sentence
 
 
 def test_what_is_back_at_once_is_a_tail_of_the_noise_and_tells_nothing():
@@ -105,7 +105,7 @@ def test_what_is_back_at_once_is_a_tail_of_the_noise_and_tells_nothing():
 def ahead_without_samples(told: Jumps, base: Stage, out: slice) -> float:
     """What jumps take from χ² of a recording, but for some samples, in units of what they leave."""
     (own,), (others,) = told.solved.whitened, base.solved.whitened
-    return float(np.sum(np.delete(others**2 - own**2, np.r_[out]))) / told.solved.left
+    return float(np.sum(np.delete(others**2 - own**2, np.r_[out]))) / told.solved.excess_ratio
 
 
 def test_noise_alone_jumps_nowhere():
@@ -211,7 +211,7 @@ def test_noise_of_one_colour_holds_no_jumps(slow):
 def test_a_diagnosis_that_cannot_see_jumps_for_noise_says_so():
     found = fj.diagnose("lfdh", periods((1.13, 0.3), (2.06, -0.2)))
     assert found.verdict == "none"
-    (warning,) = (w for w in found.warnings if "the noise floor holds what looks like" in w)
+    (warning,) = (w for w in found.warnings if "the noise floor contains what looks like" in w)
     for told in (warning, found.sentence):
         assert "like jumps of the response: +0.3 um at 1.13 s, -0.2 um at 2.06 s; beside" in told
 
@@ -220,9 +220,9 @@ def test_of_several_recordings_the_one_whose_noise_hides_jumps_is_told():
     one, other = periods(), periods((1.13, 0.3), (2.06, -0.2))
     found = fj.diagnose("lfdh", [one, replace(other, source="jumps.csv")])
     assert found.verdict == "none"
-    (warning,) = (w for w in found.warnings if "the noise floor holds what looks like" in w)
-    assert warning.startswith("jumps.csv: the noise floor holds")
-    assert "But in jumps.csv the noise floor holds" in found.sentence
+    (warning,) = (w for w in found.warnings if "the noise floor contains what looks like" in w)
+    assert warning.startswith("jumps.csv: the noise floor contains")
+    assert "But in jumps.csv the noise floor contains" in found.sentence
     assert "+0.3 um at 1.13 s" in warning
 
 

@@ -234,7 +234,7 @@ def test_an_effect_too_weak_for_any_place_to_stand_out_has_one_where_it_acts():
         changed = replace(solved, simulations=[solved.simulations[0] + 0.01 * (cut - plain)])
         stage = replace(base, solved=changed)
         first = detect(base, 0, silent)
-        winner: Any = SimpleNamespace(name="saturation", foretells_a_recording=True)
+        winner: Any = SimpleNamespace(name="saturation", predicts_a_recording=True)
         course = Course(first, True, [], first, [Round(winner, [])], {}, stage, None)
         conclusion = Conclusion(model, base, 0.0, None, predict_stretches, course)
         named: Any = (SimpleNamespace(name="saturation"),)

@@ -13,7 +13,7 @@ from fracjax._diagnose._next_experiment import (
     LIKELY,
     Drive,
     Limits,
-    _most_telling,
+    _most_distinguishing,
     _Trial,
     drives,
     parse_limits,
@@ -179,11 +179,11 @@ def test_two_that_nothing_tells_apart_are_no_reason_to_leave_the_others_together
         alike = propose([lag, lag, late], preparation, Limits(0, 100, 1e5), silent)
         among = propose([late, lag, lag], preparation, Limits(0, 100, 1e5), silent)
         alone = propose([lag, lag], preparation, Limits(0, 100, 1e5), silent)
-    assert (alike.told, alike.all_apart) == ((2,), False)
-    assert (among.told, among.all_apart) == ((1, 2), False)
+    assert (alike.distinguished, alike.all_apart) == ((2,), False)
+    assert (among.distinguished, among.all_apart) == ((1, 2), False)
     assert alike.probability == pytest.approx(among.probability)
     assert alike.probability > 0.95
-    assert (alone.told, alone.all_apart) == ((1,), True)
+    assert (alone.distinguished, alone.all_apart) == ((1,), True)
     assert alone.probability < 1e-3
 
 
@@ -205,7 +205,7 @@ def probabilities(*drives: tuple[float, float, float]) -> np.ndarray:
     ],
 )
 def test_the_most_telling_drive(drives, chosen):
-    assert _most_telling(probabilities(*drives)) == chosen
+    assert _most_distinguishing(probabilities(*drives)) == chosen
 
 
 def test_what_a_drive_would_show_is_told_in_units_of_the_noise():

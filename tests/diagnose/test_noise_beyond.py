@@ -40,16 +40,16 @@ def test_what_a_refit_gains_where_each_noise_is_what_it_leaves_itself(monkeypatc
     solved: Any = SimpleNamespace(free=8, samples=80, simulations=[np.zeros(100)])
     for left, gained in ((1.0, 160 * np.log(2) - 3 * np.log(80)), (2.0, -3 * np.log(80))):
         monkeypatch.setattr(_procedure, "residual_noise", lambda *_, left=left: noise(left))
-        found, seen = _procedure._seen_past(base, solved)
+        found, seen = _procedure._with_noise_of(base, solved)
         noises: Any = seen
         assert found == pytest.approx(gained)
         assert [n.sigma for n in noises] == [left]
     monkeypatch.setattr(_procedure, "residual_noise", lambda *_: noise(2.5))
-    assert _procedure._seen_past(base, solved) == (-np.inf, preparation)
+    assert _procedure._with_noise_of(base, solved) == (-np.inf, preparation)
     # A line that no filter holds is in no innovation, and costs its whitened squares.
     monkeypatch.setattr(_procedure, "residual_noise", lambda *_: noise(2.0))
     take.noise = noise(2.0, square=4.0)
-    assert _procedure._seen_past(base, solved)[0] == pytest.approx(80 * 3 - 3 * np.log(80))
+    assert _procedure._with_noise_of(base, solved)[0] == pytest.approx(80 * 3 - 3 * np.log(80))
 
 
 def test_of_a_specified_noise_a_better_fit_tells_the_colour(monkeypatch):
@@ -65,7 +65,7 @@ def test_of_a_specified_noise_a_better_fit_tells_the_colour(monkeypatch):
     of_base = SimpleNamespace(free=5, simulations=[np.zeros(100)])
     base: Any = SimpleNamespace(solved=of_base, preparation=preparation)
     solved: Any = SimpleNamespace(free=5, samples=100, simulations=[np.ones(100)])
-    found, noises = _procedure._seen_past(base, solved)
+    found, noises = _procedure._with_noise_of(base, solved)
     assert found == pytest.approx(200 * np.log(2.0 / 0.4))
     (seen,) = noises  # type: ignore[misc]
     assert (seen.sigma, seen.method) == (0.5, "specification")
@@ -73,7 +73,7 @@ def test_of_a_specified_noise_a_better_fit_tells_the_colour(monkeypatch):
     assert seen.filter.tolist() == [1.0, -0.6]
     # Where even that leaves more than the noise, nothing of the colour is known.
     left[1.0] = replace(left[1.0], sigma=0.6)
-    assert _procedure._seen_past(base, solved) == (-np.inf, preparation)
+    assert _procedure._with_noise_of(base, solved) == (-np.inf, preparation)
 
 
 def opened(disturbance: np.ndarray, rests: bool = True) -> tuple[Stage, _procedure.Course]:
@@ -104,7 +104,7 @@ def test_where_no_effect_gains_anything_noise_may_be_larger_outside_a_rest():
     assert told.method == "static"
     assert course.first.least < SIGNIFICANCE
     with jax.enable_x64(True):
-        explained = _procedure.explained_by_noise(base, course, 0, silent)
+        explained = _procedure.with_noise_profile(base, course, 0, silent)
         assert explained is not None
         again, quiet = explained
         assert quiet.first.least >= SIGNIFICANCE
@@ -114,10 +114,10 @@ def test_where_no_effect_gains_anything_noise_may_be_larger_outside_a_rest():
         assert np.std(louder) / np.std(NOISE[TIMES > 2.25]) == pytest.approx(ratio, rel=0.2)
         # An effect that would have been an improvement is no noise.
         gaining = replace(course, judged={"a": fine_judged("a", 20.0, True)})
-        assert _procedure.explained_by_noise(base, gaining, 0, silent) is None
+        assert _procedure.with_noise_profile(base, gaining, 0, silent) is None
         # What is smooth from sample to sample is none either.
         wave = 0.006 * np.sin(9 * TIMES + TIMES**2) * (TIMES < 2.25)
-        assert _procedure.explained_by_noise(*opened(NOISE + wave), 0, silent) is None
+        assert _procedure.with_noise_profile(*opened(NOISE + wave), 0, silent) is None
 
 
 def test_a_noise_that_a_fit_left_over_may_vary_along_the_recording():
@@ -126,11 +126,11 @@ def test_a_noise_that_a_fit_left_over_may_vary_along_the_recording():
     # A loud stretch that by chance is tilted: sure, were it of the noise's average size.
     course = replace(course, first=replace(course.first, p_value=1e-5))
     with jax.enable_x64(True):
-        explained = _procedure.explained_by_noise(base, course, 0, silent)
+        explained = _procedure.with_noise_profile(base, course, 0, silent)
         assert explained is not None
         (followed,) = [take.noise for take in explained[0].preparation.takes]
         assert followed is not None
         sizes = followed.course[1]
         assert sizes[-3:].mean() == pytest.approx(4 * sizes[:3].mean(), rel=0.25)
         wave = 0.006 * np.sin(9 * TIMES + TIMES**2) * (TIMES < 2.25)
-        assert _procedure.explained_by_noise(*opened(NOISE + wave, False), 0, silent) is None
+        assert _procedure.with_noise_profile(*opened(NOISE + wave, False), 0, silent) is None

@@ -73,11 +73,11 @@ def test_a_noise_that_hid_behind_the_mismatch_is_read_before_the_rounds_go_on(
         noise = replace(noise, is_leftover=guessed)
         stage = stage.on(stage.preparation.with_noises([noise]))
         less = stage.preparation.with_noises([replace(noise, sigma=0.9 * noise.sigma)])
-        monkeypatch.setattr(_procedure, "_seen_past", lambda *_: (20.0, less))
+        monkeypatch.setattr(_procedure, "_with_noise_of", lambda *_: (20.0, less))
         found = [judged(stage, "drive_lag")]
         monkeypatch.setattr(_procedure, "judge", lambda *_, **__: found)
         course = _procedure.run(stage, 0.0, NOTHING, 0, silent, may_read_again=may)
-        clearer = _procedure.with_noise_beyond_mismatch(stage, course)
+        clearer = _procedure.with_noise_without_mismatch(stage, course)
     assert len(course.rounds) == rounds
     # Whoever asked for it early finds it.
     assert (clearer is not None) == guessed

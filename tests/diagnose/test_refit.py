@@ -83,5 +83,5 @@ def test_a_refit_on_a_fine_and_long_grid_begins_on_a_coarse_one(
     monkeypatch.setattr(_refit, "solve_from", solved)
     # As long as a recording is, and no more than that is looked at.
     takes: Any = (SimpleNamespace(recording=range(samples)),)
-    _refit._searched([], Preparation(takes, oversampling), 0.0)
+    _refit._solved([], Preparation(takes, oversampling), 0.0)
     assert found == grids

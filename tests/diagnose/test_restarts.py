@@ -10,7 +10,7 @@ import pytest
 
 from fracjax._blocks import EFFECTS
 from fracjax._diagnose import _refit, _round
-from fracjax._diagnose._refit import Refit, begun_from, sought_further
+from fracjax._diagnose._refit import Refit, refit_further, starts_from
 from fracjax._diagnose._score import EffectScore, _families, kind_of
 from fracjax._parameters import named_parameters, set_values
 from fracjax._solve import silent
@@ -58,7 +58,7 @@ def test_more_starts_leave_a_basin_and_keep_what_they_cannot_better(stuck, bette
         attempt = judged(stage, "drive_lag").refit
         best = attempt.solved
         early = replace(attempt, solved=replace(best, cost=best.cost + stuck))
-        found = sought_further(early, stage, 0)
+        found = refit_further(early, stage, 0)
     assert (found is not early) is better
     assert found.solved.cost == pytest.approx(best.cost, abs=1.0)
 
@@ -86,11 +86,11 @@ def test_those_on_whose_order_the_name_depends_are_sought_further(left, rivals, 
         tried.append(attempt)
         return attempt
 
-    monkeypatch.setattr(_round, "sought_further", sought)
+    monkeypatch.setattr(_round, "refit_further", sought)
     monkeypatch.setattr(_round, "best_of", lambda _: answers["b"])
     monkeypatch.setattr(_round, "rivals_of", lambda *_: [answers[name] for name in rivals])
     before: Any = cost_of(5000.0)
-    assert _round._sought_further(before, found, 0, silent) == found
+    assert _round._refitted_further(before, found, 0, silent) == found
     assert tried == asked
 
 
@@ -107,9 +107,9 @@ def test_a_look_alike_begins_with_the_numbers_that_the_two_laws_share():
             for e in (two, one)
         ]
         other = Refit(scores[0], replace(stage.solved, block=block))
-        (start,) = begun_from(other, scores[1])
+        (start,) = starts_from(other, scores[1])
         begun = named_parameters(start)
-        around = begun_from(Refit(scores[1], replace(stage.solved, block=start)), scores[0])
+        around = starts_from(Refit(scores[1], replace(stage.solved, block=start)), scores[0])
     assert float(begun["second.frequency"].value) == 77.0
     assert float(begun["first.mu"].value) == 0.123
     # Within its own bounds.

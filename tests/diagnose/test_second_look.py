@@ -52,7 +52,7 @@ def test_what_was_first_adopted_gives_way_to_what_does_better_beside_the_second(
 
 
 def test_where_more_than_noise_is_left_the_idle_is_dropped_and_nothing_judged_again(monkeypatch):
-    monkeypatch.setattr(_procedure, "is_exhausted", lambda base, stage: False)
+    monkeypatch.setattr(_procedure, "residual_is_noise", lambda base, stage: False)
     beside, names = (
         ("sensor_nonlinearity", "electrostriction"),
         ("sensor_nonlinearity", "drive_lag"),
@@ -87,14 +87,14 @@ def test_what_is_judged_again_runs_on_the_grid_that_it_needs_itself(needed, grid
         grids.append(less.preparation.oversampling)
         return []
 
-    def fine_enough(solved: Any, *_: Any) -> tuple[Any, float]:
+    def refine_until_accurate(solved: Any, *_: Any) -> tuple[Any, float]:
         assert solved.preparation.oversampling == 1
         return solved.on(solved.preparation.with_oversampling(needed)), 0.0
 
     monkeypatch.setattr(_procedure, "scored", lambda *_: [])
     monkeypatch.setattr(_procedure, "residual_of", lambda *_: None)
     monkeypatch.setattr(_procedure, "judge", judge)
-    monkeypatch.setattr(_procedure, "fine_enough", fine_enough)
+    monkeypatch.setattr(_procedure, "refine_until_accurate", refine_until_accurate)
     names = ("electrostriction", "drive_lag")
     with jax.enable_x64(True):
         base, stage = stage_of(()), stage_of(names)

@@ -63,7 +63,7 @@ def test_a_recording_that_no_fit_foretells_which_explains_the_training_says_noth
     monkeypatch.setattr(
         _round, "gain", lambda _, told: replace(answer(1.0).gain, fall=float(told == "stretches"))
     )
-    monkeypatch.setattr(_round, "foretells_worse", lambda predict, *_: predict is recording)
+    monkeypatch.setattr(_round, "predicts_worse", lambda predict, *_: predict is recording)
     for name in ("explained_fraction", "spared", "delta_bic"):
         monkeypatch.setattr(_round, name, lambda *_: 1.0)
     monkeypatch.setattr(_round, "is_plausible", lambda *_: True)
@@ -75,16 +75,24 @@ def test_a_recording_that_no_fit_foretells_which_explains_the_training_says_noth
         return "recording"
 
     def answer(left: float, explained: float = 1.0) -> Judged:
-        gain = Gain(-5.0, 9.0, 0.0, foretold=(True,), base_rmse=1.0, extended_rmse=1.0, left=left)
-        return replace(JUDGED, refit=attempt, explained=explained, gain=gain, foretells_worse=True)
+        gain = Gain(
+            -5.0,
+            9.0,
+            0.0,
+            predicted_folds=(True,),
+            base_rmse=1.0,
+            extended_rmse=1.0,
+            chi_square_per_sample=left,
+        )
+        return replace(JUDGED, refit=attempt, explained=explained, gain=gain, predicts_worse=True)
 
     stage: Any = SimpleNamespace(solved=None)
     question = _round._Question(stage, stage, attempt, lambda predict: recording(), recording)
     found = [(question, answer(at, of)) for at, of in zip(left, explained, strict=True)]
-    told = _round._told_by_stretches(found)
+    told = _round._judged_by_stretches(found)
     assert [j.gain.fall for _, j in told] == [1.0 if silent else -5.0] * 2
-    # That it is foretold worse still counts.
-    assert all(j.foretells_worse for _, j in told)
+    # That it is predicted worse still counts.
+    assert all(j.predicts_worse for _, j in told)
 
 
 def test_what_is_read_from_a_recording_foretells_nothing_of_it():
@@ -92,6 +100,6 @@ def test_what_is_read_from_a_recording_foretells_nothing_of_it():
     with jax.enable_x64(True):
         stage = stage_of(())
         told = [
-            judged(stage, n).foretells_a_recording for n in ("electrostriction", "thermal_drift")
+            judged(stage, n).predicts_a_recording for n in ("electrostriction", "thermal_drift")
         ]
     assert told == [True, False]

@@ -54,5 +54,5 @@ def test_places_alone_must_be_surer(gained, p_value, verdict):
     first: Any = SimpleNamespace(p_value=p_value)
     refitted = {"a": judged_of("a", gained)}
     course = Course(first, True, [], first, [], refitted, unseen, None)
-    conclusion: Any = SimpleNamespace(course=course, lawless=None)
+    conclusion: Any = SimpleNamespace(course=course, empirical=None)
     assert Conclusion._verdict(conclusion, ()) == verdict

@@ -10,7 +10,7 @@ from scipy.signal import lfilter
 
 import fracjax as fj
 from fracjax._fit import with_profiled_intervals
-from fracjax._fit._compare import Unseen, _folds, _memory
+from fracjax._fit._compare import HeldOutScores, _correlation_length, _folds
 from fracjax._parameters import replace_parameters
 from fracjax._prepare import prepare
 from tests.helpers import by_name, specified
@@ -202,7 +202,7 @@ def test_a_fit_short_of_the_optimum_is_found_out(creep):
     model = fj.Model(replace_parameters(block, {"mu": free}), "creep")
     profiled = fj.with_profiles(replace(held, model=model, models=(model,)), ["mu"])
     assert profiled.profiles[0].lower_found
-    assert "found a better fit of creep than the fit" in profiled.warnings[0]
+    assert "reached a smaller χ² than the fit of creep" in profiled.warnings[0]
 
 
 def test_profiles_are_saved(creep, tmp_path):
@@ -226,7 +226,7 @@ def test_names_that_cannot_be_profiled_are_refused(creep):
 # Comparisons --------------------------------------------------------------------------------------
 
 
-def unseen(comparison: fj.Comparison) -> Unseen:
+def unseen(comparison: fj.Comparison) -> HeldOutScores:
     found = comparison.rows[0].unseen
     assert found is not None
     return found
@@ -297,15 +297,15 @@ def test_the_memory_of_a_residual_is_that_of_its_autocorrelation():
     noise = np.random.default_rng(1).standard_normal(20_000)
     slow = np.asarray(lfilter([1.0], [1.0, -0.9], noise))
     # 0.9^k is below a tenth from k = 22 on; an offset is no memory.
-    assert 17 <= _memory(slow) <= 27
-    assert _memory(noise + 50) <= 2
+    assert 17 <= _correlation_length(slow) <= 27
+    assert _correlation_length(noise + 50) <= 2
 
 
 def test_beside_a_stretch_set_aside_as_much_is_left_out_as_the_residual_remembers():
     drive = np.random.default_rng(2).standard_normal(1200)
     take = prepare([fj.Recording(drive, drive, STEP)], history="constant").takes[0]
     slow = np.asarray(lfilter([1.0], [1.0, -0.8], np.random.default_rng(3).standard_normal(1200)))
-    gap = _memory(slow)
+    gap = _correlation_length(slow)
     assert 5 < gap < 20
     of, near = _folds(take, slow)
     for fold, left_out in enumerate(near):

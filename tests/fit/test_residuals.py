@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import norm
 
 import fracjax as fj
-from fracjax._fit._residuals import LAGS, ResidualAnalysis, analysed
+from fracjax._fit._residuals import LAGS, ResidualAnalysis, analyse_whitened
 
 SAMPLES, STEP = 2000, 1e-3
 STEPS = np.random.default_rng(9).standard_normal(SAMPLES)
@@ -21,7 +21,7 @@ def noise(seed: int = 0) -> np.ndarray:
 
 
 def analyse(residual: np.ndarray, counted: np.ndarray = ALL, drive=DRIVE) -> ResidualAnalysis:
-    return analysed(residual, counted, drive, STEP, "loop.csv")
+    return analyse_whitened(residual, counted, drive, STEP, "loop.csv")
 
 
 def p_values(found: ResidualAnalysis) -> dict[str, float]:
@@ -46,9 +46,9 @@ def test_findings_on_noise_are_plain():
     told = analyse(noise(1)).findings
     assert [t.split(" (")[0] for t in told[1:]] == [
         "It is white",
-        "It has nothing in common with the drive",
+        "It is not correlated with the drive",
         "Its distribution is normal",
-        "It is even in time",
+        "Its standard deviation is constant",
     ]
 
 
@@ -158,7 +158,7 @@ def test_a_fit_is_analysed_recording_by_recording(recording):
     (bad,) = fj.analyse_residuals(wrong)
     assert bad.p_drive < 1e-6
     assert bad.p_white < 1e-6
-    assert any("goes with the drive" in text for text in bad.findings)
+    assert any("is correlated with the drive" in text for text in bad.findings)
 
 
 def test_coloured_noise_is_white_once_whitened(recording):

@@ -120,7 +120,7 @@ def test_it_is_saved_as_a_fit_that_others_load(found, tmp_path):
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        (lambda: fit(table(), "foh"), 'model "foh": expected a linear law given by its transfer'),
+        (lambda: fit(table(), "foh"), 'model "foh": expected a linear model with a transfer'),
         (lambda: fit(table(exact=EXACT[:2])), "at least 3 different ones, found 2 among 2"),
         (
             lambda: fit(table(exact=EXACT[:3]), "lfdh >> creep"),
@@ -214,7 +214,7 @@ def test_from_the_command_line(on_disk, tmp_path, capsys):
 def test_calls_that_make_no_sense(on_disk, capsys):
     call = ["fit", on_disk, "--frequency-response", "--out", "results"]
     assert run([*call, "--model", "foh"]) == 2
-    assert "expected a linear law" in capsys.readouterr().err
+    assert "expected a linear model" in capsys.readouterr().err
     assert run([*call, "--model", "lfdh", "--mask", "1 s..2 s"]) == 2
     assert "takes one table, and neither --mask nor --own" in capsys.readouterr().err
 

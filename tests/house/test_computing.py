@@ -11,7 +11,7 @@ import scipy.linalg
 from threadpoolctl import threadpool_info, threadpool_limits
 
 from fracjax import _computing
-from fracjax._computing import compiled, compiler_options, computing, side_by_side
+from fracjax._computing import compiled, compiler_options, computing, map_in_threads
 
 
 def threads() -> set[int]:
@@ -43,17 +43,17 @@ def test_items_are_worked_on_side_by_side_in_double_precision_and_come_in_order(
         return k, jnp.ones(1).dtype
 
     with jax.enable_x64(False), computing():
-        found = side_by_side(work, range(6))
+        found = map_in_threads(work, range(6))
     assert found == [(k, np.dtype(np.float64)) for k in range(6)]
 
 
 def test_a_fault_of_any_item_reaches_the_caller():
     with pytest.raises(ZeroDivisionError):
-        side_by_side(lambda k: 1 / (k - 7), range(20))
+        map_in_threads(lambda k: 1 / (k - 7), range(20))
 
 
 def test_nothing_is_found_for_no_items():
-    assert side_by_side(lambda k: k, []) == []
+    assert map_in_threads(lambda k: k, []) == []
 
 
 def test_arrays_are_traced_and_all_else_compiled_for():

@@ -14,7 +14,7 @@ TEXTS = sorted(path for path in PACKAGE.rglob("*") if path.suffix in (".py", ".h
 # They say nothing of what a value is.
 NO_NAMES = {"found", "told", "left", "known"}
 DIALECT = re.compile(
-    r"""\b(foretell\w*|foretold|known\ only\ together|takes?\ up\ whole|beyond\ doubt|lawless
+    r"""\b(foretell\w*|foretold|known\ only\ together|takes?\ up\ whole|beyond\ doubt|empirical
     |(less|without)\ its\ (mean|median)|numbers?\ (that\ are\ |was\ |were\ )?fitted)\b""",
     re.VERBOSE | re.IGNORECASE,
 )

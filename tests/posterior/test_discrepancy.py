@@ -105,7 +105,7 @@ def test_a_discrepancy_that_is_not_there_widens_nothing(cubic):
 
 
 def test_a_discrepancy_goes_with_normal_noise(cubic):
-    with pytest.raises(fj.InputError, match=r"expected normal noise beside it, found Student-t"):
+    with pytest.raises(fj.InputError, match=r"expected normal noise with it, found Student-t"):
         fj.sample_posterior(cubic, noise_model=fj.StudentNoise(), discrepancy=True)
 
 

@@ -92,7 +92,7 @@ def test_the_page_shows_it_all(sampled, tmp_path):
     for text in (
         "noise.sigma",
         "not modelled",
-        "What the data tell",
+        "Prior and posterior",
         "Traces",
         "split R-hat",
         sampled.sentence,

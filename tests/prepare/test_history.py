@@ -5,7 +5,7 @@ import pytest
 
 import fracjax as fj
 from fracjax._operators._grid import History
-from fracjax._prepare import other_histories, prepare, take_of
+from fracjax._prepare import alternative_history, prepare, take_of
 from tests.fit.helpers import KNOWN, LAW, SIGMA, STARTS, STEP, fit_foh, several_tones, truth, white
 
 
@@ -133,4 +133,4 @@ def test_a_drive_that_begins_at_rest_is_no_period():
     drive = np.concatenate([np.full(50, recording.drive[0]), recording.drive])
     response = np.concatenate([np.full(50, recording.response[0]), recording.response])
     take = take_of(fj.Recording(drive, response, STEP), None, None, None)
-    assert other_histories(take) is None
+    assert alternative_history(take) is None

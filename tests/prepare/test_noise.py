@@ -9,7 +9,7 @@ from scipy.signal import lfilter
 
 import fracjax as fj
 from fracjax._prepare import measured_noise, residual_noise
-from fracjax._prepare._autoregression import autoregression, taken_power
+from fracjax._prepare._autoregression import autoregression, removed_power
 from fracjax._prepare._noise_sources import measured_noises, read_from_residual
 from fracjax._prepare._noise_stretches import Stretch, noise_in
 from fracjax._prepare._setting import setting_of
@@ -173,7 +173,7 @@ def test_what_terms_take_of_noise_is_what_they_take_on_average():
     terms = Stretch.without_relaxation(np.zeros(150), 0).terms
     noise = np.asarray(lfilter([1], taps, generator.standard_normal((4000, 550))))[:, 400:]
     taken = np.mean(np.sum((noise @ terms) ** 2, axis=1))
-    assert taken_power((taps, 1.0), terms) == pytest.approx(taken, rel=0.03)
+    assert removed_power((taps, 1.0), terms) == pytest.approx(taken, rel=0.03)
 
 
 def test_a_line_does_not_colour_slow_noise():

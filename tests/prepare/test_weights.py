@@ -51,7 +51,7 @@ def test_a_bad_period_does_not_spoil_the_measured_noise():
         ({"mask": [(0.5, 0.2)]}, "found 0.5 to 0.2 s"),
         ({"mask": [(0.0, 1.19)]}, "expected at least 32 samples that count, found 4"),
         ({"weights": np.ones(7)}, r"expected 600 numbers, none below 0, found shape \(7,\)"),
-        ({"weights": -np.ones(SAMPLES)}, "none below 0, found others"),
+        ({"weights": -np.ones(SAMPLES)}, "none below 0, found values below 0 or not finite"),
         (
             {"weights": [np.ones(SAMPLES)] * 2},
             "expected an array for each of 1 recordings, found 2",

@@ -27,7 +27,14 @@ from fracjax._models import Model
 from fracjax._operators import Grid
 from fracjax._recording import Recording
 from fracjax._report import write_report
-from fracjax._report._text import estimate_row, figure, key_figures, noise_of, pretty_unit, ranked
+from fracjax._report._text import (
+    estimate_row,
+    figure,
+    key_figures,
+    noise_of,
+    pretty_unit,
+    rank_fits,
+)
 
 STEP = 0.01
 CYCLE = np.arange(100) / 100
@@ -52,7 +59,7 @@ def diagnosis(fitted: Fit) -> Diagnosis:
     scores = (12.0, 11.5, 3.0, 0.4)
     return Diagnosis(
         verdict="confusable",
-        sentence="foh leaves out creep & <something>, or what this drive cannot tell from it.",
+        sentence="foh leaves out creep & <something>, or an effect that this drive cannot distinguish from it.",
         base=fitted,
         extended=replace(fitted, model=Model(fitted.model.block, "foh >> creep")),
         effects=(
@@ -138,7 +145,7 @@ def page_of(result, folder: Path) -> Page:
 def test_a_diagnosis_is_told_whole(diagnosis, tmp_path):
     page = page_of(diagnosis, tmp_path)
     assert diagnosis.sentence in page.text
-    assert "physics missing, not told apart" in page.text
+    assert "physics missing, several explanations" in page.text
     for candidate in diagnosis.candidates:
         assert candidate.name in page.text
         assert candidate.reason in page.text
@@ -153,7 +160,11 @@ def test_every_axis_has_its_unit(diagnosis, tmp_path):
     text = page_of(diagnosis, tmp_path).text
     for label in (
         *("drive [V]", "response [µm]", "measured − simulated [µm]", "time [s]", "frequency [Hz]"),
-        *("smallest change of the response seen [µm rms]", "RMSE [µm]", "harmonic of the drive"),
+        *(
+            "smallest detectable change of the response [µm rms]",
+            "RMSE [µm]",
+            "harmonic of the drive",
+        ),
     ):
         assert label in text
 
@@ -185,12 +196,12 @@ def test_other_verdicts(diagnosis, tmp_path, verdict):
 def test_what_the_model_takes_up_whole_has_no_number(diagnosis, tmp_path):
     """A change larger than the whole response is none that a recording could show."""
     first, *others = diagnosis.candidates
-    told = page_of(diagnosis, tmp_path).text.count("not seen")  # the legend
+    told = page_of(diagnosis, tmp_path).text.count("not detectable")  # the legend
     beyond = 2 * diagnosis.base.preparation.setting.response_span
     whole = replace(first, concealment=1.0, detectable_amplitude=beyond)
     text = page_of(replace(diagnosis, candidates=(whole, *others)), tmp_path).text
-    assert "concealed, not seen" in text  # the figure
-    assert text.count("not seen") == told + 2  # and the table
+    assert "concealed, not detectable" in text  # the figure
+    assert text.count("not detectable") == told + 2  # and the table
 
 
 def test_a_page_needs_nothing_else_and_carries_its_data(diagnosis, tmp_path):
@@ -224,9 +235,9 @@ def test_without_measured_noise_models_are_ranked_by_what_they_leave(fitted):
     )
     best = replace(fitted, preparation=replace(fitted.preparation, takes=takes))
     worse = replace(best, scores=replace(best.scores, rmse=2 * best.scores.rmse, bic=0.0))
-    assert [found for found, _ in ranked([worse, best])] == [best, worse]
+    assert [found for found, _ in rank_fits([worse, best])] == [best, worse]
     count = len(fitted.simulations[0])
-    (_, first), (_, second) = ranked([worse, best])
+    (_, first), (_, second) = rank_fits([worse, best])
     assert second - first == pytest.approx(2 * count * np.log(2))
 
 

@@ -10,19 +10,25 @@ import pytest
 
 import fracjax as fj
 from fracjax._blocks import Saturation
-from fracjax._crosscheck._box import with_gradient
+from fracjax._crosscheck._box import cost_and_gradient
 from fracjax._parameters import named_parameters, replace_parameters, set_values
 from fracjax._posterior import Normal, compressed, log_posteriors_of, target_of
 from fracjax._posterior._posterior import _starts
 from fracjax._prepare import layout_of, prepare
-from fracjax._prepare._keywords import constrained
-from fracjax._prepare._layout import placed, with_gains
+from fracjax._prepare._keywords import constrain_parameters
+from fracjax._prepare._layout import with_gains, with_shapes_at
 from fracjax._prepare._problem import AbstractProblem, Problem
 from fracjax._solve import _solve as fitting
 from fracjax._solve import compress
 from fracjax._solve._chains import chains_of, transfer
 from fracjax._solve._compressed import columns_at
-from fracjax._solve._interpolation import ChebyshevSeries, Interpolation, _greedy, _points, choose
+from fracjax._solve._interpolation import (
+    ChebyshevSeries,
+    Interpolation,
+    _greedy,
+    _points,
+    choose_shapes,
+)
 from fracjax._solve._least_squares import Objective
 from fracjax._solve._search import search
 from fracjax._solve._solve import fit_block, solve_from, starts_of
@@ -53,7 +59,9 @@ DRIVES = {
 def model_of(name: str) -> fj.Model:
     model = fj.parse_model(name).with_values(LAWS[name])
     bounds = ABOVE if name == "pea_dynamics" else {}
-    return fj.Model(replace_parameters(model.block, constrained(model.parameters, {}, bounds)))
+    return fj.Model(
+        replace_parameters(model.block, constrain_parameters(model.parameters, {}, bounds))
+    )
 
 
 def recording_of(model: fj.Model, drive: np.ndarray, seed: int = 0) -> tuple:
@@ -128,7 +136,7 @@ def test_an_error_that_is_too_large_is_found():
     problems = prepared(model, [DRIVES["triangle"]], history="periodic").problems()
     found = compress(model.block, problems)
     assert found is not None
-    assert not found.serves(1.0)
+    assert not found.is_accurate_for(1.0)
     assert search(starts_of(model.block, 4, 0), problems) is None
 
 
@@ -147,7 +155,7 @@ def test_recordings_are_compressed_together(name: str):
     problems = preparation.problems(4)
     found = compress(model.block, problems)
     assert found is not None
-    assert found.serves(1.0)
+    assert found.is_accurate_for(1.0)
     first, second, third = found.problems
     assert first.parts[0].before is second.parts[0].before
     assert first.parts[0].before is not third.parts[0].before
@@ -179,11 +187,13 @@ def test_what_only_looks_like_a_mode_in_band_is_not_compressed():
 
 def test_a_term_that_is_fixed_at_nothing_takes_no_signals():
     model = model_of("foh")
-    block = replace_parameters(model.block, constrained(model.parameters, {"k_p": 0.0}, {}))
+    block = replace_parameters(
+        model.block, constrain_parameters(model.parameters, {"k_p": 0.0}, {})
+    )
     problems = prepared(model, [DRIVES["tones"]]).problems()
     found = compress(block, problems)
     assert found is not None
-    assert found.serves(1.0)
+    assert found.is_accurate_for(1.0)
     assert found.problems[0].parts[1].matrix.shape[0] == 0
 
 
@@ -192,7 +202,7 @@ def test_creep_by_the_logarithm_of_time_is_compressed_too():
     block = fj.blocks.FOHLinear() >> fj.blocks.LogarithmicCreep()
     found = compress(block, prepared(model_of("foh"), [DRIVES["tones"]]).problems())
     assert found is not None
-    assert found.serves(1.0)
+    assert found.is_accurate_for(1.0)
 
 
 # Derivatives --------------------------------------------------------------------------------------
@@ -206,13 +216,13 @@ def test_derivatives_are_those_of_differences_and_of_the_full_model(name: str):
     assert found is not None
     size = sum(size for _, size in layout_of(model.block).shapes)
     position = np.random.default_rng(3).uniform(0.2, 0.8, size)
-    block = placed(model.block, position)
+    block = with_shapes_at(model.block, position)
 
     def response(place):
-        return found.problems[0].simulate(placed(block, place))
+        return found.problems[0].simulate(with_shapes_at(block, place))
 
     slopes = np.asarray(jax.jit(jax.jacfwd(response))(position))
-    cost, gradient = with_gradient(block, found.problems, jnp.asarray(position))
+    cost, gradient = cost_and_gradient(block, found.problems, jnp.asarray(position))
     full = Objective(block, problems)
     assert float(cost) == pytest.approx(full.at(position).cost, rel=1e-6)
     step = 1e-4
@@ -232,7 +242,7 @@ def test_numpy_and_jax_simulate_alike(name: str):
     layout = layout_of(model.block)
     position = np.full((1, len(layout.shapes)), 0.4)
     columns = columns_at(model.block, problem, position)[0]
-    block = placed(model.block, jnp.asarray(position[0]))
+    block = with_shapes_at(model.block, jnp.asarray(position[0]))
     for k, gains in enumerate(np.eye(len(layout.gains) + 1)[:, 1:]):
         wanted = np.asarray(eqx.filter_jit(problem.simulate)(with_gains(block, jnp.asarray(gains))))
         found = columns[k] + (columns[0] if k else 0.0)
@@ -273,7 +283,7 @@ def test_the_search_finds_what_descents_of_the_full_model_find(name: str, monkey
 def test_a_bound_is_kept_in_the_search():
     model = model_of("foh")
     block = replace_parameters(
-        model.block, constrained(model.parameters, {}, {"alpha": (0.3, 0.6)})
+        model.block, constrain_parameters(model.parameters, {}, {"alpha": (0.3, 0.6)})
     )
     preparation = prepared(model, [DRIVES["tones"]], settling=0)
     starts = starts_of(block, 4, 0)
@@ -387,17 +397,17 @@ def test_coordinates_are_those_of_the_law(law, kind, error, history):
     """At any shape and gain, what the chosen laws' transfer functions combine to is the law's."""
     drive = DRIVES["tones"][:, None]
     grid = fj.Grid(np.asarray(STEP), history)
-    chosen = choose(law, drive, grid)
+    chosen = choose_shapes(law, drive, grid)
     assert chosen is not None
     assert isinstance(chosen.coordinates, kind)
     zeta, weights = _points(drive, grid)
-    theirs = np.atleast_2d(transfer(chosen.laws, zeta, grid)).T
+    theirs = np.atleast_2d(transfer(chosen.blocks, zeta, grid)).T
     rows = chosen.in_coordinates(np.real(theirs)), chosen.in_coordinates(np.imag(theirs))
     generator = np.random.default_rng(0)
     layout = layout_of(law)
     for share in (0.0, 1.0, *generator.uniform(size=6)):
         place = np.full(len(layout.shapes), share)
-        there = with_gains(placed(law, place), generator.normal(size=len(layout.gains)))
+        there = with_gains(with_shapes_at(law, place), generator.normal(size=len(layout.gains)))
         values = transfer(there, zeta, grid) * weights
         found = chosen.coordinates(there, grid)
         combined = (rows[0] @ found + 1j * (rows[1] @ found)) * weights
@@ -414,10 +424,10 @@ def test_responses_of_the_chosen_laws_are_those_of_the_laws(samples, history):
     drive = drive - drive.mean() if history == "periodic" else drive
     grid = fj.Grid(np.asarray(STEP), history)
     law = fj.blocks.LFDH()
-    chosen = choose(law, drive, grid)
+    chosen = choose_shapes(law, drive, grid)
     assert chosen is not None
     found = chosen.responses(drive, grid)[:, 0]
-    values = {n: np.ravel(p.value) for n, p in named_parameters(chosen.laws).items()}
+    values = {n: np.ravel(p.value) for n, p in named_parameters(chosen.blocks).items()}
     for k in (0, found.shape[1] // 2, found.shape[1] - 1):
         one = set_values(law, {name: v[k % v.size] for name, v in values.items()})
         wanted = np.asarray(one(jnp.asarray(drive[:, 0]), grid))

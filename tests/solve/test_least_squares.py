@@ -19,9 +19,12 @@ def test_a_least_squares_step_is_that_of_all_rows(setting):
         recording = fj.Recording(DRIVE, response, float(TIMES[1]), "V", "um")
         preparation = prepare([recording], history="constant")
         objective = Objective(model.block, preparation.problems())
-        position = objective.numbers.position_of(model.block)
+        position = objective.parameters.position_of(model.block)
         rows, residual = objective.derivative(position), objective.residual(position)
-        turned, length = objective.turned(position), objective.length(position)
+        turned, length = (
+            objective.reduced_derivative(position),
+            objective.reduced_residual(position),
+        )
         assert turned.shape == (position.size + 1, position.size)
         np.testing.assert_allclose(length @ length, residual @ residual, rtol=1e-12)
         np.testing.assert_allclose(turned.T @ turned, rows.T @ rows, rtol=1e-10)

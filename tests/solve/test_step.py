@@ -9,7 +9,7 @@ import pytest
 import fracjax as fj
 from fracjax._operators import Grid
 from fracjax._prepare import prepare
-from fracjax._solve import _numerics, fine_enough, silent, solve_from
+from fracjax._solve import _numerics, refine_until_accurate, silent, solve_from
 from tests.helpers import specified
 
 STEP = 4e-3
@@ -137,9 +137,9 @@ def test_a_grid_is_refined_as_far_as_what_the_fit_leaves_asks_for():
             prepared = prepared.with_oversampling(1)
             solved = solve_from([MODEL.with_values(LAW).block], prepared)
             for share in (0.0, 0.1):
-                finer, error = fine_enough(solved, silent, share)
+                finer, error = refine_until_accurate(solved, silent, share)
                 grids[name, share] = finer.preparation.oversampling
-                assert error <= _numerics.tolerated(_numerics.TARGET, solved, share)
+                assert error <= _numerics.tolerated_error(_numerics.TARGET, solved, share)
     assert grids["right", 0.1] == grids["right", 0.0] > grids["drifting", 0.1]
     assert grids["drifting", 0.0] > grids["drifting", 0.1]
 
@@ -166,7 +166,7 @@ def test_a_grid_is_no_finer_than_the_error_falls(errors, grid, monkeypatch):
         return np.array([0.0, changes[: changes.size - coarser].sum()])
 
     monkeypatch.setattr(_numerics, "_whitened", whitened)
-    monkeypatch.setattr(_numerics, "orthonormal", lambda _: np.array([[1.0], [0.0]]))
+    monkeypatch.setattr(_numerics, "orthonormal_basis", lambda _: np.array([[1.0], [0.0]]))
     with jax.enable_x64(True):
         prepared = prepare([recording], noise=known, history="constant")
         prepared = prepared.with_oversampling(1)

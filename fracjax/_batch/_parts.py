@@ -49,7 +49,7 @@ class Parts:
                     raise InputError.at(
                         str(self.folder),
                         f"the settings that its rows were made with ({name}: {old})",
-                        f"other settings ({name}: {new})",
+                        f"others ({name}: {new})",
                         "give another --out",
                     )
 

@@ -2,7 +2,7 @@
 
 from ._amplitude_ratios import AmplitudeRatios as AmplitudeRatios
 from ._amplitude_ratios import amplitude_ratios as amplitude_ratios
-from ._creep_identification import CreepEstimate as CreepEstimate
+from ._creep_estimates import CreepEstimate as CreepEstimate
 from ._creep_identification import CreepIdentification as CreepIdentification
 from ._creep_identification import ofocim as ofocim
 from ._creep_identification import tfocim as tfocim

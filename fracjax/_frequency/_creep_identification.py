@@ -8,7 +8,7 @@ Source: Xu, Luo, Luo, Chen, Liu, Fractal Fract. 8 (2024) 3, section 4.3.
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from typing import Literal
 
 import equinox as eqx
@@ -24,13 +24,20 @@ from scipy.stats import t as student
 
 from .._blocks import AbstractLinearBlock, Creep, PEADynamics
 from .._computing import compiled, computing
-from .._fit import is_at_bound, logarithmic_interval
-from .._parameters import Parameter, named_parameters, set_values
+from .._parameters import named_parameters, set_values
 from .._recording import InputError
+from ._creep_estimates import (
+    BOUNDED,
+    CreepEstimate,
+    estimates_of,
+    inverse_square,
+    linear_estimate,
+    logarithmic_estimate,
+    mode_unidentified,
+)
 
 SCHEMA = "fracjax.creep/1"
 _DECIBEL = 20 / np.log(10)
-_BOUNDED = ("mu", "frequency", "damping")
 # The grid of starting values and the budgets below were chosen by judgement.
 _MODES = 48
 """Starting values of the mode's frequency, evenly spaced in its logarithm."""
@@ -48,30 +55,6 @@ _STEPS = 200
 """Most steps from the best of them."""
 _ROUGH = optx.LevenbergMarquardt(rtol=1e-3, atol=1e-3)
 _ACCURATE = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
-
-
-@dataclass(frozen=True)
-class CreepEstimate:
-    """A parameter with its standard error and 95 % interval.
-
-    Attributes:
-        name: The parameter's name.
-        value: Its estimate, in `unit`.
-        standard_error: Its standard error, in `unit`.
-        low: Lower end of the 95 % interval, in `unit`.
-        high: Upper end of the 95 % interval, in `unit`.
-        unit: Its unit, in terms of response and drive, or "1".
-        identified: False if the table does not determine the parameter: the standard error exceeds
-            half its plausible range (for a gain: half the whole gain), or the fit ended on a bound.
-    """
-
-    name: str
-    value: float
-    standard_error: float
-    low: float
-    high: float
-    unit: str
-    identified: bool
 
 
 @dataclass(frozen=True)
@@ -164,7 +147,7 @@ def tfocim(
     fitted = line @ np.array([level, mu])
     freedom = x.size - 2
     scatter = float(np.sqrt(np.sum((weights * (y - fitted)) ** 2) / freedom))
-    covariance = scatter**2 * _inverse_square(line * weights[:, None])
+    covariance = scatter**2 * inverse_square(line * weights[:, None])
     level_error, mu_error = (float(e) for e in np.sqrt(np.diag(covariance)))
     quantile, k_c = float(student.ppf(0.975, freedom)), float(10 ** (level / 20))
     gain = (k_c, k_c * level_error / _DECIBEL, quantile, "response/drive*s^-mu")
@@ -174,8 +157,8 @@ def tfocim(
         method="TFOCIM",
         block=block,
         estimates=(
-            _logarithmic_estimate("k_c", *gain, bool(gain[1] <= 0.5 * k_c)),
-            _linear_estimate("mu", float(mu), mu_error, quantile, "1", bool(mu_error <= largest)),
+            logarithmic_estimate("k_c", *gain, bool(gain[1] <= 0.5 * k_c)),
+            linear_estimate("mu", float(mu), mu_error, quantile, "1", bool(mu_error <= largest)),
         ),
         scatter_dB=scatter,
         converged=True,
@@ -228,18 +211,20 @@ def ofocim(
         centre = float(_centre(table[0]))
     freedom = frequencies.size - amplitude.shape[1]
     variance = float(cost) / freedom
-    covariance = variance * _inverse_square(weights[:, None] * amplitude)
+    covariance = variance * inverse_square(weights[:, None] * amplitude)
     errors = {name: float(np.sqrt(a @ covariance @ a)) for name, a in gradients.items()}
     order = float(values.pop("creep_order"))
     block = set_values(PEADynamics(), values)
     quantile = float(student.ppf(0.975, freedom))
     level, power = float(np.exp(shape.log_level)), (2 * np.pi * centre) ** -float(block.mu.value)
-    estimates = _estimates(block, order, errors, quantile, level, power)
+    estimates = estimates_of(block, order, errors, quantile, level, power)
     mode_is_significant = float(without_mode - cost) > 2 * variance * fisher.ppf(0.99, 2, freedom)
     return CreepIdentification(
         method="OFOCIM",
         block=block,
-        estimates=estimates if mode_is_significant else tuple(_unidentified(e) for e in estimates),
+        estimates=estimates
+        if mode_is_significant
+        else tuple(mode_unidentified(e) for e in estimates),
         scatter_dB=_DECIBEL * float(np.sqrt(variance)),
         converged=bool(success),
         frequencies_Hz=frequencies,
@@ -303,7 +288,7 @@ def _shape_of(coordinates: Array) -> _Shape:
     angles = jnp.append(coordinates[2:], jnp.array([np.pi / 2, 0.0]))[:3]
     mu, frequency, damping = (
         parameters[name].from_share((1 + jnp.sin(angle)) / 2)
-        for name, angle in zip(_BOUNDED, angles, strict=True)
+        for name, angle in zip(BOUNDED, angles, strict=True)
     )
     return _Shape(coordinates[0], coordinates[1], mu, jnp.log(frequency), jnp.log(damping))
 
@@ -318,7 +303,7 @@ def _candidates(frequencies: np.ndarray) -> tuple[Array, Array]:
     places = np.geomspace(frequencies.min(), 10 * frequencies.max(), _MODES)
     mu, frequency, damping = (
         jnp.arcsin(2 * parameters[name].to_share(values) - 1)
-        for name, values in zip(_BOUNDED, (_CURVATURES, places, _DAMPINGS), strict=True)
+        for name, values in zip(BOUNDED, (_CURVATURES, places, _DAMPINGS), strict=True)
     )
     slopes, mu = (jnp.ravel(axis) for axis in jnp.meshgrid(_SLOPES, mu))
     creeps = jnp.stack([jnp.zeros_like(mu), slopes, mu], axis=1)
@@ -386,7 +371,7 @@ def _derivatives(shape: _Shape, frequencies: Array) -> tuple[Array, dict, dict]:
     )
 
 
-# Tables and intervals -----------------------------------------------------------------------------
+# Tables -------------------------------------------------------------------------------------------
 
 
 def _table(
@@ -421,89 +406,3 @@ def _table(
         )
     weights = arrays["ratios"] / arrays.get("standard_errors", arrays["ratios"])
     return frequencies, arrays["ratios"], weights / np.sqrt(np.mean(weights**2))
-
-
-def _inverse_square(jacobian: np.ndarray) -> np.ndarray:
-    """(JᵀJ)⁻¹ (n, n), large but finite in directions to which J (N, n) is insensitive.
-
-    The floors of 1e-9 limit it to 1e18 of the scaled inverse; chosen by judgement.
-    """
-    lengths = np.maximum(np.linalg.norm(jacobian, axis=0), 1e-9)
-    _, singular, right_vectors = np.linalg.svd(jacobian / lengths, full_matrices=False)
-    spread = right_vectors.T / np.maximum(singular, 1e-9) / lengths[:, None]
-    return spread @ spread.T
-
-
-def _half_width(parameter: Parameter) -> float:
-    """Half the plausible range, as a standard error at the parameter's value."""
-    low, high = parameter.plausible
-    if parameter.logarithmic:
-        return float(0.5 * np.log(high / low) * parameter.value)
-    return float(0.5 * (high - low))
-
-
-def _linear_estimate(
-    name: str, value: float, error: float, quantile: float, unit: str, identified: bool
-) -> CreepEstimate:
-    """An estimate with an interval that is symmetric; `quantile` is in standard errors."""
-    low, high = value - quantile * error, value + quantile * error
-    return CreepEstimate(name, value, error, low, high, unit, identified)
-
-
-def _logarithmic_estimate(
-    name: str, value: float, error: float, quantile: float, unit: str, identified: bool
-) -> CreepEstimate:
-    """An estimate with an interval that is symmetric on a logarithmic scale, and always finite."""
-    low, high = logarithmic_interval(value, quantile * error)
-    return CreepEstimate(name, value, error, low, high, unit, identified)
-
-
-def _estimates(
-    block: PEADynamics,
-    order: float,
-    errors: dict[str, float],
-    quantile: float,
-    level: float,
-    power: float,
-) -> tuple[CreepEstimate, ...]:
-    """Estimates of the block's parameters and of the creep order.
-
-    `level` is the whole gain [response/drive] at the table's centre, and `power` is s^-μ there.
-    """
-    parameters = named_parameters(block)
-    # If μ may be 0, g and g_μ cannot be distinguished.
-    separable = abs(float(block.mu.value)) > quantile * errors["mu"]
-    largest = {name: _half_width(parameters[name]) for name in _BOUNDED}
-    largest |= {"gain": 0.5 * level * separable, "creep_gain": 0.5 * level * separable * power}
-    estimates = [
-        (_logarithmic_estimate if p.logarithmic else _linear_estimate)(
-            name,
-            float(p.value),
-            errors[name],
-            quantile,
-            p.unit,
-            bool(errors[name] <= largest[name]) and not is_at_bound(p, 0),
-        )
-        for name, p in parameters.items()
-    ]
-    order_identified = bool(errors["creep_order"] <= largest["mu"])
-    return (
-        *estimates,
-        _linear_estimate(
-            "creep_order", order, errors["creep_order"], quantile, "1", order_identified
-        ),
-    )
-
-
-def _unidentified(estimate: CreepEstimate) -> CreepEstimate:
-    """The estimate; of a mode that the table does not show, with its bounds as interval."""
-    if estimate.name not in ("frequency", "damping"):
-        return estimate
-    parameter = named_parameters(PEADynamics())[estimate.name]
-    return replace(
-        estimate,
-        standard_error=_half_width(parameter),
-        low=float(parameter.lower),
-        high=float(parameter.upper),
-        identified=False,
-    )

@@ -30,6 +30,7 @@ from jax.scipy.stats import t as student_t
 
 from .._fit import Fit
 from .._prepare import AbstractProblem, Noise, Preparation, Problem, autoregression
+from ._factors import gram_schmidt, triangular_factor
 from ._prior import AbstractPrior, Logarithmic, Normal, TruncatedNormal, Uniform, within_a_factor
 
 # The widths of the priors were chosen by judgement.
@@ -79,14 +80,7 @@ class AbstractNoiseModel(eqx.Module):
 
     @abc.abstractmethod
     def prepared(self, preparation: Preparation) -> Preparation:
-        """The recordings, prepared with this noise's filter.
-
-        Args:
-            preparation: The recordings as the fit prepared them.
-
-        Returns:
-            The recordings with the filter, and the samples that count, of this noise.
-        """
+        """The fit's preparation with the filter, and the samples that count, of this noise."""
 
     @abc.abstractmethod
     def terms(self, fit: Fit, residuals: Signals, problems: Problems) -> tuple[Term, ...]:
@@ -104,15 +98,7 @@ class AbstractNoiseModel(eqx.Module):
 
     @abc.abstractmethod
     def scaled(self, values: Array | np.ndarray, problem: AbstractProblem) -> AbstractProblem:
-        """The problem with the filter that makes this noise white with a standard deviation of 1.
-
-        Args:
-            values: Values of the noise's parameters (n,), in their units.
-            problem: A prepared recording.
-
-        Returns:
-            The problem with that filter.
-        """
+        """The problem with the filter that gives noise with parameters (n,) unit variance."""
 
     @abc.abstractmethod
     def log_density(self, values: Array, residuals: Signals, problems: Problems) -> Array:
@@ -148,16 +134,7 @@ class AbstractNoiseModel(eqx.Module):
     def innovations(
         self, values: np.ndarray, generator: np.random.Generator, size: int
     ) -> np.ndarray:
-        """Draws of the white noise w.
-
-        Args:
-            values: Values of the noise's parameters (n,), in their units.
-            generator: The random generator.
-            size: Number of draws.
-
-        Returns:
-            The draws (size,), dimensionless.
-        """
+        """Draws (size,) of the white noise w, dimensionless, for noise parameters (n,)."""
 
 
 class Eliminated(NamedTuple):
@@ -210,12 +187,12 @@ class AbstractGaussianNoise(AbstractNoiseModel):
             own = jnp.asarray(problem.own)
             size = own.shape[1]
             whitened = scaled.whiten(jnp.concatenate([own, signals], axis=1))
-            factor, remainder = _gram_schmidt(whitened, size)
+            factor, remainder = gram_schmidt(whitened, size)
             total += count * jnp.log(scaled.whitening[0]) - jnp.log(jnp.diag(factor)).sum()
             total -= (count - size) * np.log(2 * np.pi) / 2
             rows.append(remainder)
         prior = jnp.pad(jnp.diag(jnp.asarray(weights)), ((0, 0), (0, 1)))
-        triangle, projection, squared_length = _triangular_factor(
+        triangle, projection, squared_length = triangular_factor(
             jnp.concatenate([*rows, prior]), orthogonal
         )
         total -= squared_length / 2 + jnp.log(jnp.diag(triangle)).sum()
@@ -228,7 +205,7 @@ class AbstractGaussianNoise(AbstractNoiseModel):
         for residual, problem, normal in zip(residuals, problems, normals, strict=True):
             own = jnp.asarray(problem.own)
             signals = jnp.concatenate([own, jnp.asarray(residual)[:, None]], axis=1)
-            factor, _ = _gram_schmidt(self.scaled(values, problem).whiten(signals), own.shape[1])
+            factor, _ = gram_schmidt(self.scaled(values, problem).whiten(signals), own.shape[1])
             coefficients = solve_triangular(factor[:, :-1], factor[:, -1] + normal)
             draws.append(own @ coefficients)
         return tuple(draws)
@@ -237,42 +214,6 @@ class AbstractGaussianNoise(AbstractNoiseModel):
         self, values: np.ndarray, generator: np.random.Generator, size: int
     ) -> np.ndarray:
         return generator.standard_normal(size)
-
-
-def _gram_schmidt(columns: Array, count: int) -> tuple[Array, Array]:
-    """The first `count` rows of R (count, n) in the QR of columns (L, n), and the remainder.
-
-    The remainder (L, n - count) of the other columns is orthogonal to the first `count` columns.
-    Modified Gram–Schmidt is as accurate as Householder's method for both (Björck, BIT 7 (1967) 1),
-    needs no call of LAPACK and is differentiable.
-    """
-    rows, remainder = [jnp.zeros((0, columns.shape[1]))], columns
-    for k in range(count):
-        length = jnp.sqrt(remainder[:, 0] @ remainder[:, 0])
-        unit = remainder[:, 0] / length
-        others = unit @ remainder[:, 1:]
-        remainder = remainder[:, 1:] - unit[:, None] * others
-        rows.append(jnp.concatenate([jnp.zeros(k), length[None], others])[None])
-    return jnp.concatenate(rows), remainder
-
-
-def _triangular_factor(columns: Array, orthogonal: int) -> tuple[Array, Array, Array]:
-    """R (g, g) of the first g of columns (L, g + 1), and the projection and remainder of the last.
-
-    The projection (g,) is the orthonormal basis times the last column; of the remainder the squared
-    length is returned.  The first `orthogonal` columns are factorised by Cholesky: they are too
-    many for Gram–Schmidt, and nearly orthogonal, so they need it less.
-    """
-    size, rows, remainder = columns.shape[1] - 1, [], columns
-    if orthogonal:
-        first, remainder = columns[:, :orthogonal], columns[:, orthogonal:]
-        factor = jnp.linalg.cholesky(first.T @ first)
-        projection = solve_triangular(factor, first.T @ remainder, lower=True)
-        remainder = remainder - first @ solve_triangular(factor, projection, lower=True, trans=1)
-        rows = [jnp.concatenate([factor.T, projection], axis=1)]
-    further, remainder = _gram_schmidt(remainder, size - orthogonal)
-    triangle = jnp.concatenate([*rows, jnp.pad(further, ((0, 0), (orthogonal, 0)))])
-    return triangle[:, :size], triangle[:, size], remainder[:, 0] @ remainder[:, 0]
 
 
 def _with_whitening(problem: AbstractProblem, whitening: Array) -> AbstractProblem:

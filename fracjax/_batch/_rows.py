@@ -1,4 +1,4 @@
-"""What is done to each recording of a batch, and the row that comes of it."""
+"""What is done to each recording of a batch, and the resulting row."""
 
 from __future__ import annotations
 
@@ -28,16 +28,16 @@ _TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_
 
 Row = dict[str, Any]
 Rows = Generator[list[Row], None, None]
-"""Rows as they are done, some at a time."""
+"""Rows as they are finished, in groups."""
 
 
 @dataclass(frozen=True)
 class Work:
     """What is done to every recording alike.
 
-    A model's name is made a model for each recording anew, with effects of the size that suits it.
-    `settling`: samples, or a time such as "1 s"; `columns`: the options of `read`; `asked`: other
-    keywords of `fit`, where they ask for something.
+    `model` may be a name, which is made into a model for each recording, with effects of suitable
+    size.  `settling` is in samples, or a time such as "1 s"; `columns` are the options of `read`;
+    `options` are other keywords of `fit` that differ from their defaults.
     """
 
     model: Model | str
@@ -46,41 +46,50 @@ class Work:
     starts: int
     seed: int
     columns: dict[str, Any] = field(default_factory=dict)
-    asked: dict[str, Any] = field(default_factory=dict)
+    options: dict[str, Any] = field(default_factory=dict)
 
     def typical(self) -> Model:
-        """The model, or one of its name for a stack of common size."""
+        """The model; of a name, the one for an actuator of typical size."""
         return as_model(self.model)
 
     def model_for(self, recording: Recording) -> Model:
+        """The model for one recording."""
         return model_of(self.model, [recording])
 
     def settings(self) -> dict[str, str]:
-        """All that a row depends on beside its recording, as text, by name."""
-        given = {name: value for name, value in self.columns.items() if value is not None}
+        """Everything but the recording that a row depends on, as text, by name."""
+        read_options = {name: value for name, value in self.columns.items() if value is not None}
         with np.printoptions(precision=17, threshold=sys.maxsize):
-            exact = eqx.tree_pformat(self.typical(), short_arrays=False)
-            wishes = {
-                name: " ".join(eqx.tree_pformat(wish, short_arrays=False).split())
-                for name, wish in self.asked.items()
+            model_text = eqx.tree_pformat(self.typical(), short_arrays=False)
+            fit_options = {
+                name: " ".join(eqx.tree_pformat(value, short_arrays=False).split())
+                for name, value in self.options.items()
             }
         return {
             "schema": SCHEMA,
             "model": self.typical().name,
             "model made by": "name" if isinstance(self.model, str) else "values",
-            "model's values": hashlib.sha256(exact.encode()).hexdigest()[:12],
+            "model's values": hashlib.sha256(model_text.encode()).hexdigest()[:12],
             "history": self.history or "auto",
             "settling": "auto" if self.settling is None else str(self.settling),
             "starts": str(self.starts),
             "seed": str(self.seed),
-            **{name: str(value) for name, value in given.items()},
-            **wishes,
+            **{name: str(value) for name, value in read_options.items()},
+            **fit_options,
         }
 
     def labels(self) -> tuple[str, ...]:
-        """What is fitted, by name.  Raises InputError where what is asked makes no sense."""
-        shape_of(self.asked.get("loss", "least_squares"))
-        of_model = {n: w for n, w in self.asked.items() if n in ModelOptions.__annotations__}
+        """Labels of the free parameters.
+
+        Raises:
+            InputError: The options contradict each other or the model.
+        """
+        shape_of(self.options.get("loss", "least_squares"))
+        of_model = {
+            name: value
+            for name, value in self.options.items()
+            if name in ModelOptions.__annotations__
+        }
         block, conditions = apply_options(self.typical(), **of_model)
         return free_parameters_of(block, 1, conditions).labels
 
@@ -115,18 +124,18 @@ class Work:
         }
 
     def table_schema(self) -> pa.Schema:
-        """The columns' types, and the settings as metadata."""
+        """The types of the columns, and the settings as metadata."""
         columns = [(name, _TYPES[type(value)]) for name, value in self.blank().items()]
         return pa.schema(columns, {SETTINGS: json.dumps(self.settings()).encode()})
 
 
 def row_of(job: Job, work: Work) -> Row:
-    """Read and fit one recording; whatever goes wrong becomes the row's reason."""
+    """Read and fit one recording; any failure becomes the row's reason."""
     row = work.blank() | {"source": job.source, "key": job.key, "digest": job.digest()}
     try:
         recording = job.recording(work.columns)
     except Exception as error:
-        return row | {"status": "unreadable", "reason": sentence(error)}
+        return row | {"status": "unreadable", "reason": one_line(error)}
     row |= {
         "samples": len(recording),
         "step_s": recording.dt,
@@ -134,50 +143,50 @@ def row_of(job: Job, work: Work) -> Row:
         "response_unit": recording.response_unit,
     }
     try:
-        found = fit(
+        result = fit(
             work.model_for(recording),
             recording,
             history=work.history,
             settling=work.settling,
             starts=work.starts,
             seed=work.seed,
-            **work.asked,
+            **work.options,
         )
     except Exception as error:
-        return row | {"status": "failed", "reason": sentence(error)}
-    return row | _figures(found)
+        return row | {"status": "failed", "reason": one_line(error)}
+    return row | _values_of_fit(result)
 
 
 def lost_row(job: Job, work: Work, reason: str) -> Row:
-    """The row of a recording whose fit never came back."""
-    told = {"source": job.source, "key": job.key, "digest": job.digest()}
-    return work.blank() | told | {"status": "failed", "reason": reason}
+    """The row of a recording whose fit did not return."""
+    identity = {"source": job.source, "key": job.key, "digest": job.digest()}
+    return work.blank() | identity | {"status": "failed", "reason": reason}
 
 
-def sentence(error: Exception) -> str:
-    """What went wrong in one line, with the kind of error where it is not one of ours."""
+def one_line(error: Exception) -> str:
+    """An error as one line, preceded by its type unless it is an InputError."""
     text = " ".join(str(error).split())
     return text if isinstance(error, InputError) else f"{type(error).__name__}: {text}"
 
 
-def _figures(found: Fit) -> Row:
-    """A fit in one row."""
-    told = found.to_dict()
-    row: Row = {"status": "fitted", "reason": "", "converged": told["converged"]}
-    if not told["converged"]:
-        told_so = "the fit did not converge; the row holds its best point."
-        row |= {"status": "not converged", "reason": told_so}
-    for label, estimate in told["parameters"].items():
+def _values_of_fit(result: Fit) -> Row:
+    """The columns of a row that come from a fit."""
+    values = result.to_dict()
+    row: Row = {"status": "fitted", "reason": "", "converged": values["converged"]}
+    if not values["converged"]:
+        reason = "the fit did not converge; the row holds its best point."
+        row |= {"status": "not converged", "reason": reason}
+    for label, estimate in values["parameters"].items():
         row |= {f"{label}.{name}": value for name, value in estimate.items()}
     return (
         row
-        | told["scores"]
-        | told["assumptions"][0]
+        | values["scores"]
+        | values["assumptions"][0]
         | {
-            "known_only_together": "; ".join(told["known_only_together"]),
-            "noise_sigma": told["noise"]["sigma"],
-            "noise_method": told["noise"]["method"],
-            "offset": told["offsets"][0],
-            "oversampling": told["oversampling"],
+            "known_only_together": "; ".join(values["known_only_together"]),
+            "noise_sigma": values["noise"]["sigma"],
+            "noise_method": values["noise"]["method"],
+            "offset": values["offsets"][0],
+            "oversampling": values["oversampling"],
         }
     )

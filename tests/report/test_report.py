@@ -59,7 +59,8 @@ def diagnosis(fitted: Fit) -> Diagnosis:
     scores = (12.0, 11.5, 3.0, 0.4)
     return Diagnosis(
         verdict="confusable",
-        sentence="foh leaves out creep & <something>, or an effect that this drive cannot distinguish from it.",
+        sentence="foh leaves out creep & <something>, or an effect that this drive cannot "
+        "distinguish from it.",
         base=fitted,
         extended=replace(fitted, model=Model(fitted.model.block, "foh >> creep")),
         effects=(

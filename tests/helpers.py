@@ -1,5 +1,7 @@
 """What tests of several folders use."""
 
+from typing import Any
+
 import equinox as eqx
 import jax
 import jax.numpy as jnp
@@ -12,7 +14,7 @@ from fracjax._parameters import set_values
 _respond = eqx.filter_jit(lambda block, drive, grid: block(drive, grid))
 
 
-def smooth(times: np.ndarray) -> np.ndarray:
+def smooth(times: Any) -> Any:
     """A drive [V] that leaves 40 V slowly and turns several times between 40 and 85 V."""
     return 40 + 20 * (1 - np.cos(5 * np.pi * times)) + 5 * np.sin(11 * times) ** 4
 

@@ -13,16 +13,14 @@ from fracjax._blocks import EFFECTS, AbstractBlock
 from fracjax._diagnose._evidence import spared, strain
 from fracjax._diagnose._stage import Layer
 from fracjax._parameters import named_parameters, replace_parameters, set_values
-from fracjax._prepare import Preparation, layout_of, prepare
+from fracjax._prepare import layout_of, prepare
 from fracjax._solve import Solved, jacobian, solve_from
 from tests.helpers import specified
 
 STEP, SAMPLES = 5e-3, 1200
 
 
-def solved_with(
-    name: str, values: dict[str, float], noise: float
-) -> tuple[Solved, Preparation, Layer]:
+def solved_with(name: str, values: dict[str, float], noise: float) -> tuple[Solved, Layer]:
     """Creep and an effect, fitted to a recording of both with noise of this share of the span."""
     times = STEP * np.arange(SAMPLES)
     drive = 50 + 30 * np.sin(2 * np.pi * 0.7 * times) + 12 * np.sin(2 * np.pi * 6.1 * times)

@@ -48,7 +48,7 @@ def response(drive: np.ndarray) -> np.ndarray:
 
 def fitted(
     block: Any, drive: np.ndarray, clean: np.ndarray, noise: Noise, error: np.ndarray
-) -> tuple[Solved, Preparation]:
+) -> Solved:
     recording = fj.Recording(drive, clean + error, STEP, "V", "um")
     preparation = prepare([recording], history="constant", settling=0, noise=noise)
     return solve_from([block], preparation)

@@ -66,7 +66,7 @@ def test_where_more_than_noise_is_left_the_idle_is_dropped_and_nothing_judged_ag
 def test_what_was_first_adopted_stays_where_the_better_fit_foretells_worse(
     rmse, stays, monkeypatch
 ):
-    def predict(solved: Any, _: Any) -> Any:
+    def predict(solved: Any) -> Any:
         squares = any(name.endswith(".q") for name in named_parameters(solved.block))
         return SimpleNamespace(rmse=rmse if squares else 1.0)
 

@@ -26,7 +26,7 @@ def test_a_recording_that_does_not_show_the_effect_leaves_it_to_stretches(apart,
         wrong -= noise * (wrong @ noise) / (noise @ noise)
         wrong *= apart / np.linalg.norm(wrong)
 
-        def predict(solved, _):
+        def predict(solved):
             error = noise + wrong if solved is base.solved else noise
             return Prediction(1.0, (1.0,) * 5, error, fold, certain)
 

@@ -1,0 +1,1 @@
+"""The second tier: recordings whose hysteresis obeys none of the believed laws."""

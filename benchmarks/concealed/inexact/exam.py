@@ -10,7 +10,6 @@ need see the labels of the half that is sealed.
 from __future__ import annotations
 
 import argparse
-import json
 import os
 import time
 from collections import Counter
@@ -19,22 +18,13 @@ from concurrent.futures import ProcessPoolExecutor
 from functools import partial
 from multiprocessing import get_context
 from pathlib import Path
-from typing import Any
 
-from ..exam import part_of, seal
+from ..exam import part_of, plain, write_labels, write_seal
 from .case import build
 from .design import HALVES, Spec, design
 
 SEED = 45260911
-
-
-def rounded(x: Any) -> Any:
-    """As JSON would give it back, numbers to 5 digits, which every machine agrees on."""
-    if isinstance(x, dict):
-        return {k: rounded(v) for k, v in x.items()}
-    if isinstance(x, (list, tuple)):
-        return [rounded(v) for v in x]
-    return float(f"{x:.5g}") if isinstance(x, float) else x
+DIGITS = 5  # of the labels' numbers, on which every machine agrees
 
 
 def make(spec: Spec, folder: Path | None) -> dict:
@@ -42,7 +32,7 @@ def make(spec: Spec, folder: Path | None) -> dict:
     case = build(spec)
     if folder is not None:
         case.write(folder)
-    return rounded(case.label)
+    return plain(case.label, DIGITS)
 
 
 def labels_of(specs: Iterable[Spec], folder: Path | None, jobs: int) -> list[dict]:
@@ -80,9 +70,10 @@ def main() -> None:
     a.out.mkdir(parents=True, exist_ok=True)
     start = time.perf_counter()
     labels = labels_of(specs, None if a.hash else a.out, a.jobs)
-    (a.out / "labels.sha256").write_text(f"{seal(labels)}  labels\n")
-    if not a.hash:
-        (a.out / "labels.json").write_text(json.dumps(labels, indent=1, sort_keys=True) + "\n")
+    if a.hash:
+        write_seal(a.out, labels)
+    else:
+        write_labels(a.out, labels)
         print(f"{len(labels)} cases in {time.perf_counter() - start:.0f} s; {describe(labels)}")
 
 

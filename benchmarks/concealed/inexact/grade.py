@@ -4,8 +4,9 @@ Run: python -m benchmarks.concealed.inexact.grade --exam DIR --answers OUT --to 
      [--half sealed] [--cases 0:60]
 
 OUT holds case_0001/diagnosis.json and so on.  Writes grade.csv (measure, target, value, low, high,
-n), by_group.csv (the shares again by base, drive and believed model), failures.csv (every case that
-missed a measure) and labels.sha256.  A case without a diagnosis names nothing.
+n), by_group.csv (the shares again by base, drive, believed model, noise floor and effect),
+failures.csv (every case that missed a measure) and labels.sha256.  A case without a diagnosis
+names nothing.
 """
 
 from __future__ import annotations
@@ -21,24 +22,29 @@ from ..exam import part_of
 from ..grade import load, print_rows, table, write_rows
 from ..measures import Measure, Pair
 from .design import HALVES
-from .measures import measure_all, shares
+from .measures import dynamics_named, measure_all, separable, shares
 
 GROUPS: dict[str, Callable[[dict], str]] = {
     "base": lambda x: x["base"],
     "drive": lambda x: x["drive"],
     "believed": lambda x: x["believed"],
+    "floor": lambda x: x["floor"],
 }
 SECONDS = "seconds.txt"
 
 
 def by_group(pairs: Sequence[Pair]) -> list[dict]:
-    """Each share of the table on the cases of one base, drive or believed model alone."""
+    """Each share of the table on one group's cases alone; what is named, on one effect's."""
     rows = []
     for grouping, of in GROUPS.items():
         for group in sorted({of(x) for x, _ in pairs}):
             mine = [p for p in pairs if of(p[0]) == group]
             some = [m for m in shares(mine) if m.n]
             rows += [{"by": grouping, "group": group} | row for row in table(some)]
+    effects = separable(pairs)
+    for name in sorted({x["one"]["name"] for x, _ in effects}):
+        mine = [p for p in effects if p[0]["one"]["name"] == name]
+        rows += [{"by": "effect", "group": name} | row for row in table([dynamics_named(mine)])]
     return rows
 
 
@@ -100,10 +106,10 @@ def main() -> None:
     write_rows(a.to / "failures.csv", failures(measures, pairs))
     (a.to / "labels.sha256").write_text((a.exam / "labels.sha256").read_text())
     print_rows(rows)
-    for grouping in GROUPS:
+    for grouping in (*GROUPS, "effect"):
         print(f"\nby {grouping}:")
         for row in groups:
-            if row["by"] == grouping:
+            if row["by"] == grouping and row["target"]:
                 print(f"{row['group']:22}", end="")
                 print_rows([row])
 

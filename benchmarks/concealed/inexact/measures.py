@@ -62,20 +62,27 @@ def by_effect(pairs: Sequence[Pair], kind: str) -> list[Pair]:
     ]
 
 
+def separable(pairs: Sequence[Pair]) -> list[Pair]:
+    """A pair for every dynamic effect that the oracle separates from all others."""
+    return [p for p in by_effect(pairs, "dynamic") if p[0]["one"]["separable"]]
+
+
+def dynamics_named(effects: Sequence[Pair]) -> Measure:
+    """Share of effects, a pair each, that are named first or in a small set."""
+    name = f"dynamic effect first or in a set of {LARGEST_SET}, separable"
+    return share(name, ">= .85", effects, lambda x, a: names_it(x["one"], a))
+
+
 def shares(pairs: Sequence[Pair]) -> list[Measure]:
     """The measures that are shares of cases, or of effects."""
     still = [p for p in pairs if not has_dynamics(p[0])]
     rate_free = [p for p in still if not p[0]["own_rate"]]
-    effects = by_effect(pairs, "dynamic")
-    apart = [p for p in effects if p[0]["one"]["separable"]]
+    apart = separable(pairs)
     outside = [p for p in apart if not p[0]["one"]["beyond_shape"]["look_alikes"]]
     outside = [p for p in outside if p[0]["one"]["beyond_shape"]["level"] >= 1]
 
     def none_wrong(x: dict, a: Answer) -> bool:
         return not wrong_physics(x, a)
-
-    def named(x: dict, a: Answer) -> bool:
-        return names_it(x["one"], a)
 
     return [
         share("physics named that is not there", "<= .03", pairs, none_wrong, True),
@@ -83,8 +90,9 @@ def shares(pairs: Sequence[Pair]) -> list[Measure]:
               lambda x, a: not wrong_physics(x, a, ("dynamic", "static")), True),
         share("the same, but for what explains nine tenths", "", pairs,
               lambda x, a: wrong_physics(x, a) <= nearly_fair(x), True),
-        share("dynamic effect first or in a set of 3, separable", ">= .85", apart, named),
-        share("the same, visible >= 1 beyond any loop shape", "", outside, named),
+        dynamics_named(apart),
+        share("the same, visible >= 1 beyond any loop shape", "", outside,
+              lambda x, a: names_it(x["one"], a)),
         share("dynamic effect in any set, separable", "", apart,
               lambda x, a: x["one"]["name"] in a.reported),
         share("no dynamics: none named", ">= .95", still, none_wrong),

@@ -11,7 +11,6 @@ from collections.abc import Collection
 from functools import cached_property
 
 import numpy as np
-from scipy.linalg import pinv
 
 from ..drives import Array
 from .noises import Noise
@@ -69,7 +68,7 @@ class Oracle:
 
     @cached_property
     def _inverse(self) -> Array:
-        return pinv(self.noise.whiten(self.tangent), rtol=RANK)
+        return np.linalg.pinv(self.noise.whiten(self.tangent), rcond=RANK).astype(np.float64)
 
     def left(self, y: Array, steps: int = 3) -> Array:
         """Residual in um of the refit to a recording without noise."""

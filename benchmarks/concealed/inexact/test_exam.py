@@ -10,12 +10,12 @@ import pytest
 
 from ..answer import cases_of
 from ..answers import Answer
-from ..exam import seal
+from ..exam import plain, seal
 from ..separability import SEPARABLE
 from ..truth import EFFECTS
 from .case import DETECTABLE, SEEN, Case, build, draw_stage, rms
 from .design import BELIEVED, DECK, HALVES, Spec, design
-from .exam import SEED, describe, make, rounded
+from .exam import DIGITS, SEED, describe, make
 from .grade import by_group, failures, main
 from .kinds import FAMILIES, kind_of
 from .measures import calibration, measure_all
@@ -53,7 +53,8 @@ def test_design_is_balanced() -> None:
 
 def test_case_is_what_its_label_says(case: Case, stage: Stage) -> None:
     label = case.label
-    assert json.loads(json.dumps(rounded(label), allow_nan=False)) == rounded(label)
+    sealed = plain(label, DIGITS)
+    assert json.loads(json.dumps(sealed, allow_nan=False)) == sealed
     assert (label["case"], label["holdout"]) == ("case_0007", "case_0007.holdout.csv")
     first, second = label["effects"]
     assert first["kind"] == "dynamic"
@@ -73,7 +74,7 @@ def test_case_is_what_its_label_says(case: Case, stage: Stage) -> None:
 
 def test_same_seed_same_case(case: Case, tmp_path: Path) -> None:
     label = make(SPEC, tmp_path)
-    assert label == rounded(case.label)
+    assert label == plain(case.label, DIGITS)
     recording = np.loadtxt(tmp_path / "case_0007.csv", delimiter=",", skiprows=1)
     assert np.allclose(recording, case.recording, rtol=1e-7, atol=1e-7)
     assert (tmp_path / "case_0007.holdout.csv").exists()
@@ -232,7 +233,10 @@ def test_groups_and_failures() -> None:
     rows = [r for r in by_group([*PAIRS, *other]) if r["measure"].startswith("physics named")]
     assert {(r["by"], r["group"]): r["n"] for r in rows} == {
         ("base", "duhem"): 13, ("base", "lugre"): 1, ("drive", "sine"): 14, ("believed", "foh"): 14,
+        ("floor", "rest"): 14,
     }  # fmt: skip
+    effects = {r["group"]: r["n"] for r in by_group(PAIRS) if r["by"] == "effect"}
+    assert effects == {"creep": 5, "delay": 1}
     assert "{0: 6, 1: 6, 2: 1}; dynamic 7, separable 6" in describe([x for x, _ in PAIRS])
 
 

@@ -10,7 +10,7 @@ from ..drives import Array
 from ..truth import play
 from . import stage as stage_module
 from .design import design
-from .laws import LAWS, drawn, duhem, jiles_atherton, lugre, opening, preisach, rate_dependent_play
+from .laws import LAWS, drawn, duhem, jiles_atherton, lugre, opening, preisach, recursion
 from .laws.law import FURTHEST, Params
 from .laws.memory import along
 from .laws.prandtl_ishlinskii import generalised_play
@@ -42,9 +42,22 @@ def test_play_loop() -> None:
     assert abs(np.trapezoid(p[once], x[once])) == pytest.approx(4 * r * (0.8 - r), rel=1e-6)
 
 
-def test_moving_play_is_a_play_at_rest() -> None:
+def test_recursions() -> None:
+    """Blocks against one step after the other; a play whose limits rest is a play."""
+    rng = np.random.default_rng(0)
+    keep, enter = rng.uniform(0.5, 1, (2, 1001)), rng.standard_normal((2, 1001))
+    z, p, linear, clamped = np.array([1.0, -2.0]), np.zeros(2), [], []
+    for k in range(1001):
+        z = keep[:, k] * z + enter[:, k]
+        p = np.maximum(enter[:, k], np.minimum(enter[:, k] + keep[:, k], p))
+        linear.append(z)
+        clamped.append(p)
+    got = recursion.linear(keep, enter, np.array([1.0, -2.0]))
+    assert np.allclose(got, np.array(linear).T, rtol=0, atol=1e-12)
+    got = recursion.clamped(enter, enter + keep, np.zeros(2))
+    assert np.allclose(got, np.array(clamped).T, rtol=0, atol=1e-12)
     x = 0.8 * np.sin(np.linspace(0, 6 * np.pi, 3001))
-    got = rate_dependent_play.moving_play(x - 0.3, x + 0.3, float(x[0]))
+    got = recursion.clamped(x[None] - 0.3, x[None] + 0.3, x[:1])[0]
     assert np.allclose(got, play(x, 0.3), rtol=0, atol=1e-12)
 
 
@@ -123,7 +136,7 @@ def test_jiles_atherton_against_adaptive_solver() -> None:
 def test_lugre_bristle() -> None:
     """One straight leg: z = l (1 - exp(-x/l)); slow legs hold on longer by 1 + stick."""
     x = np.linspace(0, 1, 400)
-    z = lugre.bristle(np.diff(x), np.full(399, 0.2), 0.0)
+    z = np.append(0.0, lugre.bristles(np.diff(x), np.full((1, 399), 0.2), np.zeros(1))[0])
     assert np.allclose(z, 0.2 * -np.expm1(-x / 0.2), rtol=0, atol=1e-12)
     params = {"bend": 0.0, "force": 0.1, "longest": 0.2, "ratio": 0.3, "fading": 0.0,
               "stick": 0.4, "stribeck": 1.0}  # fmt: skip

@@ -10,12 +10,11 @@ Trans. Automatic Control 50 (2005) 631.
 
 from __future__ import annotations
 
-from itertools import accumulate
-
 import numpy as np
 
 from ...drives import Array
 from .law import Law, Params, Rng, rate_independent, uniform
+from .recursion import linear
 
 
 def along(x: Array, goal: Array, rate: float, floor: float) -> Array:
@@ -26,8 +25,7 @@ def along(x: Array, goal: Array, rate: float, floor: float) -> Array:
     share = np.where(spent > 1e-8, -np.expm1(-spent) / np.maximum(spent, 1e-8), 1.0)
     # w - f falls off at the rate and is fed by floor dx - df, evenly within the step
     feed = share * (floor * dx - df)
-    steps = zip(keep.tolist(), feed.tolist(), strict=True)
-    return goal + np.array(list(accumulate(steps, lambda e, s: s[0] * e + s[1], initial=0.0)))
+    return goal + np.append(0.0, linear(keep[None], feed[None], np.zeros(1))[0])
 
 
 def response(x: Array, params: Params) -> Array:

@@ -12,34 +12,31 @@ Canudas de Wit, H. Olsson, K. J. Åström and P. Lischinsky, IEEE Trans. Automat
 
 from __future__ import annotations
 
-from itertools import accumulate
-
 import numpy as np
 
 from ...drives import Array
 from .law import Law, Params, Rng, uniform
+from .recursion import linear
 
 BRISTLES = 3
 
 
-def bristle(dx: Array, lengths: Array, start: float) -> Array:
-    """z after each step dx, from `start`: dz/d|x| = sign(dx) - z/length, length by step."""
+def bristles(dx: Array, lengths: Array, start: Array) -> Array:
+    """z after each step dx: dz/d|x| = sign(dx) - z/length, lengths (bristles, steps)."""
     spent = np.abs(dx) / lengths
-    keep, enter = np.exp(-spent), -np.expm1(-spent) * np.sign(dx) * lengths
-    steps = zip(keep.tolist(), enter.tolist(), strict=True)
-    return np.array(list(accumulate(steps, lambda z, s: s[0] * z + s[1], initial=start)))
+    return linear(np.exp(-spent), -np.expm1(-spent) * np.sign(dx) * lengths, start)
 
 
 def response(x: Array, h: float, params: Params, before: Array) -> Array:
     """Response at the instants of x, step h in s, after the slow path `before`."""
     dx, slow = np.diff(x), np.diff(before)
+    k = np.arange(BRISTLES)[:, None]
+    lengths, shares = params["longest"] * params["ratio"] ** k, params["fading"] ** k
     grip = 1 + params["stick"] * np.exp(-((dx / h / params["stribeck"]) ** 2))
-    total = np.zeros_like(x)
-    for k in range(BRISTLES):
-        length, share = params["longest"] * params["ratio"] ** k, params["fading"] ** k
-        start = bristle(slow, np.full_like(slow, length * (1 + params["stick"])), 0.0)[-1]
-        total += share * bristle(dx, length * grip, float(start)) / length
-    return x + params["bend"] * x**2 - params["force"] * total
+    held = lengths * (1 + params["stick"]) * np.ones_like(slow)
+    start = bristles(slow, held, np.zeros(BRISTLES))[:, -1:]
+    z = np.hstack([start, bristles(dx, lengths * grip, start[:, 0])])
+    return x + params["bend"] * x**2 - params["force"] * np.sum(shares * z / lengths, axis=0)
 
 
 def _draw(rng: Rng) -> Params:

@@ -12,38 +12,31 @@ and C. N. Riviere, IEEE/ASME Trans. Mechatronics 12 (2007) 134 (weights).
 
 from __future__ import annotations
 
-from itertools import accumulate
-
 import numpy as np
 
 from ...drives import Array
 from ...truth.linear import relax
 from .law import Law, Params, Rng, uniform
+from .recursion import clamped
 
 PLAYS = 8
-
-
-def moving_play(low: Array, high: Array, start: float) -> Array:
-    """p = max(low, min(high, p before)), both limits moving, from `start`."""
-    limits = zip(low.tolist(), high.tolist(), strict=True)
-    steps = accumulate(limits, lambda p, ends: max(ends[0], min(ends[1], p)), initial=start)
-    return np.array(list(steps))[1:]
 
 
 def response(x: Array, h: float, params: Params, before: Array) -> Array:
     """Response at the instants of x, step h in s, after the slow path `before`."""
     speed = np.abs(np.diff(x)) / h
-    speed = relax(np.concatenate([speed[:1] * 0, speed]), h, float(params["settling"]))
+    speed = relax(np.concatenate([[0.0], speed]), h, params["settling"])
     rise = params["growth"] * np.log1p(speed / params["slow"])
-    by_threshold = params["on"] == "thresholds"
-    total = np.zeros_like(x)
-    for r in params["widest"] * (np.arange(PLAYS) + 0.5) / PLAYS:
-        start = moving_play(before - r, before + r, float(before[0]))[-1]
-        radius = r * (1 + rise) if by_threshold else np.full_like(x, r)
-        p = moving_play(x - radius, x + radius, float(start))
-        total += p if by_threshold else p * (1 - rise * r / params["widest"])
+    share = (np.arange(PLAYS) + 0.5)[:, None] / PLAYS
+    radii = params["widest"] * share
+    start = clamped(before - radii, before + radii, np.full(PLAYS, before[0]))[:, -1]
+    if params["on"] == "thresholds":
+        moving = radii * (1 + rise)
+        plays = clamped(x - moving, x + moving, start)
+    else:
+        plays = clamped(x - radii, x + radii, start) * (1 - rise * share)
     curved = x + params["bend"] * x**2
-    return params["slope"] * curved + params["share"] * total / PLAYS
+    return params["slope"] * curved + params["share"] * plays.mean(axis=0)
 
 
 def _draw(rng: Rng) -> Params:

@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Collection
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 
+from ..actuator import rms
+from ..build import Made
 from ..drives import Array, Drive
 from ..separability import SEPARABLE
 from ..templates import floor_of
@@ -42,28 +43,6 @@ class Chosen:
     @property
     def name(self) -> str:
         return name_of(self.key)
-
-
-@dataclass(frozen=True)
-class Case:
-    """Columns s, V, um of the recording and, for some, of the held-out one; and the label."""
-
-    recording: Array
-    holdout: Array | None
-    label: dict
-
-    def write(self, folder: Path) -> None:
-        """Write NAME.csv, and NAME.holdout.csv where there is one, under the label's name."""
-        for part, columns in (("", self.recording), (".holdout", self.holdout)):
-            if columns is not None:
-                header, digits = "time_s,voltage_V,displacement_um", ("%.9g", "%.9g", "%.8g")
-                file = folder / f"{self.label['case']}{part}.csv"
-                np.savetxt(file, columns, digits, ",", header=header, comments="")
-
-
-def rms(x: Array) -> float:
-    """Root mean square."""
-    return float(np.sqrt(np.mean(np.square(x))))
 
 
 def draw_stage(spec: Spec) -> tuple[Stage, str]:
@@ -158,7 +137,7 @@ def content(oracle: Oracle, spec: Spec) -> list[Chosen]:
     return [first, choose(oracle, beside, rng)]
 
 
-def build(spec: Spec) -> Case:
+def build(spec: Spec) -> Made:
     """Simulate a case and label it."""
     stage, kind = draw_stage(spec)
     noise = draw_noise(np.random.default_rng([spec.seed, 4]), stage.scene.stroke)
@@ -191,7 +170,7 @@ def build(spec: Spec) -> Case:
     recording = _measured(stage, clean, noise, np.random.default_rng([spec.seed, 11]))
     holdout = held_out(spec, stage, kind, noise, pairs) if spec.held_out else None
     label["holdout"] = f"{label['case']}.holdout.csv" if spec.held_out else None
-    return Case(recording, holdout, label)
+    return Made(recording, holdout, label)
 
 
 def opening_of(stage: Stage) -> float:

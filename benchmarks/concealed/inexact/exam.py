@@ -31,7 +31,7 @@ def make(spec: Spec, folder: Path | None) -> dict:
     """Build a case, write its recordings into a folder, and give its label."""
     case = build(spec)
     if folder is not None:
-        case.write(folder)
+        case.write(folder, case.label["case"])
     return plain(case.label, DIGITS)
 
 

@@ -8,12 +8,14 @@ from pathlib import Path
 import numpy as np
 import pytest
 
+from ..actuator import rms
 from ..answer import cases_of
 from ..answers import Answer
+from ..build import Made
 from ..exam import plain, seal
 from ..separability import SEPARABLE
 from ..truth import EFFECTS
-from .case import DETECTABLE, SEEN, Case, build, draw_stage, rms
+from .case import DETECTABLE, SEEN, build, draw_stage
 from .design import BELIEVED, DECK, HALVES, Spec, design
 from .exam import DIGITS, SEED, describe, make
 from .grade import by_group, failures, main
@@ -29,7 +31,7 @@ SPEC = Spec(7, "development", "duhem", "foh", "two", "two_sines", 500.0, 2000, T
 
 
 @pytest.fixture(scope="module")
-def case() -> Case:
+def case() -> Made:
     return build(SPEC)
 
 
@@ -51,7 +53,7 @@ def test_design_is_balanced() -> None:
         assert Counter(s.content for s in specs if s.half == half) == DECK
 
 
-def test_case_is_what_its_label_says(case: Case, stage: Stage) -> None:
+def test_case_is_what_its_label_says(case: Made, stage: Stage) -> None:
     label = case.label
     sealed = plain(label, DIGITS)
     assert json.loads(json.dumps(sealed, allow_nan=False)) == sealed
@@ -72,7 +74,7 @@ def test_case_is_what_its_label_says(case: Case, stage: Stage) -> None:
     assert SPEC.drive not in BOTTOM
 
 
-def test_same_seed_same_case(case: Case, tmp_path: Path) -> None:
+def test_same_seed_same_case(case: Made, tmp_path: Path) -> None:
     label = make(SPEC, tmp_path)
     assert label == plain(case.label, DIGITS)
     recording = np.loadtxt(tmp_path / "case_0007.csv", delimiter=",", skiprows=1)

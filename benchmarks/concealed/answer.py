@@ -76,10 +76,14 @@ def tell_each(work: Callable[[dict], str], cases: Iterable[dict], answers: Path,
 
 
 def cases_of(exam: Path, part: slice) -> list[dict]:
-    """What a diagnosis is given of the cases in a part of the list."""
+    """What a diagnosis is given of the cases in a part of the list; `base` is the model that is
+    questioned, which in the second tier is believed and not the truth's."""
     labels = json.loads((exam / "labels.json").read_text())
-    told = ("case", "holdout", "base", "samples")
-    return [{key: label.get(key) for key in told} for label in labels[part]]
+    told = ("case", "holdout", "samples")
+    return [
+        {key: label.get(key) for key in told} | {"base": label.get("believed", label["base"])}
+        for label in labels[part]
+    ]
 
 
 def main() -> None:

@@ -52,13 +52,13 @@ def write_case(numbered: tuple[int, Spec], folder: File) -> dict:
     return plain({"case": name, "holdout": holdout} | made.label)
 
 
-def plain(x: Any) -> Any:
-    """As JSON would give it back, numbers to 8 digits."""
+def plain(x: Any, digits: int = 8) -> Any:
+    """As JSON would give it back, numbers to some digits."""
     if isinstance(x, dict):
-        return {k: plain(v) for k, v in x.items()}
+        return {k: plain(v, digits) for k, v in x.items()}
     if isinstance(x, (list, tuple)):
-        return [plain(v) for v in x]
-    return float(f"{x:.8g}") if isinstance(x, float) else x
+        return [plain(v, digits) for v in x]
+    return float(f"{x:.{digits}g}") if isinstance(x, float) else x
 
 
 def write_exam(folder: File, numbered: Sequence[tuple[int, Spec]], jobs: int = 1) -> list[dict]:
@@ -70,9 +70,19 @@ def write_exam(folder: File, numbered: Sequence[tuple[int, Spec]], jobs: int = 1
     else:
         with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:
             labels = list(pool.map(work, numbered, chunksize=4))
-    (folder / "labels.json").write_text(json.dumps(labels, indent=1, sort_keys=True) + "\n")
-    (folder / "labels.sha256").write_text(f"{seal(labels)}  labels\n")
+    write_labels(folder, labels)
     return labels
+
+
+def write_labels(folder: File, labels: Sequence[dict]) -> None:
+    """Write labels.json and the hash that seals it."""
+    (folder / "labels.json").write_text(json.dumps(labels, indent=1, sort_keys=True) + "\n")
+    write_seal(folder, labels)
+
+
+def write_seal(folder: File, labels: Sequence[dict]) -> None:
+    """Write labels.sha256."""
+    (folder / "labels.sha256").write_text(f"{seal(labels)}  labels\n")
 
 
 def is_concealed(label: dict) -> bool:

@@ -177,14 +177,20 @@ def intervals(pairs: Sequence[Pair]) -> Measure:
     return Measure(name, ".93 to .97", value, *wilson(hits, n), n, missed)
 
 
-def calibration(pairs: Sequence[Pair], bins: int = 10) -> list[Measure]:
-    """Expected calibration error of the first effect's probability, with a bootstrap interval; and
-    what it would be of exact probabilities, with the range of 95 % of such exams.
+def calibration(pairs: Sequence[Pair]) -> list[Measure]:
+    """Expected calibration error of the first effect's probability."""
+    return calibration_of(
+        [(a.effects[0]["probability"], a.first in _names(x)) for x, a in pairs if a.effects]
+    )
+
+
+def calibration_of(named: Sequence[tuple[float, bool]], bins: int = 10) -> list[Measure]:
+    """Expected calibration error of probabilities beside what was right, with a bootstrap interval;
+    and what it would be of exact probabilities, with the range of 95 % of such exams.
 
     The second is not 0, for in a bin of few cases the share that is right is left to chance.
     """
     name, exact = "calibration error of the probability", "calibration error of exact probabilities"
-    named = [(a.effects[0]["probability"], a.first in _names(x)) for x, a in pairs if a.effects]
     if not named:
         return [Measure(name, "<= .05", np.nan, 0.0, 1.0, 0)]
     p, right = np.array(named, float).T

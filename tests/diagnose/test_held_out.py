@@ -65,7 +65,7 @@ def test_lines_of_another_phase_and_size_are_read_from_the_recording_that_has_th
     block = layered.insert(CREEP.block, layered.trials(prepare_alone(DRIVE).setting)[0])
     block = set_values(block, {"second.frequency": 50.0})
     base = fitted(CREEP.block, DRIVE, response(DRIVE), specified(SIGMA), error)
-    extended, _ = fitted(block, DRIVE, response(DRIVE), specified(SIGMA), error)
+    extended = fitted(block, DRIVE, response(DRIVE), specified(SIGMA), error)
     other = response(OTHER) + hum(2.9, 0.08) + SIGMA * generator.standard_normal(SAMPLES)
     take = take_of(fj.Recording(OTHER, other, STEP, "V", "um"), specified(SIGMA), "constant", 0)
     before, after = (predict_recording(s, take) for s in (base, extended))
@@ -147,7 +147,7 @@ def test_stretches_whose_refit_is_too_far_for_a_first_order_are_predicted_to_the
     block = layered.insert(CREEP.block, layered.trials(prepare_alone(DRIVE).setting)[0])
     clean = response(DRIVE) + 0.02 * TIMES
     base = fitted(CREEP.block, DRIVE, clean, specified(SIGMA), error)
-    extended, _ = fitted(block, DRIVE, clean, specified(SIGMA), error)
+    extended = fitted(block, DRIVE, clean, specified(SIGMA), error)
     before, after = (predict_stretches(s) for s in (base, extended))
     assert after.folds == pytest.approx((SIGMA,) * 5, rel=0.15)
     assert gain(before, after).convincing

@@ -42,7 +42,9 @@ def test_the_command_prints_one_table(loop, checked, monkeypatch, capsys):
     assert run([*call, *asked]) == 0
     out, err = capsys.readouterr()
     assert err == ""
-    assert out.startswith("foh on three_tones.csv: no method finds less than the gradient fit's")
+    assert out.startswith(
+        "foh on three_tones.csv: no method has a smaller error than the gradient fit"
+    )
     assert "5 of 5 others agree with it" in out
     heads, rows = crosscheck_figures(checked)
     assert {len(row) for row in rows} == {len(heads)}

@@ -82,6 +82,6 @@ def known_to(doubt: float) -> Any:
 
 def ended_at(cost: float, excess: float = 0.0, doubt: float = 0.1, free: int = 3) -> Any:
     left = max(1.0, cost / 1000)
-    solved = SimpleNamespace(cost=cost, samples=1000, left=left, kurtosis=3.0, free=free)
+    solved = SimpleNamespace(cost=cost, samples=1000, excess_ratio=left, kurtosis=3.0, free=free)
     solved.preparation = known_to(doubt)
     return SimpleNamespace(solved=solved, preparation=solved.preparation, excess=excess)

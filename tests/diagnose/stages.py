@@ -82,7 +82,7 @@ def judged(stage: Stage, name: str) -> Judged:
 def cost_of(cost: float, bic: float = 0.0) -> Any:
     left = max(1.0, cost / 1000)
     return SimpleNamespace(
-        cost=cost, samples=1000, left=left, kurtosis=3.0, bic=bic, preparation=known()
+        cost=cost, samples=1000, excess_ratio=left, kurtosis=3.0, bic=bic, preparation=known()
     )
 
 

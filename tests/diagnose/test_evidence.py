@@ -14,7 +14,7 @@ from fracjax._diagnose._evidence import spared, strain
 from fracjax._diagnose._stage import Layer
 from fracjax._parameters import named_parameters, replace_parameters, set_values
 from fracjax._prepare import layout_of, prepare
-from fracjax._solve import Solved, jacobian, solve_from
+from fracjax._solve import Solved, fit_block, jacobian, solve_from
 from tests.helpers import specified
 
 STEP, SAMPLES = 5e-3, 1200
@@ -95,7 +95,7 @@ def test_what_a_gain_beyond_its_usual_range_costs_is_what_a_fit_without_it_leave
     solved, layer = solved_with("lost_contact", values, 3e-4)
     none = fj.Parameter(0.0, fixed=True)
     held_at_none = replace_parameters(solved.block, {"second.share": none})
-    held = solve_from([held_at_none], solved.preparation)
+    held = fit_block(held_at_none, solved.preparation, 8, 0)
     rise = strain(solved, layer)
     assert rise > 100
     assert held.cost - solved.cost == pytest.approx(rise, rel=0.1)

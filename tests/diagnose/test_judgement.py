@@ -166,7 +166,7 @@ def stage_of(cost: float) -> Any:
 
 def test_what_is_left_over_is_judged_as_far_as_the_noise_is_known():
     doubt = 3 * np.sqrt(2 / 1000 + 0.1**2)
-    assert excess_doubt(known_to(0.1), ended_at(0).solved) == pytest.approx(doubt)
+    assert excess_doubt(ended_at(0).solved) == pytest.approx(doubt)
     assert freedom_of(known_to(0.1), 3.0) == pytest.approx(200)
     for excess, most in ((0.0, 1.5 + doubt), (4000.0, 1.7 + doubt)):
         base = ended_at(5000, excess)

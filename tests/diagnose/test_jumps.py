@@ -213,7 +213,7 @@ def test_a_diagnosis_that_cannot_see_jumps_for_noise_says_so():
     assert found.verdict == "none"
     (warning,) = (w for w in found.warnings if "the noise floor contains what looks like" in w)
     for told in (warning, found.sentence):
-        assert "like jumps of the response: +0.3 um at 1.13 s, -0.2 um at 2.06 s; beside" in told
+        assert "like jumps of the response: +0.3 um at 1.13 s, -0.2 um at 2.06 s; with" in told
 
 
 def test_of_several_recordings_the_one_whose_noise_hides_jumps_is_told():

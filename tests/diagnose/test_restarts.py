@@ -25,7 +25,7 @@ def test_a_refit_also_starts_from_what_was_found_before_and_a_law_of_fewer_numbe
     def solve(starts: list[Any], *_: Any) -> Any:
         begun.append(starts)
         return SimpleNamespace(
-            block=starts[0], cost=-float(len(begun)), left=1.0, free=1, samples=9
+            block=starts[0], cost=-float(len(begun)), excess_ratio=1.0, free=1, samples=9
         )
 
     monkeypatch.setattr(_refit, "solve_from", solve)

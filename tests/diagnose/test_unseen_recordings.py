@@ -68,7 +68,7 @@ def test_a_recording_that_no_fit_foretells_which_explains_the_training_says_noth
         monkeypatch.setattr(_round, name, lambda *_: 1.0)
     monkeypatch.setattr(_round, "is_plausible", lambda *_: True)
     score: Any = SimpleNamespace(effect=None, trials=[None], best=0)
-    solved: Any = SimpleNamespace(cost=100.0, samples=100, left=1.0)
+    solved: Any = SimpleNamespace(cost=100.0, samples=100, excess_ratio=1.0)
     attempt = Refit(score, solved)
 
     def recording(*_: Any) -> Any:

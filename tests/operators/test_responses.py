@@ -128,14 +128,14 @@ def test_lfdh_has_no_pole_on_the_principal_sheet():
 @pytest.mark.parametrize("ask", [fj.frequency_response, fj.bode])
 @pytest.mark.parametrize("block", [FOH(), BoucWen(), Creep() >> FOH(), Delay(1e-3, longest=0.1)])
 def test_a_law_without_transfer_function_is_refused(ask, block):
-    with pytest.raises(fj.InputError, match=r"expected a linear law .*found .*; ask for"):
+    with pytest.raises(fj.InputError, match=r"expected a linear block .*found .*; compute"):
         ask(block, FREQUENCIES)
-    with pytest.raises(fj.InputError, match="poles: expected a linear law"):
+    with pytest.raises(fj.InputError, match="poles: expected a linear block"):
         fj.poles(block)
 
 
 def test_poles_not_known_are_refused():
-    with pytest.raises(fj.InputError, match="whose poles are known, found Inverse"):
+    with pytest.raises(fj.InputError, match="whose poles have a closed form, found Inverse"):
         fj.poles(Resonance(40.0).inverse())
 
 

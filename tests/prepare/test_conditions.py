@@ -41,7 +41,7 @@ def test_a_prior_decides_what_the_data_leave_open():
     ("options", "said"),
     [
         ({"priors": {"nu": fj.Normal(0, 1)}}, '"nu": expected one of k_c, mu, found none'),
-        ({"priors": {"mu": fj.Normal(0.1, 0.0)}}, "a standard deviation above 0"),
+        ({"priors": {"mu": fj.Normal(0.1, 0.0)}}, "standard deviations above 0"),
         ({"priors": {"mu": fj.Normal(0.1, 1)}, "fixed": {"mu": 0.1}}, "found a fixed one"),
         ({"own": ["nu"]}, '"nu": expected one of k_c, mu'),
         ({"tied": {"mu": "nu"}}, '"nu": expected one of k_c, mu'),
@@ -152,7 +152,7 @@ def test_what_begins_anew_with_a_recording_is_its_own_unasked(pair):
         turned = np.pi * (lines["second.frequency"] - frequency) * TIMES[-1]
         assert abs(size) == pytest.approx(10 * SIGMA, rel=0.1)
         assert np.angle(size * np.exp(1j * (turned - phase))) == pytest.approx(0, abs=0.1)
-    with pytest.raises(fj.InputError, match="each recording's own"):
+    with pytest.raises(fj.InputError, match="differ between recordings"):
         fj.sample_posterior(found)
 
 

@@ -48,6 +48,7 @@ class Recording:
 
     **Raises:** `InputError` unless both are finite, one-dimensional, of equal length, at least
     32 samples long and the response not constant, `dt` is positive and the units are known.
+    Where `masked`, shape (N,), is true a sample need be no number; no fit counts it.
     """
 
     drive: np.ndarray
@@ -57,6 +58,7 @@ class Recording:
     response_unit: str = "um"
     source: str = "recording"
     warnings: tuple[str, ...] = ()
+    masked: np.ndarray | None = None
 
     def __post_init__(self):
         unit(self.drive_unit, f"{self.source}, drive")
@@ -66,8 +68,14 @@ class Recording:
             raise InputError.at(
                 f"{self.source}, dt", "a positive step in seconds", f"{step:g}", "correct it"
             )
-        drive = _signal(self.drive, f"{self.source}, drive")
-        response = varying(self.response, f"{self.source}, response")
+        drive, response = self.drive, self.response
+        if self.masked is not None:
+            masked = np.array(self.masked, dtype=bool)
+            masked.setflags(write=False)
+            object.__setattr__(self, "masked", masked)
+            drive, response = bridged(drive, masked), bridged(response, masked)
+        drive = _signal(drive, f"{self.source}, drive")
+        response = varying(response, f"{self.source}, response")
         if len(drive) != len(response):
             raise InputError.at(
                 self.source,
@@ -104,7 +112,9 @@ class Recording:
                 f"{start} to {stop}",
                 "choose it inside",
             )
-        return replace(self, drive=self.drive[start:stop], response=self.response[start:stop])
+        masked = None if self.masked is None else self.masked[start:stop]
+        signals = {"drive": self.drive[start:stop], "response": self.response[start:stop]}
+        return replace(self, **signals, masked=masked)
 
     def drive_period(self) -> Repeats | None:
         """The smallest whole-sample period that the drive keeps for at least three repeats.
@@ -252,6 +262,16 @@ def _signal(samples, where: str) -> np.ndarray:
     return signal
 
 
+def bridged(samples, masked: np.ndarray) -> np.ndarray:
+    """A signal (N,) with straight lines over the samples that are masked and no numbers."""
+    signal = np.asarray(samples, dtype=np.float64)
+    lost = masked & ~(np.abs(signal) < LARGEST)
+    if not lost.any() or lost.all():
+        return signal
+    kept = np.flatnonzero(~lost)
+    return np.interp(np.arange(len(signal)), kept, signal[kept])
+
+
 def varying(samples, where: str) -> np.ndarray:
     """A usable signal, shape (N,), that is not constant.  Raises InputError."""
     signal = _signal(samples, where)
@@ -260,6 +280,35 @@ def varying(samples, where: str) -> np.ndarray:
             where, "a signal that varies", f"the constant {signal[0]:g}", "choose the right column"
         )
     return signal
+
+
+_SPIKE = 12.0
+"""Least height of a spike, in typical departures of a sample from the line of its neighbours."""
+_WIDEST_SPIKE = 3
+
+
+def spikes(response: np.ndarray) -> np.ndarray:
+    """Which samples of a response (N,) stand alone, far from those before and behind: (N,).
+
+    Far is twelve times what samples typically depart from the line between their neighbours, and a
+    hundredth of the range; up to three in a row, where those on both sides agree.
+    """
+    found = np.zeros(len(response), bool)
+    if len(response) < MINIMUM_SAMPLES:
+        return found
+    low, high = np.nanpercentile(response, [1, 99])
+    for width in range(1, _WIDEST_SPIKE + 1):
+        before, after = response[: -width - 1], response[width + 1 :]
+        middle = (before + after) / 2
+        typical = 1.4826 * np.nanmedian(np.abs(response[1:-1] - (response[:-2] + response[2:]) / 2))
+        least = max(_SPIKE * typical, 0.01 * (high - low))
+        far = np.ones(len(middle), bool)
+        for inner in range(width):
+            far &= np.abs(response[1 + inner : 1 + inner + len(middle)] - middle) > least
+        far &= np.abs(after - before) < 0.5 * least
+        for inner in range(width):
+            found[1 + inner : 1 + inner + len(middle)] |= far
+    return found
 
 
 # Periods and rests --------------------------------------------------------------------------------

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._blocks import Setting
-from .._io import _table as table_of
+from .._io import read_table as table_of
 from .._recording import InputError, parse_quantity, unit
 
 _LEAST = 3

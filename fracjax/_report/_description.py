@@ -24,7 +24,8 @@ def describe(
     """
     columns = columns or {}
     kind, repeats = kind_of_drive(recording), recording.drive_period()
-    noise = measured_noise(recording)
+    counts = None if recording.masked is None else (~recording.masked).astype(float)
+    noise = measured_noise(recording, counts=counts)
     return {
         "schema": "fracjax.info/1",
         "source": recording.source,

@@ -23,7 +23,7 @@ from scipy.io import savemat
 import fracjax
 from fracjax._cli import run
 from fracjax._io import _FORMATS, read, read_drive, write
-from fracjax._io._time import is_time
+from fracjax._io._clocks import is_time
 from fracjax._recording import InputError, Recording
 
 COUNT = 64

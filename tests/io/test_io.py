@@ -13,7 +13,7 @@ from hypothesis import strategies as st
 from fracjax._io import read, write_text
 from fracjax._recording import InputError, Recording
 
-DATA = Path(os.environ.get("FRACJAX_DATA", Path(__file__).parents[1] / "../shared/data"))
+DATA = Path(os.environ.get("FRACJAX_DATA", Path(__file__).parents[2] / "../shared/data"))
 COUNT = 40
 TIME = np.arange(COUNT) * 0.005
 DRIVE = 1.8 + 1.8 * np.sin(np.arange(COUNT) / 3)

@@ -4,6 +4,7 @@ import math
 import re
 import threading
 from dataclasses import dataclass, replace
+from functools import cached_property
 from numbers import Number
 from typing import Any, NamedTuple, Self
 
@@ -122,6 +123,10 @@ class Recording:
         The longest stretch wins; it must fill a tenth of the recording. `None` where no stretch
         repeats to 0.2 % of its own deviation: sweeps, decays, holds, periods between samples.
         """
+        return self._repeats
+
+    @cached_property
+    def _repeats(self) -> Repeats | None:
         return _repeats(_unit_range(self.drive))
 
     def static_stretches(self, minimum_seconds: float = 0.0) -> list[tuple[int, int]]:
@@ -136,7 +141,10 @@ class Recording:
 
     def checks(self) -> tuple[str, ...]:
         """Plain warnings about the data that a fit would not reveal."""
-        found = (_clipping(self), _quantisation(self), _undersampling(self))
+        found = (
+            *(_clipping(self), _quantisation(self), _quantised_drive(self), _undersampling(self)),
+            *(_spikes(self), _leading(self)),
+        )
         return tuple(warning for warning in found if warning)
 
 
@@ -297,17 +305,15 @@ def spikes(response: np.ndarray) -> np.ndarray:
     if len(response) < MINIMUM_SAMPLES:
         return found
     low, high = np.nanpercentile(response, [1, 99])
+    typical = 1.4826 * np.nanmedian(np.abs(response[1:-1] - (response[:-2] + response[2:]) / 2))
+    least = max(_SPIKE * typical, 0.01 * (high - low))
     for width in range(1, _WIDEST_SPIKE + 1):
         before, after = response[: -width - 1], response[width + 1 :]
-        middle = (before + after) / 2
-        typical = 1.4826 * np.nanmedian(np.abs(response[1:-1] - (response[:-2] + response[2:]) / 2))
-        least = max(_SPIKE * typical, 0.01 * (high - low))
-        far = np.ones(len(middle), bool)
-        for inner in range(width):
-            far &= np.abs(response[1 + inner : 1 + inner + len(middle)] - middle) > least
-        far &= np.abs(after - before) < 0.5 * least
-        for inner in range(width):
-            found[1 + inner : 1 + inner + len(middle)] |= far
+        inner = [response[1 + at : 1 + at + len(before)] for at in range(width)]
+        height = np.min([np.abs(each - (before + after) / 2) for each in inner], axis=0)
+        far = (height > least) & (np.abs(after - before) < 0.5 * height)
+        for at in range(width):
+            found[1 + at : 1 + at + len(before)] |= far
     return found
 
 
@@ -411,6 +417,9 @@ def _still(u: np.ndarray, minimum: int) -> list[tuple[int, int]]:
     ]
 
 
+_LEAD = 0.003
+"""Least area of a loop that runs the wrong way round, as a share of its box."""
+
 # Warnings -----------------------------------------------------------------------------------------
 
 
@@ -438,6 +447,64 @@ def _quantisation(recording: Recording) -> str | None:
         f"The response takes only {len(levels)} distinct values, about "
         f"{np.median(np.diff(levels)):.3g} {recording.response_unit} apart: "
         "rounding of that size will look like mismatch."
+    )
+
+
+def _quantised_drive(recording: Recording) -> str | None:
+    """A drive that moves, and was recorded on few evenly spaced levels."""
+    levels, level = np.unique(recording.drive, return_inverse=True)
+    if not 16 <= len(levels) < min(200, len(recording) / 4):
+        return None
+    apart, moves = np.diff(levels), np.diff(level)
+    step = float(np.median(apart))
+    even = np.abs(apart - step).max() < 0.02 * step
+    # A staircase rests as long on every level as on the others.
+    dwell = np.diff(np.flatnonzero(moves))
+    glides = dwell.size > 0 and (np.median(dwell) <= 4 or np.median(dwell) < 0.2 * dwell.max())
+    if not (even and glides and np.mean(np.abs(moves) <= 1) > 0.9):
+        return None
+    return (
+        f"The drive takes only {len(levels)} distinct values, {step:.3g} {recording.drive_unit} "
+        "apart: it was recorded more coarsely than it moved, and what the model makes of its steps "
+        "will look like mismatch."
+    )
+
+
+def _spikes(recording: Recording) -> str | None:
+    """Samples of the response that stand alone."""
+    found = spikes(recording.response)
+    if recording.masked is not None:
+        found &= ~recording.masked
+    if not 0 < np.count_nonzero(found) <= 0.02 * len(recording):
+        return None
+    at = recording.dt * int(found.argmax())
+    return (
+        f"The response has {np.count_nonzero(found)} sample(s) far from those before and behind, "
+        f"the first at {at:.6g} s: spikes. Leave them out with --mask bad."
+    )
+
+
+def _leading(recording: Recording) -> str | None:
+    """A response that is ahead of its drive: the mean loop runs the wrong way round."""
+    repeats = recording.drive_period()
+    if repeats is None:
+        return None
+    count = (repeats.stop - repeats.start) // repeats.period
+    stretch = slice(repeats.start, repeats.start + count * repeats.period)
+    drive, response = (
+        signal[stretch].reshape(count, -1).mean(axis=0) - signal[stretch].mean()
+        for signal in (recording.drive, recording.response)
+    )
+    spans = np.ptp(drive) * np.ptp(response)
+    likeness = float(drive @ response) / float(np.sqrt((drive @ drive) * (response @ response)))
+    # ∮ y du is negative where y lags behind u.
+    area = np.sign(likeness) * float(response @ (np.roll(drive, -1) - np.roll(drive, 1))) / 2
+    if abs(likeness) < 0.5 or area < _LEAD * spans:
+        return None
+    return (
+        "The response leads the drive: their loop runs the wrong way round, by "
+        f"{100 * area / spans:.2g} % of its box. The channels are skewed in time, or drive and "
+        "response are swapped: check their clocks, --input and --output."
     )
 
 

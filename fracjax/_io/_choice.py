@@ -8,7 +8,7 @@ import numpy as np
 from fracjax._io._clocks import is_counter, is_time
 from fracjax._io._table import Table, column_label, enumerated, quoted
 from fracjax._io._units import readable, titled
-from fracjax._io._words import role_of
+from fracjax._io._words import quantity, role_of, role_of_letter
 from fracjax._recording import InputError, unit
 
 _KINDS = {
@@ -89,14 +89,19 @@ def listing(table: Table) -> str:
     return f"{table.width} column(s): {enumerated(told)}"
 
 
-def _role(table: Table, column: int) -> str | None:
-    """The role that a column's name speaks of: its own, else words of the path to it."""
-    title = title_of(table, column)
-    own = role_of(titled(title).name)
+def role(table: Table, column: int) -> str | None:
+    """The role that a column's name speaks of: its own, else words of the path to it.
+
+    Where "Sequence" stands for a unit, samples are counted.
+    """
+    unit = table.about(column).unit
+    if len(unit) > 2 and quantity(unit) == "counter":
+        return "counter"
+    own = role_of(titled(title_of(table, column)).name)
     if own is not None or not table.names:
         return own
     path = table.names[column].rpartition("/")[0]
-    return role_of(path.replace("/", " "), letters=False) if path else None
+    return role_of(path.replace("/", " ")) if path else None
 
 
 def _points_to(text: str, role: str) -> bool:
@@ -105,9 +110,17 @@ def _points_to(text: str, role: str) -> bool:
     return read is not None and any(unit(read).is_compatible_with(kind) for kind in _KINDS[role])
 
 
-def _speaks_of(table: Table, column: int, role: str) -> bool:
+def _speaks_of(table: Table, column: int, wanted: str) -> bool:
     """Whether a column is of the role by its unit, its name saying nothing."""
-    return _role(table, column) is None and _points_to(written_unit(table, column), role)
+    return role(table, column) is None and _points_to(written_unit(table, column), wanted)
+
+
+def _letter(table: Table, column: int) -> str | None:
+    """The role of a letter, where neither words nor the unit say another."""
+    unit = written_unit(table, column)
+    if role(table, column) is not None or any(_points_to(unit, each) for each in _KINDS):
+        return None
+    return role_of_letter(titled(title_of(table, column)).name)
 
 
 def _usable(table: Table, chosen: Mapping[str, int]) -> list[int]:
@@ -163,18 +176,19 @@ def _given(table: Table, role: str, key: str | int) -> int:
     return named[0]
 
 
-def _recognised(table: Table, role: str, chosen: Mapping[str, int]) -> int | None:
+def _recognised(table: Table, wanted: str, chosen: Mapping[str, int]) -> int | None:
     """The one free column whose name, else whose unit, speaks of the role; None without any."""
     free = [c for c in _usable(table, chosen) if _fitting(table, c, chosen)]
     free = [c for c in free if not table.about(c).stamps]
-    found = [c for c in free if _role(table, c) == role]
-    found = found or [c for c in free if _speaks_of(table, c, role)]
+    found = [c for c in free if role(table, c) == wanted]
+    found = found or [c for c in free if _speaks_of(table, c, wanted)]
+    found = found or [c for c in free if _letter(table, c) == wanted]
     if len(found) > 1:
         raise InputError.at(
             table.source,
-            f"one column for {role}",
+            f"one column for {wanted}",
             enumerated([quoted(table.names[column]) for column in found]),
-            f"choose one with --{role}",
+            f"choose one with --{wanted}",
         )
     return found[0] if found else None
 
@@ -191,7 +205,7 @@ def _take_the_last(
         for column in _usable(table, chosen)
         if _fitting(table, column, chosen)
         and not table.about(column).stamps
-        and _role(table, column) in (None, missing[0])
+        and role(table, column) in (None, missing[0])
         and not _points_to(written_unit(table, column), "time")
     ]
     if len(rest) == 1 and (missing[0] in stated or readable(written_unit(table, rest[0]) or "?")):
@@ -202,7 +216,7 @@ def _is_one_matrix(table: Table) -> bool:
     """Whether all columns are those of one nameless matrix, such as a To File block writes."""
     stems = {name.rpartition(".")[0] for name in table.names}
     indexed = all(name.rpartition(".")[2].isdigit() for name in table.names)
-    return indexed and len(stems) == 1 and not any(_role(table, c) for c in range(table.width))
+    return indexed and len(stems) == 1 and not any(role(table, c) for c in range(table.width))
 
 
 def _by_position(table: Table, signals: list[str], has_rate: bool) -> dict[str, int]:
@@ -233,7 +247,7 @@ def _nothing_for(table: Table, missing: list[str], chosen: Mapping[str, int]) ->
     remedy = f"give {options} as a name or an index from 0"
     usable = [c for c in _usable(table, chosen) if not table.about(c).stamps]
     cures = [cure for c in range(table.width) if (cure := table.about(c).remedy)]
-    alone = [c for c in usable if _role(table, c) not in ("time", "counter", "other")]
+    alone = [c for c in usable if role(table, c) not in ("time", "counter", "other")]
     both = {"input": "--drive", "output": "--response"}
     if cures and len(usable) < len(missing):
         remedy = cures[0]
@@ -241,7 +255,8 @@ def _nothing_for(table: Table, missing: list[str], chosen: Mapping[str, int]) ->
         names = " and ".join(missing)
         remedy = f"put {names} into one file, such as an .npz, or give two as --drive and --response"
     elif len(missing) == 1 and not alone:
-        remedy += f", or its file as {both[missing[0]]}"
+        other = both["input" if missing[0] == "output" else "output"]
+        remedy += f", or this file as {other} and that of the other as {both[missing[0]]}"
     elif len(missing) == 2 and len(usable) == 2 and not table.names and is_time(table.numbers(usable[0])):
         return InputError.at(
             table.source,
@@ -262,7 +277,7 @@ def _time_for(table: Table, signal: int, signals: Mapping[str, int]) -> int | No
         return None
     length = table.about(signal).length
     free = [c for c in _usable(table, signals) if table.about(c).length == length]
-    named = [c for c in free if table.about(c).stamps or _role(table, c) == "time"]
+    named = [c for c in free if table.about(c).stamps or role(table, c) == "time"]
     found = named or [c for c in free if _speaks_of(table, c, "time")]
     if len(found) > 1:
         shared = {c: _shared(table.names[c], table.names[signal]) for c in found}

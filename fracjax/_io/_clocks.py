@@ -131,6 +131,8 @@ def clock_of_time(
     # Where there are gaps, the step between them.
     step = second * (float(steps[steps < 2 * np.median(steps)].mean()) if slope is None else slope)
     notes = _agreement(label, step, facts, is_assumed)
+    if is_assumed and not facts:
+        _require_seconds(label, times, step)
     if uniform and slope is None:
         expected = f"a step of {step / second:.6g} {written}"
         lost = int(np.sum(np.maximum(np.round(second * steps / step) - 1, 0)))
@@ -176,6 +178,23 @@ def _agreement(
             f"{stated[other]:.6g} s.",
         )
     return (f"{label}: no unit is written, s was assumed.",) if is_assumed and not stated else ()
+
+
+def _require_seconds(label: str, times: np.ndarray, step: float) -> None:
+    """Raise `InputError` for stamps that are hardly seconds, where no unit is written."""
+    begin = float(times[0])
+    found = ""
+    if (times == np.round(times)).all():
+        found = f"whole numbers {step:g} apart, which may be samples, ticks or milliseconds"
+    elif step < 1e-3 and (3e4 < begin < 6e4 or 7e5 < begin < 8e5):
+        found = f"numbers from {begin:.6g}, which may be days"
+    if found:
+        raise InputError.at(
+            label,
+            "seconds, or a unit beside the name",
+            found,
+            "give --time-unit, or --rate where samples are counted",
+        )
 
 
 def is_time(times: np.ndarray) -> bool:

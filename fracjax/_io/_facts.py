@@ -21,10 +21,11 @@ _KEYS = {
     "datarate framerate samplespersecond abtastrate abtastfrequenz fréquencedéchantillonnage "
     "fréquencedacquisition frecuenciademuestreo frequenzadicampionamento 采样率 采样频率 采样速率 "
     "サンプリング周波数 サンプリングレート サンプリング速度 частотадискретизации",
-    "unit": "unit units unitstring yunitlabel yunit yunits verticalunits verticalunit einheit "
+    "unit": "vunit unit units unitstring yunitlabel yunit yunits verticalunits verticalunit einheit "
     "einheiten unité unités unidad unidades unità 单位 単位 единица единицы ynunits physicalunit "
     "engineeringunits inputunit outputunit dimension",
-    "name": "name names channelname channelnames signalname label labels title longname tracename "
+    "xunit": "xunit xunits hunit horizontalunits horizontalunit timeunit",
+    "name": "tracename name names channelname channelnames signalname label labels title longname tracename "
     "kanalname kanal signal channel channels columns column 名称 信号名",
     "start": "wfstarttime t0 starttime",
     "shift": "wfstartoffset",
@@ -146,6 +147,9 @@ def beside(lines: Iterable[Said], data: Sequence[int], names: Sequence[str], dec
             _take_clocks(found.clocks, said, kind, data, decimal)
         elif kind == "unit":
             _take_units(found.units, said, data, names)
+        elif kind == "name" and not names:
+            for at, text in _spread(said, data):
+                found.names.setdefault(at, text)
         elif kind is None and (parts := _NUMBERED.fullmatch(said.key)):
             kind = kind_of(parts[1])
             if kind in numbered and said.values[0].strip():
@@ -156,7 +160,20 @@ def beside(lines: Iterable[Said], data: Sequence[int], names: Sequence[str], dec
         if told and all(0 <= number - base < len(data) for number in told):
             for number, text in told.items():
                 into.setdefault(data[number - base], text if kind == "name" else stripped(text))
+    for said in lines:
+        if kind_of(said.key) == "xunit" and data and len(found.units) in (1, len(data) - 1):
+            found.units.setdefault(data[0], stripped(said.values[0]))
     return found
+
+
+def _spread(said: Said, data: Sequence[int]) -> list[tuple[int, str]]:
+    """The values of a line by column: one for each, or one for each but the first, which is the
+    time, or those in the cells above them."""
+    told = [(at, v.strip()) for at, v in zip(said.at, said.values, strict=True) if v.strip()]
+    texts = [text for _, text in told]
+    if len(texts) > 1 and len(texts) in (len(data), len(data) - 1):
+        return list(zip(data[len(data) - len(texts) :], texts, strict=True))
+    return told if len(told) > 1 and all(at in data for at, _ in told) else []
 
 
 def _take_clocks(
@@ -171,9 +188,10 @@ def _take_clocks(
     good = [(at, each) for at, each in told if each is not None]
     if len({each.value for _, each in good}) == 1:
         clocks[-1] = tuple(dict.fromkeys((*clocks.get(-1, ()), good[0][1])))
-    elif good and all(at in data for at, _ in good):
-        for at, each in good:
-            clocks[at] = (*clocks.get(at, ()), each)
+    elif len(good) == len(told):
+        by_text = {each.value: each for _, each in good}
+        for at, text in _spread(said._replace(values=tuple(e.value for _, e in good)), data):
+            clocks[at] = (*clocks.get(at, ()), by_text[text])
 
 
 def _take_units(units: dict[int, str], said: Said, data: Sequence[int], names: Sequence[str]) -> None:
@@ -185,9 +203,8 @@ def _take_units(units: dict[int, str], said: Said, data: Sequence[int], names: S
                 if column < len(names) and names[column].casefold() == name.casefold():
                     units.setdefault(column, stripped(text))
         return
-    told = [(at, stripped(v)) for at, v in zip(said.at, said.values, strict=True) if v.strip()]
-    if told and all(at in data for at, _ in told):
-        for at, text in told:
-            units.setdefault(at, text)
-    elif len(told) == 1 and len(data) in (1, 2):
-        units.setdefault(data[-1], told[0][1])
+    for at, text in _spread(said, data):
+        units.setdefault(at, stripped(text))
+    told = [value for value in said.values if value.strip()]
+    if len(told) == 1 and len(data) in (1, 2):
+        units.setdefault(data[-1], stripped(told[0]))

@@ -51,7 +51,7 @@ def header_of(source: str, lines: Sequence[str], layout: Layout, hints: Hints) -
     if names_row is None and hints.names_row is None:
         _check_width(source, lines, layout, above, units_row)
     names = _names(source, names_row, units_row, layout)
-    units = _padded([stripped(cell) for cell in units_row.cells] if units_row else [], width)
+    units = _padded([_unit_cell(cell) for cell in units_row.cells] if units_row else [], width)
     said = _said(lines, layout, names_row, units_row)
     facts = beside(said, [*layout.data], names, layout.decimal)
     extra = _beyond(names_row, units_row, layout)
@@ -86,10 +86,12 @@ def _row(at: int, line: str, layout: Layout) -> _Row | None:
             continue
         kinds = [kind_of_cell(cell) for cell in cells]
         # Channels may be called 1 and 2, in a row with some text.
-        ordinal = all(k != "number" or c.isdigit() for k, c in zip(kinds, cells, strict=True))
+        ordinal = all(
+            kind != "number" or cell.isdigit()
+            for kind, cell, column in zip(kinds, cells, layout.kinds, strict=False)
+            if column in ("number", "stamp")
+        )
         if "stamp" in kinds or not ordinal or not kinds.count("text") + kinds.count("code"):
-            continue
-        if any(len(said.values) == 1 and ":" in c for said in () for c in cells):
             continue
         return _Row(at, cells)
     return None
@@ -125,7 +127,12 @@ def _wide_enough(cells: Sequence[str], layout: Layout) -> bool:
         return True
     if len(cells) > layout.width:
         rest = cells[layout.width :]
-        return all(c.casefold() in _REMARKS or kind_of(c) in ("step", "start") or c.casefold() == "start" for c in rest)
+        return all(
+            cell.casefold() in (*_REMARKS, "start")
+            or kind_of(cell) in ("step", "start")
+            or kind_of_cell(cell) == "number"
+            for cell in rest
+        )
     return False
 
 
@@ -159,17 +166,19 @@ def _is_of_units(row: _Row, layout: Layout) -> bool:
     """Whether a row is one of units: each is one, and some is no name as well."""
     cells = [row.cells[at] for at in range(min(layout.width, len(row.cells))) if layout.kinds[at] in ("number", "stamp")]
     filled = [cell for cell in cells if stripped(cell)]
-    counted = [c for c in filled if not _is_sequence(c)]
+    counted = [c for c in filled if not _says_none(stripped(c))]
     if not counted or not all(is_unit(cell) for cell in counted):
+        return False
+    if len(counted) < len(filled) - 2:
         return False
     return any(len(stripped(cell)) > 1 or cell in ("s", "V", "A", "m", "N", "C") for cell in counted) and not all(
         cell in ("t", "u", "y", "x") for cell in counted
     )
 
 
-def _is_sequence(cell: str) -> bool:
-    """Whether a cell stands where a unit would, and says that samples are counted."""
-    return quantity(stripped(cell)) == "counter"
+def _says_none(cell: str) -> bool:
+    """Whether a word such as "Sequence" or "Time" stands where a unit would."""
+    return len(cell) > 2 and quantity(cell) in ("counter", "time", "remark") and not is_unit(cell)
 
 
 def _unknown_units(above: Sequence[_Row], layout: Layout) -> _Row | None:
@@ -192,6 +201,12 @@ def _names(
         return ()
     cells = list(names_row.cells[: layout.width])
     return tuple(_padded(cells, layout.width))
+
+
+def _unit_cell(cell: str) -> str:
+    """A cell of the row of units; nothing of a word such as Time, which stands there for none."""
+    bare = stripped(cell)
+    return "" if _says_none(bare) and quantity(bare) != "counter" else bare
 
 
 def _padded(cells: Sequence[str], width: int) -> list[str]:

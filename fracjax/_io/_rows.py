@@ -70,6 +70,9 @@ def _row(line: str, layout: Layout) -> list[str] | None:
         return None
     if not any(cells):
         return cells
+    # A key and its value in the head of another segment.
+    if layout.kinds[0] == "number" and kind_of(cells[0]) == "text":
+        return None
     kinds = [kind_of(cells[at]) for at, kind in enumerate(layout.kinds) if kind in ("number", "stamp")]
     return cells if any(kind in _VALUES or kind == "code" for kind in kinds) else None
 

@@ -7,7 +7,7 @@ from typing import NamedTuple
 import numpy as np
 
 from fracjax._io._assigned_units import Unit, unit_of
-from fracjax._io._choice import Chosen, choose, listing
+from fracjax._io._choice import choose, listing, role as role_in
 from fracjax._io._clocks import (
     Clock,
     clock_of_count,
@@ -18,11 +18,11 @@ from fracjax._io._clocks import (
     rate_of,
 )
 from fracjax._io._clocks import is_time as is_time
+from fracjax._io._facts import step_of
 from fracjax._io._missing import Mask, notes_on, require_masked, with_spikes, within
 from fracjax._io._resampling import Channel, resampled
 from fracjax._io._segments import cut, in_words, segments_of_times
 from fracjax._io._table import Table, column_label
-from fracjax._io._words import role_of
 from fracjax._recording import InputError, Recording, require_samples
 
 _SAME = 1e-6
@@ -251,6 +251,9 @@ def _parts(
     told = request.units.get("time")
     second = Unit("s", 1.0, "") if counts else unit_of(table, "time", time, told)
     found = []
+    if about.stamps and rate is None and about.clocks and (np.diff(times) == 0).any():
+        # Stamps of whole seconds beside a stated rate.
+        rate = 1 / step_of(about.clocks[0], table.source)
     for rows in segments_of_times(times):
         if counts:
             clock = clock_of_count(table, time, times[rows], rate, about.clocks)
@@ -280,15 +283,13 @@ def _parts(
 def _counts(table: Table, time: int, times: np.ndarray, rate: float | None) -> bool:
     """Whether a column given or taken as the time counts samples: it says so, or no unit and the
     call gives a rate."""
-    title = table.about(time).title or (table.names[time] if table.names else "")
-    steps = np.diff(times)
-    whole = bool(len(steps)) and bool((times == np.round(times)).all())
+    whole = len(times) > 1 and bool((times == np.round(times)).all())
     if not whole or table.about(time).stamps:
         return False
-    if role_of(title) == "counter":
+    spoken = role_in(table, time)
+    if spoken == "counter":
         return True
-    spoken = role_of(title) == "time"
-    return rate is not None and is_counter(times) and not spoken and abs(rate - 1) > 1e-3
+    return rate is not None and is_counter(times) and spoken != "time" and abs(rate - 1) > 1e-3
 
 
 def _counter(table: Table, column: int) -> int | None:
@@ -297,7 +298,7 @@ def _counter(table: Table, column: int) -> int | None:
     for at in range(table.width if table.names else 0):
         about = table.about(at)
         if at != column and not about.fault and about.length == length and not about.stamps:
-            if role_of(about.title or table.names[at]) == "counter":
+            if role_in(table, at) == "counter":
                 return at
     return None
 

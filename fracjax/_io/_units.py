@@ -83,6 +83,8 @@ def readable(text: str) -> str | None:
 
 @lru_cache(maxsize=512)
 def _readable(text: str) -> str | None:
+    if text.casefold() in _UNKNOWABLE:
+        return None
     if text.casefold() in _RATES:
         return _CANONICAL[text.casefold()]
     for spelling in (text, *_respelled(text)):
@@ -98,7 +100,7 @@ def _respelled(text: str) -> list[str]:
     """Other spellings of the same: foreign words, powers written on, characters of one width."""
     plain = unicodedata.normalize("NFKC", text).strip().replace("−", "-").replace("μ", "u")
     plain = re.sub(r"^[\[({<]\s*(.*?)\s*[\])}>]$", r"\1", plain)
-    powers = re.sub(r"([A-Za-zµΩ])\s*\^?\s*(-?\d)(?![\d.])", r"\1**\2", plain)
+    powers = re.sub(r"([A-Za-zµΩ])\s*\^?\s*(-[1-4]|[2-4])(?![\d.])", r"\1**\2", plain)
     powers = re.sub(r"\s*[·⋅∙×]\s*|(?<=[\w)])\s+(?=[A-Za-zµΩ])", "*", powers)
     word = _CANONICAL.get(text.casefold()) or _CANONICAL.get(plain.casefold(), "")
     parts = [_CANONICAL.get(part.strip().casefold(), part) for part in plain.split("/")]
@@ -133,6 +135,8 @@ def titled(title: str) -> Titled:
         chosen = (known or [b for b in brackets if b[1]] or brackets)[-1]
         name = f"{title[: chosen.start()]} {title[chosen.end() :]}".strip(" _")
         return Titled(name or title, chosen[1])
+    if (bare := re.fullmatch(r"in\s+(\S+)", title)) and readable(bare[1]):
+        return Titled("", bare[1])
     if parts := _BEHIND.fullmatch(title):
         for cut in re.finditer(r"\s*/\s*|\s*[,，;:]\s*|\s+in\s+|\s+", title):
             name, rest = title[: cut.start()], title[cut.end() :]

@@ -52,6 +52,7 @@ _COMMANDS = frozenset(
     "command commanded cmd target setpoint reference desired demand demanded soll sollwert "
     "consigne 指令 目标 目標 设定".split()
 )
+_WIDE_COMMANDS = tuple(word for word in _COMMANDS if not word.isascii())
 _SENSORS = frozenset("sensor sensors gauge lvdt interferometer vibrometer fühler capteur 传感器".split())
 _DIRECTIONS = {
     "input": frozenset("input drive excitation in actuation stimulus eingang entrée anregung 输入 入力".split()),
@@ -97,11 +98,11 @@ def quantity(text: str) -> str | None:
     return next(iter(found)) if len(found) == 1 else None
 
 
-def role_of(text: str, *, letters: bool = True) -> str | None:
+def role_of(text: str) -> str | None:
     """The role that a name speaks of: time, input, output, counter or other; None of none.
 
     A command is a drive whatever it commands, and a sensor's signal a response in whatever unit;
-    else the quantity decides, else the direction, else a letter such as u.
+    else the quantity decides, else the direction.
     """
     words = _words(text)
     if not {"_".join(words), "".join(words)}.isdisjoint(_ABSCISSAS):
@@ -109,7 +110,7 @@ def role_of(text: str, *, letters: bool = True) -> str | None:
     low = text.casefold()
     spoken = _spoken(text)
     if "time" not in spoken:
-        commanded = any(w in _COMMANDS or (not w.isascii() and w in low) for w in words)
+        commanded = not _COMMANDS.isdisjoint(words) or any(word in low for word in _WIDE_COMMANDS)
         sensed = not _SENSORS.isdisjoint(words)
         if commanded != sensed:
             return "input" if commanded else "output"
@@ -125,11 +126,10 @@ def role_of(text: str, *, letters: bool = True) -> str | None:
             for role, known in _DIRECTIONS.items()
             if any(not word.isascii() and word in low for word in known)
         }
-    if len(directions) == 1:
-        return directions.pop()
-    if letters and not directions and len(words) == 1 and words[0] in _LETTERS:
-        return _LETTERS[words[0]]
-    if letters and not directions:
-        singles = {_LETTERS[word] for word in words if word in _LETTERS}
-        return singles.pop() if len(singles) == 1 else None
-    return None
+    return directions.pop() if len(directions) == 1 else None
+
+
+def role_of_letter(text: str) -> str | None:
+    """The role of a name with one letter such as u, which says less than a unit does."""
+    singles = {_LETTERS[word] for word in _words(text) if word in _LETTERS}
+    return singles.pop() if len(singles) == 1 else None

@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._fit import measured_noise, top_frequency
-from .._recording import Recording
+from .._recording import Recording, spikes
 from ._doubts import doubts_about
 from ._drive_kind import kind_of_drive
 
@@ -24,7 +24,10 @@ def describe(
     """
     columns = columns or {}
     kind, repeats = kind_of_drive(recording), recording.drive_period()
-    counts = None if recording.masked is None else (~recording.masked).astype(float)
+    bad = spikes(recording.response)
+    if recording.masked is not None:
+        bad |= recording.masked
+    counts = (~bad).astype(float) if bad.any() else None
     noise = measured_noise(recording, counts=counts)
     return {
         "schema": "fracjax.info/1",

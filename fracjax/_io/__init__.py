@@ -217,9 +217,7 @@ def _tables(
     return {"input": drive, "output": _table(response, hints)}
 
 
-def _alone(
-    path: str | PathLike[str], role: str, options: Options
-) -> tuple[np.ndarray, float, str]:
+def _alone(path: str | PathLike[str], role: str, options: Options) -> tuple[np.ndarray, float, str]:
     """One signal of a file, its step and its unit."""
     request = _request(options)
     found = signals_of({role: _table(path, _hints(options))}, request.of(role))

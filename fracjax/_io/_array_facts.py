@@ -110,7 +110,9 @@ class Facts:
                 rest = key.casefold()
                 if rest.startswith(stem) and kind_of(rest[len(stem) :]) == kind:
                     yield rest[len(stem) :], value
-        if (group or self._is_alone(group, path)) and (_DATA.fullmatch(last) or self._is_alone(group, path)):
+        if (group or self._is_alone(group, path)) and (
+            _DATA.fullmatch(last) or self._is_alone(group, path)
+        ):
             yield from ((key, value) for each, key, value in beside if each == kind)
 
     def _is_alone(self, group: str, path: str) -> bool:
@@ -118,7 +120,8 @@ class Facts:
         others = [
             size
             for other, size in self.sizes.items()
-            if other != path and re.sub(r"/\d+$", "", other).rpartition("/")[0] == group
+            if other != path
+            and re.sub(r"/\d+$", "", other).rpartition("/")[0] == group
             and re.sub(r"/\d+$", "", other) != re.sub(r"/\d+$", "", path)
         ]
         return all(4 * size < self.sizes.get(path, 0) for size in others)
@@ -129,7 +132,9 @@ class Facts:
         unit = next((str(v) for each, _, v in beside if each == "unit" and v), "")
         text = f"{value} {unit}".strip()
         if isinstance(value, int | float) and not unit:
-            return fact(path, text, kind, key=key) or Fact(path, text, "s" if kind == "step" else "Hz")
+            return fact(path, text, kind, key=key) or Fact(
+                path, text, "s" if kind == "step" else "Hz"
+            )
         return fact(path, text, kind, key=key)
 
 

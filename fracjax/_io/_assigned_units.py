@@ -57,7 +57,11 @@ def unit_of(table: Table, role: str, column: int, stated: str | None) -> Unit:
         return Unit(wanted, 1.0, "")
     source = "file" if table.about(column).unit else "name"
     if read is None:
-        return Unit(wanted, 1.0, f'{place}: {wanted} was used as told, though the {source} says "{written}".')
+        return Unit(
+            wanted,
+            1.0,
+            f'{place}: {wanted} was used as told, though the {source} says "{written}".',
+        )
     if unit(read) == unit(wanted):
         return Unit(wanted, 1.0, "")
     if not unit(wanted).is_compatible_with(unit(read)):

@@ -134,7 +134,9 @@ def _fitting(table: Table, column: int, chosen: Mapping[str, int]) -> bool:
     about = table.about(column)
     others = [table.about(each) for each in chosen.values()]
     return all(
-        about.length == other.length or bool(about.clocks and other.clocks) or about.start is not None
+        about.length == other.length
+        or bool(about.clocks and other.clocks)
+        or about.start is not None
         for other in others
     )
 
@@ -253,11 +255,18 @@ def _nothing_for(table: Table, missing: list[str], chosen: Mapping[str, int]) ->
         remedy = cures[0]
     elif table.width < len(missing):
         names = " and ".join(missing)
-        remedy = f"put {names} into one file, such as an .npz, or give two as --drive and --response"
+        remedy = (
+            f"put {names} into one file, such as an .npz, or give two as --drive and --response"
+        )
     elif len(missing) == 1 and not alone:
         other = both["input" if missing[0] == "output" else "output"]
         remedy += f", or this file as {other} and that of the other as {both[missing[0]]}"
-    elif len(missing) == 2 and len(usable) == 2 and not table.names and is_time(table.numbers(usable[0])):
+    elif (
+        len(missing) == 2
+        and len(usable) == 2
+        and not table.names
+        and is_time(table.numbers(usable[0]))
+    ):
         return InputError.at(
             table.source,
             "a drive and a response",

@@ -156,9 +156,7 @@ def clock_of_time(
     return Clock(second * times[0] + step * np.arange(len(times)), step, notes, about.start)
 
 
-def _agreement(
-    label: str, step: float, facts: Sequence[Fact], is_assumed: bool
-) -> tuple[str, ...]:
+def _agreement(label: str, step: float, facts: Sequence[Fact], is_assumed: bool) -> tuple[str, ...]:
     """Notes on whether the step [s] of a column is the one that the file states beside it.
 
     **Raises:** `InputError` where it is not, and no unit is written.

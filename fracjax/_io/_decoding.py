@@ -27,7 +27,11 @@ class Text:
 
     def decoded(self, stop: int | None = None) -> str:
         """The text, or the whole lines of it before byte `stop`."""
-        end = len(self.raw) if stop is None or stop >= len(self.raw) else self.raw.rfind(b"\n", 0, stop) + 1
+        end = (
+            len(self.raw)
+            if stop is None or stop >= len(self.raw)
+            else self.raw.rfind(b"\n", 0, stop) + 1
+        )
         return self.raw[: end or len(self.raw)].decode(self.encoding, "replace")
 
 

@@ -21,11 +21,13 @@ _KEYS = {
     "datarate framerate samplespersecond abtastrate abtastfrequenz fréquencedéchantillonnage "
     "fréquencedacquisition frecuenciademuestreo frequenzadicampionamento 采样率 采样频率 采样速率 "
     "サンプリング周波数 サンプリングレート サンプリング速度 частотадискретизации",
-    "unit": "vunit unit units unitstring yunitlabel yunit yunits verticalunits verticalunit einheit "
+    "unit": "vunit unit units unitstring yunitlabel yunit yunits verticalunits verticalunit "
+    "einheit "
     "einheiten unité unités unidad unidades unità 单位 単位 единица единицы ynunits physicalunit "
     "engineeringunits inputunit outputunit dimension",
     "xunit": "xunit xunits hunit horizontalunits horizontalunit timeunit",
-    "name": "tracename name names channelname channelnames signalname label labels title longname tracename "
+    "name": "tracename name names channelname channelnames signalname label labels title "
+    "longname "
     "kanalname kanal signal channel channels columns column 名称 信号名",
     "start": "wfstarttime t0 starttime",
     "shift": "wfstartoffset",
@@ -133,7 +135,9 @@ class Beside(NamedTuple):
     """By column; of all columns under -1."""
 
 
-def beside(lines: Iterable[Said], data: Sequence[int], names: Sequence[str], decimal: str) -> Beside:
+def beside(
+    lines: Iterable[Said], data: Sequence[int], names: Sequence[str], decimal: str
+) -> Beside:
     """What lines say of the columns `data`, which hold numbers.
 
     A value in the cell above a column speaks of that column, one value alone of all of them, and
@@ -180,7 +184,10 @@ def _take_clocks(
     clocks: dict[int, tuple[Fact, ...]], said: Said, kind: str, data: Sequence[int], decimal: str
 ) -> None:
     """Add the steps or rates of a line: one for all, or one in the cell above each column."""
-    told = [(at, fact(said.key, value, kind, decimal)) for at, value in zip(said.at, said.values, strict=True)]
+    told = [
+        (at, fact(said.key, value, kind, decimal))
+        for at, value in zip(said.at, said.values, strict=True)
+    ]
     # A value and its unit in cells of their own.
     if len(said.values) > 1 and readable(said.values[1]):
         joined = fact(said.key, f"{said.values[0]} {said.values[1]}", kind, decimal)
@@ -194,7 +201,9 @@ def _take_clocks(
             clocks[at] = (*clocks.get(at, ()), by_text[text])
 
 
-def _take_units(units: dict[int, str], said: Said, data: Sequence[int], names: Sequence[str]) -> None:
+def _take_units(
+    units: dict[int, str], said: Said, data: Sequence[int], names: Sequence[str]
+) -> None:
     """Add the units of a line: in the cell above each column, by its name, or one for the last."""
     pairs = [pair for value in said.values for pair in re.findall(r"(\S+?):(\S+)", value)]
     if pairs:

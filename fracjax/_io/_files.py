@@ -28,14 +28,27 @@ _SIGNATURES = (
     (rb"PK\x03\x04.{26}.{0,250}?\.npy", "an NPZ file", "rename it to .npz"),
     (rb"PK\x03\x04", "a ZIP archive", "unpack it"),
     (rb"\x1f\x8b", "a gzip archive", "unpack it"),
-    (rb"(MDF     |UnFinMF )", "an MDF measurement file", "export its channels as MAT or CSV, as "
-     "asammdf or CANape do"),
-    (rb"\s{0,4}-1\s*[\r\n]+\s*(15|55|58|58b|151|164)\b", "a universal file (UFF, of "
-     "Polytec, LMS or Simcenter)", "export the channels as ASCII or MAT, one column each"),
-    (rb"IGOR[\r\n]", "an Igor text file", "save the waves as delimited text in Igor (Data > Save "
-     "Waves)"),
+    (
+        rb"(MDF     |UnFinMF )",
+        "an MDF measurement file",
+        "export its channels as MAT or CSV, as asammdf or CANape do",
+    ),
+    (
+        rb"\s{0,4}-1\s*[\r\n]+\s*(15|55|58|58b|151|164)\b",
+        "a universal file (UFF, of Polytec, LMS or Simcenter)",
+        "export the channels as ASCII or MAT, one column each",
+    ),
+    (
+        rb"IGOR[\r\n]",
+        "an Igor text file",
+        "save the waves as delimited text in Igor (Data > Save Waves)",
+    ),
     (rb"(.{0,40})WAVEDESC", "a LeCroy waveform", "save it as ASCII on the instrument"),
-    (rb":\d{6}WFM#|WFM#|.{2}:WFM#|\x0f\x0f", "a Tektronix waveform", "save it as CSV on the instrument"),
+    (
+        rb":\d{6}WFM#|WFM#|.{2}:WFM#|\x0f\x0f",
+        "a Tektronix waveform",
+        "save it as CSV on the instrument",
+    ),
     (rb"\s*:?(WFMP|CURV)", "a Tektronix ISF waveform", "save it as CSV on the instrument"),
     (rb"AG\d\d", "a Keysight binary waveform", "save it as CSV on the instrument"),
     (rb"CPYU?A", "an Origin project", "export the worksheet as ASCII (File > Export)"),
@@ -45,10 +58,16 @@ _SIGNATURES = (
     (rb"ABF[ 2]", "an Axon file", "export it as text"),
     (rb"%PDF", "a PDF", EXPORT),
     (rb"\x89PNG|\xff\xd8\xff|GIF8", "a picture", EXPORT),
-    (rb"\x80[\x02-\x05].{1,9}[\x8c\x95c}\]]", "a Python pickle, which may run anything", "export "
-     "its arrays with numpy.savez"),
-    (rb"(\xef\xbb\xbf)?\s*(<!DOCTYPE|<html|<table|<meta)", "an HTML page", "open it in a spreadsheet "
-     "and save it as .xlsx or CSV"),
+    (
+        rb"\x80[\x02-\x05].{1,9}[\x8c\x95c}\]]",
+        "a Python pickle, which may run anything",
+        "export its arrays with numpy.savez",
+    ),
+    (
+        rb"(\xef\xbb\xbf)?\s*(<!DOCTYPE|<html|<table|<meta)",
+        "an HTML page",
+        "open it in a spreadsheet and save it as .xlsx or CSV",
+    ),
     (rb"(\xef\xbb\xbf)?\s*<\?xml", "an XML file", EXPORT),
     (rb"(\xef\xbb\xbf)?\s*\{\s*(\"|\})", "JSON", "save its arrays as the columns of a CSV"),
     (rb"\{\\rtf", "a text of a word processor", "save it as plain text"),

@@ -1,5 +1,6 @@
 """Names, units, steps and rates from what stands above a table, and beside it."""
 
+import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
@@ -43,14 +44,16 @@ def header_of(source: str, lines: Sequence[str], layout: Layout, hints: Hints) -
 
     **Raises:** `InputError` where a row of names has too few or too many.
     """
-    width, separator = layout.width, layout.separator
+    width = layout.width
     names_row, units_row = _told(source, lines, layout, hints)
     above = _rows_above(lines, layout)
     if hints.names_row is None and hints.units_row is None:
         names_row, units_row = _parts(above, layout)
     if names_row is None and hints.names_row is None:
         _check_width(source, lines, layout, above, units_row)
-    names = _names(source, names_row, units_row, layout)
+    if units_row is None and hints.names_row is None:
+        _check_units(source, lines, layout)
+    names = _names(names_row, layout)
     units = _padded([_unit_cell(cell) for cell in units_row.cells] if units_row else [], width)
     said = _said(lines, layout, names_row, units_row)
     facts = beside(said, [*layout.data], names, layout.decimal)
@@ -69,7 +72,7 @@ def _rows_above(lines: Sequence[str], layout: Layout) -> list[_Row]:
     found: list[_Row] = []
     for at in range(layout.start - 1, -1, -1):
         line = lines[at]
-        if not line.strip(" \t\"" + layout.separator):
+        if not line.strip(' \t"' + layout.separator):
             continue
         row = _row(at, line, layout)
         if row is None or len(found) == _MOST_ROWS:
@@ -80,7 +83,11 @@ def _rows_above(lines: Sequence[str], layout: Layout) -> list[_Row]:
 
 def _row(at: int, line: str, layout: Layout) -> _Row | None:
     """A line as a row of text of the table's width, cut as its names would have to be."""
-    bare = line.strip().lstrip("#%!/*>").strip(" ") if is_comment(line) or line.lstrip()[:1] in "!/*>" else line
+    bare = (
+        line.strip().lstrip("#%!/*>").strip(" ")
+        if is_comment(line) or line.lstrip()[:1] in "!/*>"
+        else line
+    )
     for cells in _cuts(bare, layout):
         if not _wide_enough(cells, layout):
             continue
@@ -106,13 +113,17 @@ def _cuts(line: str, layout: Layout) -> list[list[str]]:
         return cuts
     joined = _joined_units(line.strip())
     parted = [part.strip() for part in line.replace("\t", "  ").strip().split("  ") if part.strip()]
-    return [cells_of(joined, " "), parted, cells_of(line, " "), cells_of(line, ","), cells_of(line, ";")]
+    return [
+        cells_of(joined, " "),
+        parted,
+        cells_of(line, " "),
+        cells_of(line, ","),
+        cells_of(line, ";"),
+    ]
 
 
 def _joined_units(line: str) -> str:
     """A line whose units in brackets are joined to the names before them."""
-    import re
-
     return re.sub(r"\s+(?=[\[(])|(?<=[\[(])\s+|\s+(?=[\])])", "", line)
 
 
@@ -164,16 +175,20 @@ def _has_words(row: _Row) -> bool:
 
 def _is_of_units(row: _Row, layout: Layout) -> bool:
     """Whether a row is one of units: each is one, and some is no name as well."""
-    cells = [row.cells[at] for at in range(min(layout.width, len(row.cells))) if layout.kinds[at] in ("number", "stamp")]
+    cells = [
+        row.cells[at]
+        for at in range(min(layout.width, len(row.cells)))
+        if layout.kinds[at] in ("number", "stamp")
+    ]
     filled = [cell for cell in cells if stripped(cell)]
     counted = [c for c in filled if not _says_none(stripped(c))]
     if not counted or not all(is_unit(cell) for cell in counted):
         return False
     if len(counted) < len(filled) - 2:
         return False
-    return any(len(stripped(cell)) > 1 or cell in ("s", "V", "A", "m", "N", "C") for cell in counted) and not all(
-        cell in ("t", "u", "y", "x") for cell in counted
-    )
+    return any(
+        len(stripped(cell)) > 1 or cell in ("s", "V", "A", "m", "N", "C") for cell in counted
+    ) and not all(cell in ("t", "u", "y", "x") for cell in counted)
 
 
 def _says_none(cell: str) -> bool:
@@ -194,9 +209,7 @@ def _unknown_units(above: Sequence[_Row], layout: Layout) -> _Row | None:
     return above[0] if bracketed or some else None
 
 
-def _names(
-    source: str, names_row: _Row | None, units_row: _Row | None, layout: Layout
-) -> tuple[str, ...]:
+def _names(names_row: _Row | None, layout: Layout) -> tuple[str, ...]:
     if names_row is None:
         return ()
     cells = list(names_row.cells[: layout.width])
@@ -221,7 +234,7 @@ def _said(
     found = []
     for at, line in enumerate(lines[: layout.start]):
         if at not in taken and line.strip():
-            found += said_in(line, cells_of(line, layout.separator))
+            found += said_in(line, _cells(line, layout))
     left = min(layout.data, default=0)
     for line in lines[layout.start : layout.start + _BESIDE] if left > 0 else ():
         cells = cells_of(line, layout.separator)[:left]
@@ -230,9 +243,12 @@ def _said(
     return found
 
 
-def _beyond(
-    names_row: _Row | None, units_row: _Row | None, layout: Layout
-) -> tuple[Fact, ...]:
+def _cells(line: str, layout: Layout) -> list[str]:
+    """The cells of a line; blanks within a key part none."""
+    return [] if layout.separator == " " else cells_of(line, layout.separator)
+
+
+def _beyond(names_row: _Row | None, units_row: _Row | None, layout: Layout) -> tuple[Fact, ...]:
     """A step that stands in the row of units below its name, right of the columns."""
     if names_row is None or units_row is None or names_row is units_row:
         return ()
@@ -270,6 +286,24 @@ def _told(
             )
         found.append(_Row(number - 1, fitting[0]))
     return found[0], found[1]
+
+
+def _check_units(source: str, lines: Sequence[str], layout: Layout) -> None:
+    """Raise `InputError` where the line next above the table holds units, too few or too many."""
+    at = layout.start - 1
+    while at >= 0 and not lines[at].strip():
+        at -= 1
+    words = (
+        lines[at].strip().lstrip("#%!/*>").replace(layout.separator, " ").split() if at >= 0 else []
+    )
+    given = [stripped(word.strip('"')) for word in words]
+    if 0 < len(given) != layout.width and all(word and readable(word) for word in given):
+        raise InputError.at(
+            f"{source}, line {at + 1}",
+            f"{layout.width} units, one for each column",
+            f"{len(given)}",
+            "complete that line, or give --names-row, --input-unit and --output-unit",
+        )
 
 
 def _check_width(

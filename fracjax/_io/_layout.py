@@ -1,4 +1,4 @@
-"""Where the table in a text stands: its separator, its width, its first row, what is in a column."""
+"""Where the table in a text stands: its separator, width and first row, and what columns hold."""
 
 import csv
 import re
@@ -58,7 +58,9 @@ def cells_of(line: str, separator: str) -> list[str]:
             return [c.strip() for c in next(csv.reader([" ".join(line.split())], delimiter=" "))]
         return line.split()
     if '"' in line:
-        return [cell.strip() for cell in next(csv.reader([line.strip(" ")], delimiter=separator), [""])]
+        return [
+            cell.strip() for cell in next(csv.reader([line.strip(" ")], delimiter=separator), [""])
+        ]
     return [cell.strip() for cell in line.split(separator)]
 
 
@@ -110,7 +112,7 @@ def layout_of(
     # The last line may have been cut where the head of the file ends.
     sample = [cells for _, cells in rows[:1] + rows[len(rows) // 3 :][:_SAMPLE]]
     kinds = tuple(_kind_of_column([cells[at] for cells in sample]) for at in range(width))
-    first = _first_row(rows, kinds, lines, separator)
+    first = _first_row(rows, kinds)
     return Layout(
         separator,
         width,
@@ -145,14 +147,19 @@ def _runs(lines: Sequence[str], separator: str, skip: int) -> list[_Run]:
     return found
 
 
-def _first_of_table(
-    runs: Sequence[_Run], top: _Run, lines: Sequence[str], separator: str
-) -> _Run:
+def _first_of_table(runs: Sequence[_Run], top: _Run, lines: Sequence[str], separator: str) -> _Run:
     """The run in which the table of the best run begins: the first as wide that is long enough for
     a recording, or of numbers alone with nothing or its names above it.
 
     What parts it from the best is a fault of the file, or the head of another segment.
     """
+
+    def is_named(run: _Run) -> bool:
+        above = [line for line in lines[: run.start] if line.strip()]
+        cells = cells_of(above[-1], separator) if above else []
+        return len(cells) == run.width and all(kind_of(cell) == "text" for cell in cells)
+
+    top_is_named = is_named(top)
     for run in runs:
         if run.width != top.width or run.start >= top.start:
             continue
@@ -160,16 +167,16 @@ def _first_of_table(
             return run
         rows = [cells_of(line, separator) for line in lines[run.start : run.stop] if line.strip()]
         pure = all(kind_of(cell) not in ("text", "empty") for cells in rows for cell in cells)
-        above = [line for line in lines[: run.start] if line.strip()]
-        named = not above or len(cells_of(above[-1], separator)) == run.width
-        if pure and (named or run.rows > 1):
+        if pure and (is_named(run) or run.rows > 1 or not top_is_named):
             return run
     return top
 
 
 def _kind_of_column(cells: Sequence[str]) -> str:
     kinds = [kind_of(cell) for cell in cells]
-    count = {kind: kinds.count(kind) for kind in ("number", "stamp", "quantity", "code", "text", "empty")}
+    count = {
+        kind: kinds.count(kind) for kind in ("number", "stamp", "quantity", "code", "text", "empty")
+    }
     numbers = count["number"] + count["quantity"]
     if numbers and numbers + count["code"] >= max(count["text"] + count["stamp"], len(kinds) / 10):
         # An entry now and then is no signal.
@@ -179,29 +186,16 @@ def _kind_of_column(cells: Sequence[str]) -> str:
     return "text" if count["text"] > count["empty"] else "empty"
 
 
-def _first_row(
-    rows: Sequence[tuple[int, list[str]]],
-    kinds: Sequence[str],
-    lines: Sequence[str],
-    separator: str,
-) -> int:
+def _first_row(rows: Sequence[tuple[int, list[str]]], kinds: Sequence[str]) -> int:
     """The first line of a run that belongs to the table: lines such as `Sample Interval,0.002`
-    above one of two columns do not, unless names of that width stand above them."""
+    above one of two columns do not."""
     first = 0
     for _, cells in rows[:_BESIDE]:
         number = [at for at, kind in enumerate(kinds) if kind == "number"]
         if not number or number[0] > 0 or kind_of(cells[0]) != "text":
             break
         first += 1
-    if not 0 < first < len(rows):
-        return rows[0][0]
-    above = [line for line in lines[: rows[0][0]] if line.strip()]
-    if above:
-        cells = cells_of(above[-1], separator)
-        named = len(cells) == len(kinds) and all(kind_of(cell) == "text" for cell in cells)
-        if named:
-            return rows[0][0]
-    return rows[first][0]
+    return rows[first][0] if first < len(rows) else rows[0][0]
 
 
 def _decimal(sample: Sequence[Sequence[str]], kinds: Sequence[str], separator: str) -> str:

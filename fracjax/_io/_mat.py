@@ -88,7 +88,9 @@ def _objects_of_hdf5(source: str) -> dict[str, str]:
     with h5py.File(source, "r") as file:
         for name, node in file.items():
             if "MATLAB_object_decode" in node.attrs and not name.startswith("#"):
-                found[name] = bytes(node.attrs.get("MATLAB_class", b"object")).decode("ascii", "replace")
+                found[name] = bytes(node.attrs.get("MATLAB_class", b"object")).decode(
+                    "ascii", "replace"
+                )
     return found
 
 

@@ -46,7 +46,12 @@ def within(mask: Mask, times: np.ndarray, step: float) -> np.ndarray:
 
 
 def require_masked(
-    table: Table, column: int, rows: slice, values: np.ndarray, allowed: np.ndarray, times: np.ndarray
+    table: Table,
+    column: int,
+    rows: slice,
+    values: np.ndarray,
+    allowed: np.ndarray,
+    times: np.ndarray,
 ) -> None:
     """Raise `InputError` at the first sample of a stretch that is no number and not masked."""
     bad = ~np.isfinite(values)

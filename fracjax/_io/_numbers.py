@@ -16,14 +16,82 @@ _FORM = rf"[-+−]?(?:{_DIGITS}(?:[.,]\d*)?|[.,]\d+)(?:[eEdD][-+]?\d+)?"
 _NUMBER = re.compile(_FORM, re.ASCII)
 _QUANTITY = re.compile(rf"({_FORM})\s*([^\d\s.,;+-][^\s,;]*)", re.ASCII)
 _MISSING = frozenset(
-    "nan -nan n/a na #n/a null none nil - -- --- ---- . ? nan(ind) -nan(ind) 1.#qnan -1.#ind 1.#ind "
-    "1.#nan #num! #div/0! #value! #wert! missing invalid".split()
+    [
+        "nan",
+        "-nan",
+        "n/a",
+        "na",
+        "#n/a",
+        "null",
+        "none",
+        "nil",
+        "-",
+        "--",
+        "---",
+        "----",
+        ".",
+        "?",
+        "nan(ind)",
+        "-nan(ind)",
+        "1.#qnan",
+        "-1.#ind",
+        "1.#ind",
+        "1.#nan",
+        "#num!",
+        "#div/0!",
+        "#value!",
+        "#wert!",
+        "missing",
+        "invalid",
+    ]
 )
 _ABOVE = frozenset(
-    "inf +inf infinity +infinity ∞ +∞ over +over overflow ovf ol +ol o.l ovld overload overrange ovr +ovr "
-    "1.#inf clip clipped >max **** ***** ****** ******** overld +oo".split()
+    [
+        "inf",
+        "+inf",
+        "infinity",
+        "+infinity",
+        "∞",
+        "+∞",
+        "over",
+        "+over",
+        "overflow",
+        "ovf",
+        "ol",
+        "+ol",
+        "o.l",
+        "ovld",
+        "overload",
+        "overrange",
+        "ovr",
+        "+ovr",
+        "1.#inf",
+        "clip",
+        "clipped",
+        ">max",
+        "****",
+        "*****",
+        "******",
+        "********",
+        "overld",
+        "+oo",
+    ]
 )
-_BELOW = frozenset("-inf -infinity -∞ -over -ol under underflow underrange -ovr -1.#inf <min".split())
+_BELOW = frozenset(
+    [
+        "-inf",
+        "-infinity",
+        "-∞",
+        "-over",
+        "-ol",
+        "under",
+        "underflow",
+        "underrange",
+        "-ovr",
+        "-1.#inf",
+        "<min",
+    ]
+)
 _OVERLOADS = (9.9e37, 9.91e37)
 """What instruments that follow SCPI send for beyond range and for no number (IEEE 488.2)."""
 
@@ -93,9 +161,10 @@ def numbers_of(cells: Sequence[str], decimal: str) -> Parsed:
     units: dict[int, str] = {}
     for row, cell in enumerate(cells):
         number = cell
-        if (code := code_of(cell)) is None and not _NUMBER.fullmatch(cell):
-            if (parts := _QUANTITY.fullmatch(cell)) and readable(parts[2]):
-                number, units[row] = parts[1], parts[2]
+        code = code_of(cell)
+        parts = None if code is not None or _NUMBER.fullmatch(cell) else _QUANTITY.fullmatch(cell)
+        if parts and readable(parts[2]):
+            number, units[row] = parts[1], parts[2]
         value = code if code is not None else _value(number, decimal, other, parts_thousands)
         values[row] = np.nan if value is None else value
     values[np.isin(np.abs(values), _OVERLOADS[:1])] *= np.inf

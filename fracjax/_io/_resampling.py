@@ -59,8 +59,7 @@ def resampled(channels: dict[str, Channel], rate: float, source: str) -> Resampl
             raise InputError.at(
                 f"{source}, --resample",
                 f"no gap of more than {LONGEST_GAP} steps",
-                f"one of {gap:.4g} s, {each.clock.times[wide[0] - 1] - first:.6g} s after the first "
-                "sample",
+                f"one of {gap:.4g} s after {each.clock.times[wide[0] - 1] - first:.6g} s",
                 f"split the file at its gap of {gap:.4g} s",
             )
     finest = max(len(each.samples) / np.ptp(each.clock.times) for each in channels.values())
@@ -83,7 +82,9 @@ def resampled(channels: dict[str, Channel], rate: float, source: str) -> Resampl
     for role, each in channels.items():
         good = ~each.bad
         with np.errstate(all="ignore"):
-            samples[role] = PchipInterpolator(each.clock.times[good], each.samples[good], extrapolate=True)(grid)
+            samples[role] = PchipInterpolator(
+                each.clock.times[good], each.samples[good], extrapolate=True
+            )(grid)
         bad |= np.interp(grid, each.clock.times, each.bad.astype(float)) > 0
     return Resampled(samples, bad, _note(channels, grid, rate, first, source))
 
@@ -97,7 +98,10 @@ def _note(
         steps = np.diff(each.clock.times)
         gaps = np.flatnonzero(steps > _GAP * each.clock.step)
         inside = [
-            np.count_nonzero((grid > each.clock.times[at] + each.clock.step / 2) & (grid < each.clock.times[at + 1] - each.clock.step / 2))
+            np.count_nonzero(
+                (grid > each.clock.times[at] + each.clock.step / 2)
+                & (grid < each.clock.times[at + 1] - each.clock.step / 2)
+            )
             for at in gaps
         ]
         invented = max(invented, int(np.sum(inside)))
@@ -109,7 +113,9 @@ def _note(
     )
     if invented:
         note += f" {invented} of {len(grid)} samples lie in gaps and were invented."
-    slowest = {role: 1 / each.clock.step for role, each in channels.items() if rate > 1.5 / each.clock.step}
+    slowest = {
+        role: 1 / each.clock.step for role, each in channels.items() if rate > 1.5 / each.clock.step
+    }
     for role, hertz in slowest.items():
         name = {"input": "drive", "output": "response"}[role]
         note += f" The {name} has about {hertz:.3g} Hz: between its samples it was interpolated."
@@ -120,4 +126,3 @@ def _note(
             "down, as nothing was filtered."
         )
     return note
-

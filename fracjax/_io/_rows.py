@@ -1,6 +1,7 @@
 """The rows of a table in lines of text, one by one: what is passed over, and what is refused."""
 
 from collections.abc import Sequence
+from itertools import pairwise
 from typing import NamedTuple
 
 from fracjax._io._layout import Layout, cells_of, is_comment, kind_of
@@ -73,7 +74,9 @@ def _row(line: str, layout: Layout) -> list[str] | None:
     # A key and its value in the head of another segment.
     if layout.kinds[0] == "number" and kind_of(cells[0]) == "text":
         return None
-    kinds = [kind_of(cells[at]) for at, kind in enumerate(layout.kinds) if kind in ("number", "stamp")]
+    kinds = [
+        kind_of(cells[at]) for at, kind in enumerate(layout.kinds) if kind in ("number", "stamp")
+    ]
     return cells if any(kind in _VALUES or kind == "code" for kind in kinds) else None
 
 
@@ -83,7 +86,9 @@ def _next_block(
     """The line where rows go on behind a repeated header or other text; None where none do."""
     named = False
     for start in range(at, len(lines)):
-        named = named or bool(repeated) and cells_of(lines[start], layout.separator) == list(repeated)
+        named = named or (
+            bool(repeated) and cells_of(lines[start], layout.separator) == list(repeated)
+        )
         if _row(lines[start], layout) is None or not _goes_on(lines, start, layout):
             continue
         text_only = all(_is_text(line, layout) for line in lines[at:start])
@@ -113,7 +118,7 @@ def _long_blocks(blanks: Sequence[int], count: int, told: bool) -> list[int]:
     if told or not blanks:
         return []
     edges = sorted({0, *blanks, count})
-    lengths = [stop - start for start, stop in zip(edges[:-1], edges[1:], strict=True)]
+    lengths = [stop - start for start, stop in pairwise(edges)]
     return edges[1:-1] if min(lengths, default=0) >= MINIMUM_SAMPLES else []
 
 
@@ -133,6 +138,7 @@ def _refuse(source: str, lines: Sequence[str], at: int, layout: Layout) -> None:
         place,
         f"{layout.width} column(s)",
         f"{len(cells)}",
-        "delete that last line, which seems cut short" if last else "complete that line, or give "
-        "--skip-rows where the table begins below it",
+        "delete that last line, which seems cut short"
+        if last
+        else "complete that line, or give --skip-rows where the table begins below it",
     )

@@ -1,5 +1,7 @@
 """The segments of a table: stretches of one recording each, parted by gaps and restarts."""
 
+from itertools import pairwise
+
 import numpy as np
 
 from fracjax._recording import MINIMUM_SAMPLES
@@ -42,7 +44,7 @@ def _usual(steps: np.ndarray) -> float:
 def cut(count: int, places: list[int]) -> list[slice]:
     """The stretches of `count` rows between places; one where a stretch would be too short."""
     edges = [0, *places, count]
-    found = [slice(start, stop) for start, stop in zip(edges[:-1], edges[1:], strict=True)]
+    found = [slice(start, stop) for start, stop in pairwise(edges)]
     if any(part.stop - part.start < MINIMUM_SAMPLES for part in found):
         return [slice(0, count)]
     return found
@@ -51,11 +53,21 @@ def cut(count: int, places: list[int]) -> list[slice]:
 def in_words(lengths: list[float], gaps: list[float | None]) -> str:
     """Segments of these lengths [s] with these gaps [s] between them, in a few words; of a gap of
     None the clock began anew."""
-    count = {2: "two", 3: "three", 4: "four", 5: "five", 6: "six"}.get(len(lengths), str(len(lengths)))
+    count = {2: "two", 3: "three", 4: "four", 5: "five", 6: "six"}.get(
+        len(lengths), str(len(lengths))
+    )
     alike = max(lengths) - min(lengths) < 0.02 * max(lengths)
-    long = f"of {lengths[0]:.3g} s" if alike else "of " + ", ".join(f"{s:.3g}" for s in lengths[:6]) + " s"
+    long = (
+        f"of {lengths[0]:.3g} s"
+        if alike
+        else "of " + ", ".join(f"{s:.3g}" for s in lengths[:6]) + " s"
+    )
     apart = [gap for gap in gaps if gap is not None]
     if not apart:
         return f"{count} segments {long}, between which the clock begins anew"
-    wide = f"{apart[0]:.4g}" if max(apart) - min(apart) < 0.02 * max(apart) else f"{min(apart):.4g} to {max(apart):.4g}"
+    wide = (
+        f"{apart[0]:.4g}"
+        if max(apart) - min(apart) < 0.02 * max(apart)
+        else f"{min(apart):.4g} to {max(apart):.4g}"
+    )
     return f"{count} segments {long} with gaps of {wide} s between them"

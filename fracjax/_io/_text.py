@@ -88,7 +88,12 @@ def read_text(path: str | PathLike[str], hints: Hints = NO_HINTS) -> TextTable:
     # As pandas reads it, a million rows take half a second; what it refuses is read row by row.
     quick = _quick(text, layout) if layout.is_plain else None
     if quick is not None:
-        values, count, numbers, breaks = quick, len(next(v[0] for v in quick if v is not None)), None, ()
+        values, count, numbers, breaks = (
+            quick,
+            len(next(v[0] for v in quick if v is not None)),
+            None,
+            (),
+        )
         units = [""] * layout.width
     else:
         whole_text = text.decoded().split("\n")
@@ -125,7 +130,7 @@ _Values = tuple[np.ndarray, int | None]
 
 def _found(source: str, text: Text, hints: Hints) -> tuple[list[str], Layout]:
     """The lines down to where the table has begun, and its layout."""
-    if known := text_signature(text.raw[:_HEADS[0]]):
+    if known := text_signature(text.raw[: _HEADS[0]]):
         raise InputError.at(source, "rows of numbers", *known)
     lines: list[str] = []
     for size in _HEADS:
@@ -165,7 +170,11 @@ def _quick(text: Text, layout: Layout) -> list[_Values | None] | None:
     None."""
     kinds = layout.kinds
     read = [at for at, kind in enumerate(kinds) if kind in ("number", "stamp")]
-    if not any(kinds[at] == "number" for at in read) or text.encoding in ("gb18030", "shift_jis", "big5"):
+    if not any(kinds[at] == "number" for at in read) or text.encoding in (
+        "gb18030",
+        "shift_jis",
+        "big5",
+    ):
         return None
     start = 0
     for _ in range(layout.start):
@@ -207,9 +216,7 @@ def _quick(text: Text, layout: Layout) -> list[_Values | None] | None:
     return values
 
 
-def _parsed(
-    rows: Sequence[Sequence[str]], at: int, layout: Layout
-) -> tuple[_Values | None, str]:
+def _parsed(rows: Sequence[Sequence[str]], at: int, layout: Layout) -> tuple[_Values | None, str]:
     """A column of cells as numbers or seconds, and the unit that stands behind each."""
     cells = [row[at] for row in rows]
     if layout.kinds[at] == "stamp":

@@ -1,4 +1,4 @@
-"""Units as files write them: in other scripts and spellings, in a name, or in a row of their own."""
+"""Units as files write them: in other scripts and spellings, in a name, or in their own row."""
 
 import re
 import unicodedata
@@ -34,7 +34,22 @@ _CANONICAL = {
     written: name for name, several in _SPELLINGS.items() for written in several.split(" ")
 }
 FOREIGN_UNITS = frozenset(w for w in _CANONICAL if not w.isascii() and len(w) > 1)
-_RATES = frozenset("s/s sps samples/s sa/s samples/sec samples/second ks/s ksps ksa/s ms/s msps msa/s".split())
+_RATES = frozenset(
+    [
+        "s/s",
+        "sps",
+        "samples/s",
+        "sa/s",
+        "samples/sec",
+        "samples/second",
+        "ks/s",
+        "ksps",
+        "ksa/s",
+        "ms/s",
+        "msps",
+        "msa/s",
+    ]
+)
 _PREFIX = "(?:[pnumcdkMGµμ]?)"
 _PLAIN = (
     rf"(?:{_PREFIX}(?:V|A|m|s|N|Hz|C|Pa|rad|W|F|T|g|J|eV|Wb)|sec|secs|seconds?|msec|usec|mins?|hours?"
@@ -44,10 +59,36 @@ _PLAIN = (
 _POWER = r"(?:\*\*-?\d|\^-?\d|-?\d)?"
 _WEAK = re.compile(rf"{_PLAIN}{_POWER}(?:\s*[*/·]\s*{_PLAIN}{_POWER})*")
 _UNKNOWABLE = frozenset(
-    "count counts cts raw adc adu lsb lsbs digit digits code codes px pixel pixels bits au arb "
-    "steps ticks norm normalised normalized pu".split()
+    [
+        "count",
+        "counts",
+        "cts",
+        "raw",
+        "adc",
+        "adu",
+        "lsb",
+        "lsbs",
+        "digit",
+        "digits",
+        "code",
+        "codes",
+        "px",
+        "pixel",
+        "pixels",
+        "bits",
+        "au",
+        "arb",
+        "steps",
+        "ticks",
+        "norm",
+        "normalised",
+        "normalized",
+        "pu",
+    ]
 )
-_BRACKETS = re.compile(r"[\[(（【〔{<〈［]\s*([^\[\](){}<>（）【】〔〕〈〉［］]*?)\s*[\])）】〕}>〉］]")
+_BRACKETS = re.compile(
+    r"[\[(（【〔{<〈［]\s*([^\[\](){}<>（）【】〔〕〈〉［］]*?)\s*[\])）】〕}>〉］]"
+)
 _BEHIND = re.compile(r"(.+?)(?:\s*/\s*|\s*[,，;:]\s*|\s+in\s+|\s+)([^\s/].*)")
 _NOTHING = frozenset(("", "-", "--", "none", "n/a", "1", "[]", "()"))
 _ELECTRICAL = ("V", "A")
@@ -64,7 +105,22 @@ _DIMENSIONS = {
     "temperature": ("K",),
     "counter": (),
 }
-_SIGNALS = ("s", "V", "A", "m", "N", "rad", "C", "C/m**2", "Pa", "m/s", "m/s**2", "V/m", "N*m", "Hz")
+_SIGNALS = (
+    "s",
+    "V",
+    "A",
+    "m",
+    "N",
+    "rad",
+    "C",
+    "C/m**2",
+    "Pa",
+    "m/s",
+    "m/s**2",
+    "V/m",
+    "N*m",
+    "Hz",
+)
 
 
 class Titled(NamedTuple):
@@ -163,7 +219,9 @@ def _suits(name: str, rest: str, *, blank: bool = False) -> bool:
         return False
     read = readable(rest)
     spoken = quantity(name)
-    if read is None or (spoken is None and (rest in ("A", "C", "F", "T", "g", "W", "J") or blank)):
+    if read is None or (spoken is None and rest in ("A", "C", "F", "T", "g", "W", "J")):
+        return False
+    if spoken is None and blank and len(rest) == 1 and rest != "V":
         return False
     kinds = _DIMENSIONS.get(spoken or "", _SIGNALS)
     electrical = spoken in ("length", "force", "angle", "charge") and not blank

@@ -49,14 +49,58 @@ _ROLES = {
     "remark": "other",
 }
 _COMMANDS = frozenset(
-    "command commanded cmd target setpoint reference desired demand demanded soll sollwert "
-    "consigne 指令 目标 目標 设定".split()
+    [
+        "command",
+        "commanded",
+        "cmd",
+        "target",
+        "setpoint",
+        "reference",
+        "desired",
+        "demand",
+        "demanded",
+        "soll",
+        "sollwert",
+        "consigne",
+        "指令",
+        "目标",
+        "目標",
+        "设定",
+    ]
 )
 _WIDE_COMMANDS = tuple(word for word in _COMMANDS if not word.isascii())
-_SENSORS = frozenset("sensor sensors gauge lvdt interferometer vibrometer fühler capteur 传感器".split())
+_SENSORS = frozenset(
+    [
+        "sensor",
+        "sensors",
+        "gauge",
+        "lvdt",
+        "interferometer",
+        "vibrometer",
+        "fühler",
+        "capteur",
+        "传感器",
+    ]
+)
 _DIRECTIONS = {
-    "input": frozenset("input drive excitation in actuation stimulus eingang entrée anregung 输入 入力".split()),
-    "output": frozenset("output response out ausgang sortie antwort 输出 出力".split()),
+    "input": frozenset(
+        [
+            "input",
+            "drive",
+            "excitation",
+            "in",
+            "actuation",
+            "stimulus",
+            "eingang",
+            "entrée",
+            "anregung",
+            "输入",
+            "入力",
+        ]
+    ),
+    "output": frozenset(
+        ["output", "response", "out", "ausgang", "sortie", "antwort", "输出", "出力"]
+    ),
 }
 _LETTERS = {"u": "input", "x": "output", "y": "output"}
 _ABSCISSAS = frozenset(("xvalue", "xaxis", "abscissa", "xdata", "xachse"))

@@ -54,7 +54,8 @@ def aligned(
     a, b = first.clock, second.clock
     long = max(len(a.times), len(b.times))
     if abs(a.step - b.step) > 0.01 * a.step / long:
-        told = f"the {SIGNALS[one]} at {1 / a.step:.6g} Hz and the {SIGNALS[two]} at {1 / b.step:.6g} Hz"
+        rates = [f"the {SIGNALS[r]} at {1 / c.step:.6g} Hz" for r, c in ((one, a), (two, b))]
+        told = " and ".join(rates)
         fastest = max(1 / a.step, 1 / b.step)
         raise InputError.at(source, "one rate", told, f"give --resample {fastest:.6g}Hz")
     shift = (b.times[0] - a.times[0]) / a.step

@@ -131,9 +131,10 @@ def _runs(lines: Sequence[str], separator: str, skip: int) -> list[_Run]:
     start = width = -1
     for at in range(skip, len(lines) + 1):
         line = lines[at] if at < len(lines) else None
-        if line is not None and (not line.strip() or is_comment(line)):
+        named = line is not None and is_comment(line) and _are_names(line, separator, width)
+        if line is not None and (not line.strip() or (is_comment(line) and not named)):
             continue
-        cells = [] if line is None else cells_of(line, separator)
+        cells = [] if line is None or named else cells_of(line, separator)
         kinds = [kind_of(cell) for cell in cells]
         numbers = sum(kind in ("number", "stamp", "quantity") for kind in kinds)
         if len(cells) != width or not (numbers or not any(cells)):
@@ -156,8 +157,7 @@ def _first_of_table(runs: Sequence[_Run], top: _Run, lines: Sequence[str], separ
 
     def is_named(run: _Run) -> bool:
         above = [line for line in lines[: run.start] if line.strip()]
-        cells = cells_of(above[-1], separator) if above else []
-        return len(cells) == run.width and all(kind_of(cell) == "text" for cell in cells)
+        return bool(above) and _are_names(above[-1], separator, run.width)
 
     top_is_named = is_named(top)
     for run in runs:
@@ -170,6 +170,12 @@ def _first_of_table(runs: Sequence[_Run], top: _Run, lines: Sequence[str], separ
         if pure and (is_named(run) or run.rows > 1 or not top_is_named):
             return run
     return top
+
+
+def _are_names(line: str, separator: str, width: int) -> bool:
+    """Whether a line, commented or not, is as wide as a table and nothing but text."""
+    cells = cells_of(line.strip().lstrip("#%").strip(" "), separator)
+    return len(cells) == width and all(kind_of(cell) == "text" for cell in cells)
 
 
 def _kind_of_column(cells: Sequence[str]) -> str:

@@ -9,7 +9,7 @@ from fracjax._io._words import quantity
 from fracjax._recording import InputError, unit
 
 _SPELLINGS = {
-    "s": "sek sek. sekunde sekunden seconde secondes segundo segundos secondi secs sec. сек с 秒 초",
+    "s": "sek sek. sekunden seconde secondes segundo segundos secondi secs sec. сек с 秒 초",
     "ms": "мс 毫秒 ミリ秒 msek millisekunden",
     "us": "мкс 微秒 マイクロ秒 µsek",
     "min": "мин 分 分钟 minuten",
@@ -86,8 +86,9 @@ _UNKNOWABLE = frozenset(
         "pu",
     ]
 )
+_PAIRS = ("[]", "()", "（）", "【】", "〔〕", "{}", "<>", "〈〉", "［］")
 _BRACKETS = re.compile(
-    r"[\[(（【〔{<〈［]\s*([^\[\](){}<>（）【】〔〕〈〉［］]*?)\s*[\])）】〕}>〉］]"
+    "|".join(rf"\{a}\s*([^\{a}\{b}]*?)\s*\{b}" for a, b in (tuple(pair) for pair in _PAIRS))
 )
 _BEHIND = re.compile(r"(.+?)(?:\s*/\s*|\s*[,，;:]\s*|\s+in\s+|\s+)([^\s/].*)")
 _NOTHING = frozenset(("", "-", "--", "none", "n/a", "1", "[]", "()"))
@@ -186,11 +187,11 @@ def titled(title: str) -> Titled:
     where the name speaks of a quantity and the rest is no word but a unit nobody knows.
     """
     title = re.sub(r"(\.\d+)+$", "", title).strip()
-    if brackets := list(_BRACKETS.finditer(title)):
-        known = [b for b in brackets if b[1] and readable(b[1]) is not None]
-        chosen = (known or [b for b in brackets if b[1]] or brackets)[-1]
+    if brackets := [(b, b[b.lastindex or 0]) for b in _BRACKETS.finditer(title)]:
+        known = [pair for pair in brackets if pair[1] and readable(pair[1]) is not None]
+        chosen, inner = (known or [pair for pair in brackets if pair[1]] or brackets)[-1]
         name = f"{title[: chosen.start()]} {title[chosen.end() :]}".strip(" _")
-        return Titled(name or title, chosen[1])
+        return Titled(name or title, inner)
     if (bare := re.fullmatch(r"in\s+(\S+)", title)) and readable(bare[1]):
         return Titled("", bare[1])
     if parts := _BEHIND.fullmatch(title):

@@ -28,14 +28,18 @@ _LEAD = 0.003
 
 def _clipping(recording: Recording) -> str | None:
     """A response that rests on its extreme value while the drive moves on."""
-    moving = np.diff(recording.drive) != 0
-    levels, level = np.unique(recording.response, return_inverse=True)
-    stuck = np.bincount(level[1:][moving & (np.diff(level) == 0)], minlength=len(levels))
-    for name, end, inner in (("largest", -1, -2), ("smallest", 0, 1)):
-        if stuck[end] >= 10 and stuck[end] > 5 * stuck[inner]:
+    response = recording.response
+    stuck = (np.diff(recording.drive) != 0) & (np.diff(response) == 0)
+    for name, end, rest in (
+        ("largest", response.max(), response < response.max()),
+        ("smallest", response.min(), response > response.min()),
+    ):
+        inner = (np.max if name == "largest" else np.min)(response[rest])
+        count, beside = (int(np.sum(stuck & (response[1:] == level))) for level in (end, inner))
+        if count >= 10 and count > 5 * beside:
             return (
-                f"The response stays at its {name} value, {levels[end]:g} "
-                f"{recording.response_unit}, for {stuck[end]} samples while the drive moves: "
+                f"The response stays at its {name} value, {end:g} "
+                f"{recording.response_unit}, for {count} samples while the drive moves: "
                 "the sensor or its range is clipped."
             )
     return None
@@ -55,9 +59,10 @@ def _quantisation(recording: Recording) -> str | None:
 
 def _quantised_drive(recording: Recording) -> str | None:
     """A drive that moves, and was recorded on few evenly spaced levels."""
-    levels, level = np.unique(recording.drive, return_inverse=True)
+    levels = np.unique(recording.drive)
     if not 16 <= len(levels) < min(200, len(recording) / 4):
         return None
+    level = np.searchsorted(levels, recording.drive)
     apart, moves = np.diff(levels), np.diff(level)
     step = float(np.median(apart))
     even = np.abs(apart - step).max() < 0.02 * step

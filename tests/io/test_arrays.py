@@ -33,7 +33,7 @@ def test_hdf5_groups_attributes_and_records(tmp_path):
         records = np.zeros(COUNT, [("t", "f8"), ("w", "f4", (2,))])
         records["t"] = 1000 * TIME
         file["log"] = records
-    recording = read(path)
+    recording = read(path, time_unit="s")
     np.testing.assert_array_equal(recording.drive, DRIVE)
     np.testing.assert_array_equal(recording.response, RESPONSE.astype(np.float32))
     assert (recording.drive_unit, recording.response_unit) == ("kV", "nm")

@@ -11,7 +11,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from fracjax._cli import run
-from fracjax._io import _FORMATS, read, read_drive, write
+from fracjax._io import _FORMATS, read, read_drive, read_segments, write
 from fracjax._io._clocks import is_time
 from fracjax._recording import InputError
 from tests.io.layouts import (
@@ -45,25 +45,42 @@ def test_resampling_follows_the_signal(tmp_path):
     assert "The file has about 200 Hz: what is faster than 25 Hz folds down" in note
 
 
-def test_resampling_bridges_a_gap_aloud(tmp_path):
+def test_resampling_bridges_a_gap_and_says_how_much_it_invents(tmp_path):
     times = np.arange(400) / 200
-    path = timed(tmp_path / "loop.h5", times[(times <= 0.5) | (times > 0.8)])
+    path = timed(tmp_path / "loop.h5", times[(times <= 0.5) | (times > 0.525)])
     with pytest.raises(
-        InputError, match=r"sample 101: .* 0\.805 after 0\.5; give --resample 200Hz"
+        InputError, match=r"sample 101: .* 0\.53 after 0\.5; .*200Hz, which invents 5 samples"
     ):
         read(path)
     recording = read(path, resample=200)
     assert len(recording) == 400
-    assert (
-        "the largest gap bridged is 0.305 s, 0.5 s after the first sample." in recording.warnings[0]
-    )
-    kept = (times <= 0.5) | (times > 0.81)
+    (note,) = recording.warnings
+    assert "the largest gap bridged is 0.03 s, 0.5 s after the first sample." in note
+    assert "5 of 400 samples lie in gaps and were invented." in note
+    kept = (times <= 0.5) | (times > 0.535)
     np.testing.assert_allclose(recording.drive[kept], np.sin(2 * np.pi * times[kept]), atol=1e-9)
-    inside = recording.drive[101:161]
-    assert (np.diff(inside) < 0).all()
     samples, step, _ = read_drive(path, resample="0.2 kHz")
     np.testing.assert_array_equal(samples, recording.drive)
     assert step == 1 / 200
+
+
+def test_a_gap_of_more_than_ten_steps_parts_two_recordings(tmp_path):
+    times = np.arange(400) / 200
+    path = timed(tmp_path / "loop.h5", times[(times <= 0.5) | (times > 0.8)])
+    for resample in (None, 200):
+        with pytest.raises(InputError, match=r"one recording, found two segments of .*0.3.* s"):
+            read(path, resample=resample)
+        first, second = (each for each, _ in read_segments(path, resample=resample))
+        assert (len(first), len(second)) == (101, 239)
+        np.testing.assert_allclose(second.drive, np.sin(2 * np.pi * times[161:]), atol=1e-9)
+        assert (first.source, second.source) == (
+            f"{path}, segment 1 of 2",
+            f"{path}, segment 2 of 2",
+        )
+        assert "two segments of 0.505, 1.19 s with gaps of 0.305 s between them" in first.warnings[0]
+    assert len(read(path, segment=2)) == 239
+    with pytest.raises(InputError, match="--segment: expected one from 1 to 2, found 3"):
+        read(path, segment=3)
 
 
 def test_resampling_of_uniform_samples(tmp_path):
@@ -92,7 +109,7 @@ def test_resampling_invents_no_swing(values, steps, factor):
         try:
             recording = read(path, resample=rate)
         except InputError as error:
-            assert "a rate from" in str(error)
+            assert re.search("a rate from|no gap of more than", str(error))
             return
     at = np.minimum(recording.times, times[-1])
     np.testing.assert_allclose(recording.response, at, rtol=1e-9, atol=1e-9)

@@ -23,6 +23,7 @@ from fracjax._recording import InputError, Recording
 
 __all__ = [
     "SUFFIXES",
+    "Options",
     "column_name",
     "read",
     "read_drive",

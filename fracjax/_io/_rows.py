@@ -46,7 +46,7 @@ def rows_of(source: str, lines: Sequence[str], layout: Layout, repeated: Sequenc
             if after is None and _is_end(lines, at, layout):
                 break
             if after is None:
-                _refuse(source, lines, at, layout)
+                raise _refusal(source, lines, at, layout)
             breaks.append(len(cells))
             at = after
             continue
@@ -122,23 +122,16 @@ def _long_blocks(blanks: Sequence[int], count: int, told: bool) -> list[int]:
     return edges[1:-1] if min(lengths, default=0) >= MINIMUM_SAMPLES else []
 
 
-def _refuse(source: str, lines: Sequence[str], at: int, layout: Layout) -> None:
-    """Raise `InputError` of a line that is no row of the table."""
+def _refusal(source: str, lines: Sequence[str], at: int, layout: Layout) -> InputError:
+    """The refusal of a line that is no row of the table."""
     cells = cells_of(lines[at], layout.separator)
     place = f"{source}, line {at + 1}"
     if len(cells) == layout.width:
-        raise InputError.at(
-            place,
-            "a row of numbers",
-            f'"{lines[at].strip()[:40]}"',
-            "correct that line, or cut the file there",
+        found = f'"{lines[at].strip()[:40]}"'
+        return InputError.at(
+            place, "a row of numbers", found, "correct that line, or cut the file there"
         )
-    last = not any(line.strip() for line in lines[at + 1 :])
-    raise InputError.at(
-        place,
-        f"{layout.width} column(s)",
-        f"{len(cells)}",
-        "delete that last line, which seems cut short"
-        if last
-        else "complete that line, or give --skip-rows where the table begins below it",
-    )
+    remedy = "complete that line, or give --skip-rows where the table begins below it"
+    if not any(line.strip() for line in lines[at + 1 :]):
+        remedy = "delete that last line, which seems cut short"
+    return InputError.at(place, f"{layout.width} column(s)", f"{len(cells)}", remedy)

@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from scipy.io import savemat
 
-from fracjax._io import read, read_drive
+from fracjax._io import Options, read, read_drive
 from fracjax._recording import InputError
 from tests.io.layouts import (
     COUNT,
@@ -38,7 +38,7 @@ def test_hdf5_groups_attributes_and_records(tmp_path):
     np.testing.assert_array_equal(recording.response, RESPONSE.astype(np.float32))
     assert (recording.drive_unit, recording.response_unit) == ("kV", "nm")
     assert recording.dt == pytest.approx(5.0)
-    columns = {"time": "log/t", "input": "drive", "output": "input/run 1/position"}
+    columns: Options = {"time": "log/t", "input": "drive", "output": "input/run 1/position"}
     with pytest.raises(InputError, match=r'a step of 1 s, as "dt" says, found 5 in a unit that is'):
         read(path, **columns)
     told = read(path, **columns, input_unit="V", time_unit="s")
@@ -160,7 +160,7 @@ def test_mirror_in_one_file(data_folder, tmp_path):
     )
 
 
-DAMPER = {"input": "dist", "output": "forc", "input_unit": "mm", "output_unit": "N"}
+DAMPER: Options = {"input": "dist", "output": "forc", "input_unit": "mm", "output_unit": "N"}
 
 
 @pytest.mark.parametrize("name", ["ensaio.A.1", "ensaio.A.3", "ensaio1.2", "ensaio5.2"])

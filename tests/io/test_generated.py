@@ -70,6 +70,18 @@ TIMES = (
 )
 
 
+ENCODINGS = ("utf-8", "utf-8-sig", "utf-16", "cp1252", "gb18030", "shift_jis", "cp1251")
+
+
+def fits(text: str, encoding: str) -> bool:
+    """Whether an encoding has all characters of a text."""
+    try:
+        text.encode(encoding)
+    except UnicodeEncodeError:
+        return False
+    return True
+
+
 def stamps(kind: str) -> list[str]:
     """The times of samples at 500 Hz as text."""
     begin = datetime(2024, 2, 13, 10, 21, 58)
@@ -143,16 +155,9 @@ def written(draw) -> tuple[bytes, dict, dict]:
     if names[-1] == "CH2" and draw(st.booleans()):
         options |= {"input": "CH1", "output": "CH2"}
     text = draw(st.sampled_from(["\n", "\r\n"])).join(lines) + "\n"
-    for encoding in draw(
-        st.permutations(
-            ["utf-8", "utf-8-sig", "utf-16", "cp1252", "gb18030", "shift_jis", "cp1251"]
-        )
-    ):
-        try:
-            content = text.encode(encoding)
-            break
-        except UnicodeEncodeError:
-            continue
+    order = draw(st.permutations(ENCODINGS))
+    encoding = next(each for each in order if fits(text, each))
+    content = text.encode(encoding)
     told = {"drive": units[-2], "response": units[-1]}
     return content, options, told if style != "none" else {}
 

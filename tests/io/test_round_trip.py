@@ -10,7 +10,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import fracjax
-from fracjax._io import _FORMATS, read, write, write_text
+from fracjax._io import _FORMATS, Options, read, write, write_text
 from fracjax._io._numbers import _OVERLOADS
 from fracjax._recording import InputError
 from tests.io.layouts import (
@@ -59,7 +59,7 @@ def test_names_come_back(suffix, names):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"loop{suffix}"
         write(path, dict(zip(names, (DRIVE, RESPONSE), strict=True)))
-        units = {"input_unit": "V", "output_unit": "um"}
+        units: Options = {"input_unit": "V", "output_unit": "um"}
         is_the_loop(read(path, input=names[0], output=names[1], rate="200Hz", **units))
 
 

@@ -77,7 +77,9 @@ def test_a_gap_of_more_than_ten_steps_parts_two_recordings(tmp_path):
             f"{path}, segment 1 of 2",
             f"{path}, segment 2 of 2",
         )
-        assert "two segments of 0.505, 1.19 s with gaps of 0.305 s between them" in first.warnings[0]
+        assert (
+            "two segments of 0.505, 1.19 s with gaps of 0.305 s between them" in first.warnings[0]
+        )
     assert len(read(path, segment=2)) == 239
     with pytest.raises(InputError, match="--segment: expected one from 1 to 2, found 3"):
         read(path, segment=3)

@@ -205,7 +205,9 @@ def _unknown_units(above: Sequence[_Row], layout: Layout) -> _Row | None:
     if not cells:
         return None
     bracketed = all(cell[0] in "[(（【" for cell in cells)
-    some = any(readable(stripped(cell)) for cell in cells) and not _has_words(above[0])
+    # A cell such as "u / kV" is a name with its unit.
+    plain = not _has_words(above[0]) and not any(titled(cell).unit for cell in cells)
+    some = plain and any(is_unit(cell) for cell in cells)
     return above[0] if bracketed or some else None
 
 

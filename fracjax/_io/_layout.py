@@ -17,6 +17,8 @@ _SIGNS = ("#", "%", ";", "!", "//", "*", "$", "&", "@", "'", ">", "--")
 _SEP_LINE = re.compile(r'\s*"?sep=(.|\\t)"?[;,\s]*', re.IGNORECASE)
 _SAMPLE = 200
 _BESIDE = 60
+_STRAY = 2
+"""Rows of numbers above the names of a table that are taken for a preamble."""
 
 
 class _Run(NamedTuple):
@@ -167,7 +169,7 @@ def _first_of_table(runs: Sequence[_Run], top: _Run, lines: Sequence[str], separ
             return run
         rows = [cells_of(line, separator) for line in lines[run.start : run.stop] if line.strip()]
         pure = all(kind_of(cell) not in ("text", "empty") for cells in rows for cell in cells)
-        if pure and (is_named(run) or run.rows > 1 or not top_is_named):
+        if pure and (is_named(run) or run.rows > _STRAY or not top_is_named):
             return run
     return top
 

@@ -17,7 +17,7 @@ from fracjax._io._facts import step_of
 from fracjax._io._segments import cut, segments_of_times
 from fracjax._io._table import Table
 from fracjax._io._units import readable
-from fracjax._recording import InputError, require_samples
+from fracjax._recording import MINIMUM_SAMPLES, InputError, require_samples
 
 
 class Part(NamedTuple):
@@ -71,6 +71,13 @@ def _without_time(table: Table, column: int, values: np.ndarray, timing: Timing)
     if counter is not None:
         places = sorted({*places, *_breaks_of_count(table, counter)})
     slices = cut(len(values), places)
+    if table.breaks and len(slices) == 1:
+        raise InputError.at(
+            table.place(table.breaks[0], column),
+            f"blocks of at least {MINIMUM_SAMPLES} rows each",
+            "one that begins there, with a shorter one before or after it",
+            "delete what stands between them, or split the file",
+        )
     return [
         Part(
             table,

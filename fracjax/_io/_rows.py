@@ -108,9 +108,13 @@ def _is_text(line: str, layout: Layout) -> bool:
 
 
 def _is_end(lines: Sequence[str], at: int, layout: Layout) -> bool:
-    """Whether only words follow, such as "End of data", and none in place of a number."""
+    """Whether only words follow, such as "End of data", and none in place of a number.
+
+    Where blanks part cells, words may be as many as columns.
+    """
     width = len(cells_of(lines[at], layout.separator))
-    return width != layout.width and all(_is_text(line, layout) for line in lines[at:])
+    apart = layout.separator == " " or width != layout.width
+    return apart and all(_is_text(line, layout) for line in lines[at:])
 
 
 def _long_blocks(blanks: Sequence[int], count: int, told: bool) -> list[int]:

@@ -52,6 +52,7 @@ def is_the_loop(recording: Recording, units: tuple[str, str] = ("V", "um")) -> N
 LOOP = (TIME, DRIVE, RESPONSE)
 COUNTED = [str(k) for k in range(COUNT)]
 CLOCK = [f"10:21:{58 + k / 200:06.3f}" for k in range(COUNT)]
+DAYS = [f"{739295.4 + t / 86400:.10f}" for t in TIME]
 STAMPS = [f"13.02.2024 {clock}" for clock in CLOCK]
 
 LABVIEW = (

@@ -180,16 +180,11 @@ def test_channels_of_tdms_are_aligned_by_their_starts(tmp_path, late):
 
 
 def test_channels_of_tdms_between_each_others_samples_are_not_aligned(tmp_path):
+    later = BEGIN + np.timedelta64(2, "ms")
     path = tdms(
         tmp_path / "loop.tdms",
         channel("Voltage", DRIVE, "V", wf_increment=0.005, wf_start_time=BEGIN),
-        channel(
-            "Position",
-            RESPONSE,
-            "um",
-            wf_increment=0.005,
-            wf_start_time=BEGIN + np.timedelta64(2, "ms"),
-        ),
+        channel("Position", RESPONSE, "um", wf_increment=0.005, wf_start_time=later),
     )
     with pytest.raises(
         InputError, match=r"the response 0.002 s after the drive; give --resample 200Hz"

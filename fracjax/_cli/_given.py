@@ -33,12 +33,8 @@ class Given(NamedTuple):
     def taken(self, paths: Sequence[str]) -> list[tuple[Recording, dict[str, str | int]]]:
         """Every recording that the call names, each segment of a file by itself, and the columns
         that it was read from."""
-        import click
-
         from .._io import read_segments
 
-        if not paths and self.pair is None:
-            raise click.UsageError("Missing argument 'RECORDING...'", click.get_current_context())
         found = [each for path in paths for each in read_segments(path, **self.columns)]
         if self.pair is not None:
             drive, response = self.pair

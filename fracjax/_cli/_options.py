@@ -32,8 +32,18 @@ def options(*listed: Callable) -> Callable:
 
 # What is asked of, and where it goes --------------------------------------------------------------
 
-recordings_argument = click.argument("recordings", nargs=-1, metavar="RECORDING...")
-recording_argument = click.argument("recording", required=False)
+
+def _required(context: click.Context, parameter: click.Parameter, given: Any) -> Any:
+    """What was given, unless nothing was, neither here nor by --drive."""
+    if not given and not context.params.get("drive"):
+        raise click.MissingParameter(ctx=context, param=parameter)
+    return given
+
+
+recordings_argument = click.argument(
+    "recordings", nargs=-1, callback=_required, metavar="RECORDING..."
+)
+recording_argument = click.argument("recording", required=False, callback=_required)
 model_option = click.option("--model", "name", required=True, help="See `models`.")
 folder_option = click.option(
     "--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="For the results."
@@ -65,7 +75,6 @@ segment_option = click.option(
 _skip_rows = click.option(
     "--skip-rows",
     type=click.IntRange(min=0),
-    default=0,
     metavar="NUMBER",
     help="Lines of a text or sheet to pass over, where the table is not found.",
 )
@@ -77,7 +86,10 @@ _units_row = click.option(
 )
 table_options = options(segment_option, _skip_rows, _names_row, _units_row)
 _drive = click.option(
-    "--drive", metavar="FILE", help="A file of the drive alone, with --response, for a recording."
+    "--drive",
+    metavar="FILE",
+    is_eager=True,
+    help="A file of the drive alone, with --response, for a recording.",
 )
 _response = click.option("--response", metavar="FILE", help="A file of the response alone.")
 reading_options = options(

@@ -77,7 +77,7 @@ class Options(TypedDict, total=False):
     resample: str | float | None
     mask: Mask
     segment: int | None
-    skip_rows: int
+    skip_rows: int | None
     names_row: int | None
     units_row: int | None
 
@@ -202,9 +202,7 @@ def _request(options: Options) -> Request:
 
 
 def _hints(options: Options) -> Hints:
-    given = (options.get(name) for name in ("skip_rows", "names_row", "units_row"))
-    skip, names, units = given
-    return Hints(int(skip or 0), names, units)  # type: ignore[arg-type]
+    return Hints(options.get("skip_rows") or 0, options.get("names_row"), options.get("units_row"))
 
 
 def _tables(

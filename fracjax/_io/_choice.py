@@ -1,14 +1,15 @@
 """Which column is the time, the drive and the response."""
 
 from collections.abc import Collection, Mapping
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
 
-from fracjax._io._clocks import is_counter, is_time
+from fracjax._io._clocks import filled, is_counter, is_time
 from fracjax._io._table import Table, column_label, enumerated, quoted
 from fracjax._io._units import readable, titled
-from fracjax._io._words import quantity, role_of, role_of_letter
+from fracjax._io._words import is_direction, quantity, role_of, role_of_letter
 from fracjax._recording import InputError, unit
 
 _KINDS = {
@@ -97,7 +98,12 @@ def role(table: Table, column: int) -> str | None:
     unit = table.about(column).unit
     if len(unit) > 2 and quantity(unit) == "counter":
         return "counter"
-    own = role_of(titled(title_of(table, column)).name)
+    name = titled(title_of(table, column)).name
+    own = role_of(name)
+    opposite = {"input": "output", "output": "input"}.get(own or "")
+    if opposite and is_direction(name) and _points_to(written_unit(table, column), opposite):
+        # The output of an amplifier is the actuator's input: that is for the call to say.
+        return "other"
     if own is not None or not table.names:
         return own
     path = table.names[column].rpartition("/")[0]
@@ -292,12 +298,15 @@ def _time_for(table: Table, signal: int, signals: Mapping[str, int]) -> int | No
         shared = {c: _shared(table.names[c], table.names[signal]) for c in found}
         found = [c for c in found if shared[c] == max(shared.values())]
     if len(found) > 1:
-        running = [c for c in found if is_time(table.numbers(c))]
+        running = [c for c in found if is_time(filled(table.numbers(c)))]
         if not running and table.about(signal).clocks:
             return None
         found = running or found
     if len(found) > 1:
         first = table.numbers(found[0])
+        left = [column for column in found if column < signal]
+        if left and found[0] < min(signals.values()) and _are_in_turn(found, signals):
+            return left[-1]
         if any(written_unit(table, c) != written_unit(table, found[0]) for c in found) or not all(
             np.array_equal(first, table.numbers(c)) for c in found[1:]
         ):
@@ -308,6 +317,12 @@ def _time_for(table: Table, signal: int, signals: Mapping[str, int]) -> int | No
                 "choose one with --time",
             )
     return found[0] if found else None
+
+
+def _are_in_turn(times: list[int], signals: Mapping[str, int]) -> bool:
+    """Whether between any two signals a time stands, as in X1, Y1, X2, Y2."""
+    ends = sorted(signals.values())
+    return all(any(a < time < b for time in times) for a, b in pairwise(ends))
 
 
 def _shared(path: str, other: str) -> int:

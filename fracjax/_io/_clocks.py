@@ -205,6 +205,12 @@ def is_time(times: np.ndarray) -> bool:
     )
 
 
+def filled(times: np.ndarray) -> np.ndarray:
+    """Times without the empty cells at their end, in which a shorter channel's column ends."""
+    known = np.flatnonzero(~np.isnan(times))
+    return times[: int(known[-1]) + 1] if known.size else times[:0]
+
+
 def is_counter(counts: np.ndarray) -> bool:
     """Whether numbers, shape (N,), count 0, 1, 2 or 1, 2, 3."""
     return (

@@ -319,6 +319,18 @@ def _check_width(
         return
     cells = cells_of(lines[at], layout.separator)
     kinds = [kind_of_cell(cell) for cell in cells]
+    over = cells_of(lines[at - 1], layout.separator) if at > 0 else []
+    if (
+        set(kinds) == {"number"}
+        and len(over) == layout.width
+        and _row(at - 1, lines[at - 1], layout)
+    ):
+        raise InputError.at(
+            f"{source}, line {at + 1}",
+            f"{layout.width} column(s)",
+            f"{len(cells)}",
+            "complete that line, or delete it",
+        )
     if len(cells) < 2 or any(kind != "text" for kind in kinds):
         return
     spoken = any(role_of(titled(cell).name) for cell in cells)

@@ -112,7 +112,8 @@ def layout_of(
         if lines[at].strip() and not is_comment(lines[at])
     ]
     # The last line may have been cut where the head of the file ends.
-    sample = [cells for _, cells in rows[:1] + rows[len(rows) // 3 :][:_SAMPLE]]
+    skipped = _BESIDE if len(rows) > 2 * _BESIDE else len(rows) // 3
+    sample = [cells for _, cells in rows[skipped:][:_SAMPLE]]
     kinds = tuple(_kind_of_column([cells[at] for cells in sample]) for at in range(width))
     first = _first_row(rows, kinds)
     return Layout(
@@ -187,8 +188,8 @@ def _kind_of_column(cells: Sequence[str]) -> str:
     }
     numbers = count["number"] + count["quantity"]
     if numbers and numbers + count["code"] >= max(count["text"] + count["stamp"], len(kinds) / 10):
-        # An entry now and then is no signal.
-        return "number" if numbers + count["code"] > 0.3 * len(kinds) else "empty"
+        # An entry now and then is no signal, but of a slow channel the column ends in empty cells.
+        return "number" if numbers + count["code"] > 0.1 * len(kinds) else "empty"
     if count["stamp"] > max(count["text"], len(kinds) / 2):
         return "stamp"
     return "text" if count["text"] > count["empty"] else "empty"

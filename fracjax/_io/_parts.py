@@ -51,6 +51,11 @@ def parts_of(table: Table, column: int, time: int | None, timing: Timing) -> lis
     if time is None:
         return _without_time(table, column, values, timing)
     times = table.numbers(time)
+    # A channel of fewer samples than its neighbours ends in empty cells.
+    filled = np.flatnonzero(np.isfinite(times) | ~np.isnan(values))
+    count = int(filled[-1]) + 1 if filled.size else 0
+    times, values = times[:count], values[:count]
+    require_samples(count, table.source)
     if not np.isfinite(times).all():
         row = int((~np.isfinite(times)).argmax())
         raise InputError.at(

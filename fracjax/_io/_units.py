@@ -235,9 +235,9 @@ def _suits(name: str, rest: str, *, blank: bool = False) -> bool:
 def contradicts(name: str, read: str) -> bool:
     """Whether a unit cannot be that of what the name speaks of: a voltage in furlongs.
 
-    Any quantity may be written in volts or amperes, as its sensor gives it.
+    Any quantity may be written in volts or amperes, as its sensor gives it, or as a share.
     """
-    spoken = quantity(name)
-    if spoken not in ("voltage", "current"):
+    kinds = _DIMENSIONS.get(quantity(name) or "", ())
+    if not kinds:
         return False
-    return not any(unit(read).is_compatible_with(kind) for kind in _ELECTRICAL)
+    return not any(unit(read).is_compatible_with(kind) for kind in (*kinds, *_ELECTRICAL, "%"))

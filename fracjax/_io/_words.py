@@ -102,6 +102,22 @@ _DIRECTIONS = {
         ["output", "response", "out", "ausgang", "sortie", "antwort", "输出", "出力"]
     ),
 }
+_ENDS = frozenset(
+    [
+        "input",
+        "output",
+        "in",
+        "out",
+        "eingang",
+        "ausgang",
+        "entrée",
+        "sortie",
+        "输入",
+        "入力",
+        "输出",
+        "出力",
+    ]
+)
 _LETTERS = {"u": "input", "x": "output", "y": "output"}
 _ABSCISSAS = frozenset(("xvalue", "xaxis", "abscissa", "xdata", "xachse"))
 _EITHER = {word: kind for kind, words in _QUANTITIES.items() for word in words.split()}
@@ -171,6 +187,13 @@ def role_of(text: str) -> str | None:
             if any(not word.isascii() and word in low for word in known)
         }
     return directions.pop() if len(directions) == 1 else None
+
+
+def is_direction(text: str) -> bool:
+    """Whether a name says no more than that it is an input or an output: of the actuator, or of the
+    instrument at its other end."""
+    words = set(_words(text))
+    return not _spoken(text) and not _ENDS.isdisjoint(words)
 
 
 def role_of_letter(text: str) -> str | None:

@@ -1,11 +1,13 @@
 """HDF5, MAT and NumPy: arrays by path, and what stands beside them."""
 
+from typing import Any
+
 import h5py
 import numpy as np
 import pytest
 from scipy.io import savemat
 
-from fracjax._io import Options, read, read_drive
+from fracjax._io import read, read_drive
 from fracjax._recording import InputError
 from tests.io.layouts import (
     COUNT,
@@ -38,7 +40,7 @@ def test_hdf5_groups_attributes_and_records(tmp_path):
     np.testing.assert_array_equal(recording.response, RESPONSE.astype(np.float32))
     assert (recording.drive_unit, recording.response_unit) == ("kV", "nm")
     assert recording.dt == pytest.approx(5.0)
-    columns: Options = {"time": "log/t", "input": "drive", "output": "input/run 1/position"}
+    columns: dict[str, Any] = {"time": "log/t", "input": "drive", "output": "input/run 1/position"}
     with pytest.raises(InputError, match=r'a step of 1 s, as "dt" says, found 5 in a unit that is'):
         read(path, **columns)
     told = read(path, **columns, input_unit="V", time_unit="s")
@@ -160,7 +162,7 @@ def test_mirror_in_one_file(data_folder, tmp_path):
     )
 
 
-DAMPER: Options = {"input": "dist", "output": "forc", "input_unit": "mm", "output_unit": "N"}
+DAMPER: dict[str, Any] = {"input": "dist", "output": "forc", "input_unit": "mm", "output_unit": "N"}
 
 
 @pytest.mark.parametrize("name", ["ensaio.A.1", "ensaio.A.3", "ensaio1.2", "ensaio5.2"])

@@ -33,7 +33,7 @@ def test_info_of_two_files(capsys):
     assert run(["info", "--drive", "u.csv"]) == 2
     assert "Give --drive and --response together" in capsys.readouterr().err
     assert run(["info"]) == 2
-    assert "Missing argument 'RECORDING...'" in capsys.readouterr().err
+    assert "Missing argument 'RECORDING" in capsys.readouterr().err
 
 
 def test_info_of_segments(capsys):

@@ -3,6 +3,7 @@
 import os
 import tempfile
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
@@ -10,7 +11,7 @@ from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 import fracjax
-from fracjax._io import _FORMATS, Options, read, write, write_text
+from fracjax._io import _FORMATS, read, write, write_text
 from fracjax._io._numbers import _OVERLOADS
 from fracjax._recording import InputError
 from tests.io.layouts import (
@@ -49,7 +50,7 @@ def test_round_trip_loses_nothing(suffix, values):
     assert recording.dt == pytest.approx(0.005, rel=1e-12)
 
 
-LETTERS = st.text("aZ_9 .,;:'\"[]()=+#%éµΩ文", max_size=12)
+LETTERS = st.text("aZ_9 .,;:'\"=+#%éµΩ文", max_size=12)
 
 
 @pytest.mark.parametrize("suffix", [s for s in _FORMATS if s != ".mat"])
@@ -59,7 +60,7 @@ def test_names_come_back(suffix, names):
     with tempfile.TemporaryDirectory() as folder:
         path = Path(folder) / f"loop{suffix}"
         write(path, dict(zip(names, (DRIVE, RESPONSE), strict=True)))
-        units: Options = {"input_unit": "V", "output_unit": "um"}
+        units: dict[str, Any] = {"input_unit": "V", "output_unit": "um"}
         is_the_loop(read(path, input=names[0], output=names[1], rate="200Hz", **units))
 
 

@@ -91,6 +91,10 @@ _BRACKETS = re.compile(
     "|".join(rf"\{a}\s*([^\{a}\{b}]*?)\s*\{b}" for a, b in (tuple(pair) for pair in _PAIRS))
 )
 _BEHIND = re.compile(r"(.+?)(?:\s*/\s*|\s*[,，;:]\s*|\s+in\s+|\s+)([^\s/].*)")
+_CAMEL = re.compile(r"([A-Za-z]*[a-z])([A-Z][A-Za-z]?)")
+_OF_CAMEL = {
+    text.lower(): text for text in ("ms", "us", "ns", "nm", "um", "mm", "mV", "kV", "V", "N")
+}
 _NOTHING = frozenset(("", "-", "--", "none", "n/a", "1", "[]", "()"))
 _ELECTRICAL = ("V", "A")
 _DIMENSIONS = {
@@ -203,11 +207,21 @@ def titled(title: str) -> Titled:
         stroke = title[len(name) : len(title) - len(rest)].strip()
         if stroke in ("/", "in") and quantity(name) and not quantity(rest):
             return Titled(name, rest)
-    words = title.split("_")
+    words = [word for word in re.split(r"[_.\-]+", title) if word]
     for count in (2, 1):
         name, rest = "_".join(words[:-count]), "/".join(words[-count:])
         if name and _suits(name, rest):
             return Titled(name, rest)
+    for at in range(1, len(words) - 1):
+        # As in displacement_nm_filtered.
+        inner = len(words[at]) > 1 and not _WEAK.fullmatch(words[at + 1])
+        if inner and quantity(words[0]) and _suits(words[0], words[at]):
+            return Titled("_".join(words[:at] + words[at + 1 :]), words[at])
+    if camel := _CAMEL.fullmatch(title):
+        # As in positionNm.
+        unit = _OF_CAMEL.get(camel[2].lower(), "")
+        if unit and quantity(camel[1]) and _suits(camel[1], unit):
+            return Titled(camel[1], unit)
     if len(words) > 1 and quantity(words[0]) and words[-1].casefold() in _UNKNOWABLE:
         return Titled("_".join(words[:-1]), words[-1])
     return Titled(title, "")

@@ -43,7 +43,9 @@ def _required(context: click.Context, parameter: click.Parameter, given: Any) ->
 recordings_argument = click.argument(
     "recordings", nargs=-1, callback=_required, metavar="RECORDING..."
 )
-recording_argument = click.argument("recording", required=False, callback=_required)
+recording_argument = click.argument(
+    "recording", required=False, callback=_required, metavar="RECORDING"
+)
 model_option = click.option("--model", "name", required=True, help="See `models`.")
 folder_option = click.option(
     "--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="For the results."

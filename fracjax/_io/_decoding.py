@@ -12,7 +12,7 @@ from fracjax._io._words import FOREIGN_WORDS as _WORDS
 from fracjax._recording import InputError
 
 _NO_TEXT = re.compile(rb"[\x00-\x08\x0b\x0e-\x1f\x7f]")
-_FOREIGN = ("gb18030", "shift_jis", "big5", "euc_kr", "euc_jp", "cp1251", "cp1250")
+_FOREIGN = ("gb18030", "shift_jis", "big5", "euc_kr", "euc_jp", "cp1251", "cp1250", "cp850")
 _WESTERN = "cp1252"
 _SAMPLE = 20_000
 FOREIGN_WORDS = sorted({*_WORDS, *FOREIGN_UNITS, "µm", "µs", "µv", "µn", "°", "²", "ω", "√"})
@@ -90,7 +90,8 @@ def _encoding(raw: bytes) -> str:
         return "utf-8"
     except UnicodeDecodeError:
         pass
-    lines = [line for line in raw[:_SAMPLE].splitlines() if not line.isascii()]
+    whole = raw[: raw.rfind(b"\n", 0, _SAMPLE) + 1] if len(raw) > _SAMPLE else raw
+    lines = [line for line in whole.splitlines() if not line.isascii()]
     sample = b"\n".join(lines or [line for line in raw.splitlines() if not line.isascii()][:50])
     hits = {encoding: _hits(sample, encoding) for encoding in (_WESTERN, *_FOREIGN)}
     most = max(hits, key=hits.__getitem__)

@@ -68,7 +68,8 @@ def said_in(line: str, cells: Sequence[str]) -> list[Said]:
     rest = [(cell, at) for at, cell in enumerate(cells) if at > 0]
     if len(cells) > 1 and first and any(cell for cell, _ in rest) and not _PAIR.fullmatch(first):
         found.append(Said(first, tuple(c for c, _ in rest), tuple(at for _, at in rest)))
-    for text in (bare, *cells):
+    pairs = [cell for cell in cells if _PAIR.fullmatch(cell)]
+    for text in (bare.rstrip(",;|\t "), *(pairs if len(pairs) > 1 else ())):
         if pair := _PAIR.fullmatch(_MARKS.sub("", text).strip('"')):
             found.append(Said(pair[1], (pair[2].strip('"'),), (0,)))
     if not found and (parts := re.fullmatch(r"(\S.*?)(?:\t+|\s{2,})(\S.*)", bare)):

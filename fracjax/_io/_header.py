@@ -149,6 +149,7 @@ def _wide_enough(cells: Sequence[str], layout: Layout) -> bool:
 
 def _parts(above: Sequence[_Row], layout: Layout) -> tuple[_Row | None, _Row | None]:
     """The row of names and that of units among the rows above the table, from below upwards."""
+    above = [row for row in above if any(kind_of_cell(cell) != "code" for cell in row.cells)]
     units = next((row for row in above if _is_of_units(row, layout)), None)
     if units is None:
         units = _unknown_units(above, layout)

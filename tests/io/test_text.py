@@ -157,7 +157,9 @@ def test_a_unit_told_is_what_the_numbers_are_converted_to_aloud(put):
     np.testing.assert_allclose(recording.response, 1000 * RESPONSE, rtol=1e-12)
     (warning,) = recording.warnings
     assert "converted from um to nm as told" in warning
-    with pytest.raises(InputError, match=r'of the same kind as "um".*found --output-unit "N"'):
+    with pytest.raises(InputError, match=r'of the same kind as "um".*found --output-unit "V"'):
+        read(path, output_unit="V")
+    with pytest.raises(InputError, match=r'a unit of what "displacement" speaks of, found "N"'):
         read(path, output_unit="N")
     with pytest.raises(InputError, match=r'a unit of what "voltage" speaks of, found "furlong"'):
         read(path, input_unit="furlong")

@@ -51,7 +51,7 @@ def header_of(source: str, lines: Sequence[str], layout: Layout, hints: Hints) -
         names_row, units_row = _parts(above, layout)
     if names_row is None and hints.names_row is None:
         _check_width(source, lines, layout, above, units_row)
-    if units_row is None and hints.names_row is None:
+    if not above and hints.names_row is None:
         _check_units(source, lines, layout)
     names = _names(names_row, layout)
     units = _padded([_unit_cell(cell) for cell in units_row.cells] if units_row else [], width)

@@ -99,6 +99,7 @@ TABLES = {
         "Time\tVoltage\tDisplacement\ns\tV\tum\n\tmonitor\tsensor\n" + rows(*LOOP, separator="\t"),
         {},
     ),
+    "units behind in": ("t in s;U in V;s in um\n" + rows(*LOOP, separator=";", comma=True), {}),
     "separator told": ("sep=;\nZeit [s];U [V];Weg [um]\n" + rows(*LOOP, separator=";"), {}),
     "keys and values": (
         "Date: 2024-02-13\nOperator: lab\nGain: 15\n\ntime_s,voltage_V,displacement_um\n"

@@ -27,6 +27,9 @@ def describe(
     """
     columns = columns or {}
     kind, repeats = kind_of_drive(recording), recording.drive_period()
+    counted = recording.response
+    if recording.masked is not None:
+        counted = counted[~recording.masked]
     noise = _noise_of(recording)
     return {
         "schema": "fracjax.info/1",
@@ -46,8 +49,8 @@ def describe(
         "response": {
             "column": columns.get("output"),
             "unit": recording.response_unit,
-            "low": float(recording.response.min()),
-            "high": float(recording.response.max()),
+            "low": float(counted.min()),
+            "high": float(counted.max()),
         },
         "period": None
         if repeats is None

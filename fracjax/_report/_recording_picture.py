@@ -63,13 +63,18 @@ def _draw(part, recording: Recording, told: dict, lines: Sequence[str]) -> None:
             axes.plot(times[left_out], signal[left_out], "x", color="red", ms=4)
     drive.tick_params(labelbottom=False)
     response.set_xlabel("time [s]")
-    loop.plot(recording.drive[::step], recording.response[::step], color=COLOURS[0], lw=0.8)
+    counted = recording.response.copy()
+    if recording.masked is not None:
+        counted[recording.masked] = np.nan
+    loop.plot(recording.drive[::step], counted[::step], color=COLOURS[0], lw=0.8)
     loop.set_xlabel(names[0])
     loop.set_ylabel(names[1])
     noise = told["noise"]
     floor = "not to be seen" if noise is None else quantity(noise["sigma"], noise["unit"])
     loop.set_title(f"noise floor {floor}")
-    drive.set_title(f"{recording.source}: {len(recording)} samples at {recording.rate:.6g} Hz")
+    part.suptitle(
+        f"{recording.source}: {len(recording)} samples at {recording.rate:.6g} Hz", fontsize=9
+    )
     text.set_axis_off()
     text.text(0, 1, "\n".join(lines), va="top", fontsize=8, transform=text.transAxes)
 

@@ -35,11 +35,11 @@ class Given(NamedTuple):
         that it was read from."""
         from .._io import read_segments
 
-        found = [each for path in paths for each in read_segments(path, **self.columns)]
+        segments = [each for path in paths for each in read_segments(path, **self.columns)]
         if self.pair is not None:
             drive, response = self.pair
-            found += read_segments(drive, response=response, **self.columns)
-        return found
+            segments += read_segments(drive, response=response, **self.columns)
+        return segments
 
     def understood(
         self, paths: Sequence[str], names: Sequence[str]
@@ -52,14 +52,14 @@ class Given(NamedTuple):
         """The one recording that the call names."""
         from .._recording import InputError
 
-        found = self.taken([path] if path else [])
-        if len(found) > 1:
+        segments = self.taken([path] if path else [])
+        if len(segments) > 1:
             place = path or " and ".join(self.pair or ())
-            sources = ", ".join(recording.source for recording, _ in found)
+            sources = ", ".join(recording.source for recording, _ in segments)
             raise InputError.at(
-                place, "one recording", sources, f"give --segment 1 to {len(found)}"
+                place, "one recording", sources, f"give --segment 1 to {len(segments)}"
             )
-        return found[0][0]
+        return segments[0][0]
 
     @property
     def past(self) -> HistoryOption | None:

@@ -40,14 +40,14 @@ def info_command(
     """
     from .._report import describe
 
-    found = given_of(columns, mask).taken([recording] if recording else [])
+    segments = given_of(columns, mask).taken([recording] if recording else [])
     if plot is not None:
-        _draw([each for each, _ in found], plot)
-    told = [describe(*each) for each in found]
+        _draw([each for each, _ in segments], plot)
+    descriptions = [describe(*each) for each in segments]
     if results.as_json:
-        print_json(told[0] if len(told) == 1 else told)
+        print_json(descriptions[0] if len(descriptions) == 1 else descriptions)
     elif not results.quiet:
-        for number, one in enumerate(told):
+        for number, one in enumerate(descriptions):
             if number:
                 print()
             print_table([], _rows(one))
@@ -59,7 +59,7 @@ def info_command(
 
 def _draw(recordings: list[Recording], plot: Path) -> None:
     from .._recording import InputError
-    from .._report._recording_picture import draw_recordings
+    from .._report import draw_recordings
 
     if plot.suffix not in (".svg", ".png", ".pdf"):
         raise InputError.at(
@@ -68,26 +68,31 @@ def _draw(recordings: list[Recording], plot: Path) -> None:
     write_whole(lambda path: draw_recordings(recordings, path, plot.suffix[1:]), plot)
 
 
-def _rows(told: dict[str, Any]) -> list[list[str]]:
+def _rows(description: dict[str, Any]) -> list[list[str]]:
     from .._report import figure, pretty_unit, quantity
 
     def extent(signal: dict) -> str:
         return f"{figure(signal['low'], 4)} to {quantity(signal['high'], signal['unit'])}"
 
-    drive, response, noise = told["drive"], told["response"], told["noise"]
+    drive, response, noise = description["drive"], description["response"], description["noise"]
     fastest = drive["top_frequency_Hz"]
     top = "" if fastest is None else f", up to {figure(fastest)} Hz"
     rows = [
-        ["source", told["source"]],
-        ["columns", _columns(told)],
-        ["samples", f"{told['samples']} at {told['rate_Hz']:.6g} Hz, {told['duration_s']:.6g} s"],
+        ["source", description["source"]],
+        ["columns", _columns(description)],
+        [
+            "samples",
+            f"{description['samples']} at {description['rate_Hz']:.6g} Hz, {description['duration_s']:.6g} s",
+        ],
         ["drive", f"{drive['kind']}, {extent(drive)}{top}"],
         ["response", extent(response)],
-        ["period", _period(told["period"])],
+        ["period", _period(description["period"])],
     ]
-    if told["loop_opening_percent"] is not None:
-        rows.append(["loop opening", f"{figure(told['loop_opening_percent'])} % of the stroke"])
-    rests = told["rests_s"]
+    if description["loop_opening_percent"] is not None:
+        rows.append(
+            ["loop opening", f"{figure(description['loop_opening_percent'])} % of the stroke"]
+        )
+    rests = description["rests_s"]
     held = sum(stop - start for start, stop in rests)
     rows.append(["rests", f"{len(rests)}, {held:.3g} s in all" if rests else "none"])
     if noise is None:
@@ -99,8 +104,8 @@ def _rows(told: dict[str, Any]) -> list[list[str]]:
     return rows
 
 
-def _columns(told: dict[str, Any]) -> str:
-    time, drive, response = (told[role] for role in ("time", "drive", "response"))
+def _columns(description: dict[str, Any]) -> str:
+    time, drive, response = (description[role] for role in ("time", "drive", "response"))
     clock = "no column" if time["column"] is None else time["column"]
     return (
         f"time: {clock}; drive: {drive['column']} [{drive['unit']}]; "

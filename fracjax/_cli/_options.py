@@ -94,19 +94,9 @@ _drive = click.option(
     help="A file of the drive alone, with --response, for a recording.",
 )
 _response = click.option("--response", metavar="FILE", help="A file of the response alone.")
-reading_options = options(
-    _drive,
-    _response,
-    time_option,
-    input_option,
-    output_option,
-    rate_option,
-    input_unit_option,
-    output_unit_option,
-    time_unit_option,
-    resample_option,
-    table_options,
-)
+_column_options = options(_drive, _response, time_option, input_option, output_option)
+_unit_options = options(rate_option, input_unit_option, output_unit_option, time_unit_option)
+reading_options = options(_column_options, _unit_options, resample_option, table_options)
 
 
 # How a fit or a simulation is done ----------------------------------------------------------------

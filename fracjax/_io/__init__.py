@@ -123,8 +123,8 @@ def read_with_columns(
 ) -> tuple[Recording, dict[str, str | int]]:
     """As `read`, and the columns of "time", if any, "input" and "output": name, or index from 0."""
     request = _request(options)
-    found = signals_of(_tables(path, response, options), request)
-    one = the_one(*found, fspath(path))
+    signals = signals_of(_tables(path, response, options), request)
+    one = the_one(*signals, fspath(path))
     return recordings_of([one])[0], one.columns
 
 
@@ -135,9 +135,9 @@ def read_segments(
     **options: Unpack[Options],
 ) -> list[tuple[Recording, dict[str, str | int]]]:
     """As `read_with_columns`, of every segment of a file: stretches between gaps and restarts."""
-    found = signals_of(_tables(path, response, options), _request(options)).signals
-    columns = [each.columns for each in found]
-    return list(zip(recordings_of(found), columns, strict=True))
+    signals = signals_of(_tables(path, response, options), _request(options)).signals
+    columns = [each.columns for each in signals]
+    return list(zip(recordings_of(signals), columns, strict=True))
 
 
 def read_drive(
@@ -185,8 +185,10 @@ def write(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
     target = fspath(path)
     form = _FORMATS.get(Path(target).suffix.lower())
     if form is None:
-        known = " ".join(_FORMATS)
-        raise InputError.at(target, f"one of the suffixes {known}", "another", "choose one of them")
+        suffixes = " ".join(_FORMATS)
+        raise InputError.at(
+            target, f"one of the suffixes {suffixes}", "another", "choose one of them"
+        )
     form.write(target, _checked(target, columns))
 
 
@@ -219,8 +221,8 @@ def _tables(
 def _alone(path: str | PathLike[str], role: str, options: Options) -> tuple[np.ndarray, float, str]:
     """One signal of a file, its step and its unit."""
     request = _request(options)
-    found = signals_of({role: _table(path, _hints(options))}, request.of(role))
-    one = the_one(*found, fspath(path))
+    signals = signals_of({role: _table(path, _hints(options))}, request.of(role))
+    one = the_one(*signals, fspath(path))
     if one.masked is not None:
         raise InputError.at(
             fspath(path), "a signal without gaps", "samples left out", "give one without --mask"
@@ -256,8 +258,8 @@ def _checked(target: str, columns: Mapping[str, np.ndarray]) -> dict[str, np.nda
         except ValueError:
             values = np.empty(0, object)
         if values.dtype.kind not in "iuf" or values.ndim != 1:
-            found = f"{values.dtype} values of shape {values.shape}"
-            raise InputError.at(where, "real numbers along one axis", found, "give such")
+            kind = f"{values.dtype} values of shape {values.shape}"
+            raise InputError.at(where, "real numbers along one axis", kind, "give such")
         arrays[name] = values.astype(np.float64)
         first = next(iter(arrays.values()))
         if len(values) != len(first):

@@ -13,12 +13,12 @@ SIGNALS = {"input": "drive", "output": "response"}
 def unequal(columns: Mapping[str, tuple[Table, int]]) -> InputError:
     """The refusal of columns that differ in length."""
     table = next(iter(columns.values()))[0]
-    told = " and ".join(
+    counts = " and ".join(
         f"{each.about(at).length} of {column_label(each.names, at)}"
         for each, at in columns.values()
     )
     return InputError.at(
-        table.source, "as many samples in each column", told, "choose columns of one length"
+        table.source, "as many samples in each column", counts, "choose columns of one length"
     )
 
 
@@ -55,13 +55,13 @@ def aligned(
     long = max(len(a.times), len(b.times))
     if abs(a.step - b.step) > 0.01 * a.step / long:
         rates = [f"the {SIGNALS[r]} at {1 / c.step:.6g} Hz" for r, c in ((one, a), (two, b))]
-        told = " and ".join(rates)
+        sampling_rates = " and ".join(rates)
         fastest = max(1 / a.step, 1 / b.step)
-        raise InputError.at(source, "one rate", told, f"give --resample {fastest:.6g}Hz")
+        raise InputError.at(source, "one rate", sampling_rates, f"give --resample {fastest:.6g}Hz")
     shift = (b.times[0] - a.times[0]) / a.step
     if abs(shift) < 0.01 and len(a.times) == len(b.times):
         return parts, everything, []
-    if abs(shift) < 0.01 and not (a.told and b.told):
+    if abs(shift) < 0.01 and not (a.states_start and b.states_start):
         raise unequal({one: (first.table, first.column), two: (second.table, second.column)})
     whole = round(shift)
     if abs(shift - whole) > 0.01:
@@ -87,11 +87,11 @@ def aligned(
         f"{source}: the {later} begins {abs(shift) * a.step:.6g} s after the {earlier}; both were "
         f"cut to the {stop - begin} samples they have in common."
     )
-    found = {
+    aligned_parts = {
         role: part._replace(
             values=part.values[cuts[role]],
             clock=part.clock._replace(times=part.clock.times[cuts[role]]),
         )
         for role, part in parts.items()
     }
-    return found, cuts, [note]
+    return aligned_parts, cuts, [note]

@@ -34,35 +34,37 @@ class Facts:
             self._by_scope.setdefault(scope, []).append((kind_of(key) or "", key, value))
             group, _, name = scope.rpartition("/")
             if key.isdigit() and name:
-                told = kind_of(name) or "", name, value
-                self._by_element.setdefault((group, key), []).append(told)
+                attribute = kind_of(name) or "", name, value
+                self._by_element.setdefault((group, key), []).append(attribute)
                 # A text in a cell of its own.
                 if key == "0" and f"{scope}/1" not in self.values:
-                    self._by_scope.setdefault(group, []).append(told)
+                    self._by_scope.setdefault(group, []).append(attribute)
 
     def unit(self, path: str) -> str:
         """The unit of an array; empty where none is stated."""
-        told = (value for _, value in self._about(path, "unit"))
-        return next((unit for unit in told if isinstance(unit, str) and unit.strip(" -")), "")
+        stated_units = (value for _, value in self._about(path, "unit"))
+        return next(
+            (unit for unit in stated_units if isinstance(unit, str) and unit.strip(" -")), ""
+        )
 
     def title(self, path: str) -> str:
         """What an array is called: its label, else the last part of its path."""
         last = path.rpartition("/")[2]
-        told = [(k, v) for k, v in self._about(path, "name") if isinstance(v, str) and v.strip()]
+        titles = [(k, v) for k, v in self._about(path, "name") if isinstance(v, str) and v.strip()]
         rank = {name: at for at, name in enumerate(_PREFERRED)}
-        told.sort(key=lambda pair: rank.get(re.sub(r"[\W_]", "", pair[0].casefold()), 9))
-        return str(told[0][1]) if told else last
+        titles.sort(key=lambda pair: rank.get(re.sub(r"[\W_]", "", pair[0].casefold()), 9))
+        return str(titles[0][1]) if titles else last
 
     def clocks(self, path: str) -> tuple[Fact, ...]:
         """The steps and rates of the nearest scope that has any: the array, its group, the file."""
         for scope in _scopes(path):
-            found = [
+            clock_facts = [
                 self._fact(scope, kind, key, value)
                 for kind, key, value in self._by_scope.get(scope, ())
                 if kind in ("step", "rate") and value not in ("", None)
             ]
-            if told := tuple(dict.fromkeys(each for each in found if each)):
-                return told
+            if stated := tuple(dict.fromkeys(each for each in clock_facts if each)):
+                return stated
         return ()
 
     def start(self, path: str) -> int | None:

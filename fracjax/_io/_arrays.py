@@ -78,15 +78,15 @@ class ArrayTable:
         if unapplied := self.facts.unapplied(path):
             note = f"{note} {label}: {unapplied} stands beside it and was not applied.".strip()
         return Column(
-            array.shape[axis],
-            self.facts.title(path) + "".join(f".{at}" for at in index),
-            "s" if is_stamp else self.facts.unit(path),
-            self.facts.clocks(path),
-            self._seconds(column)[1] if is_stamp else self.facts.start(path),
-            is_stamp,
-            fault,
-            remedy,
-            note,
+            length=array.shape[axis],
+            title=self.facts.title(path) + "".join(f".{at}" for at in index),
+            unit="s" if is_stamp else self.facts.unit(path),
+            clocks=self.facts.clocks(path),
+            start=self._seconds(column)[1] if is_stamp else self.facts.start(path),
+            stamps=is_stamp,
+            fault=fault,
+            remedy=remedy,
+            note=note,
         )
 
     def numbers(self, column: int) -> np.ndarray:
@@ -147,13 +147,13 @@ def array_table(
         raise InputError.at(source, "arrays of samples", "none", EXPORT)
     nameless = all(path == "" and len(index) < 2 for path, _, index in columns)
     names = (".".join(map(str, (path, *index) if path else index)) for path, _, index in columns)
-    told = {plain(path): _value(value) for path, value in facts.items()}
+    attributes = {plain(path): _value(value) for path, value in facts.items()}
     sizes = {plain(path): max(array.shape, default=0) for path, array in arrays.items()}
     return ArrayTable(
         source,
         () if nameless else tuple(names),
         tuple(columns),
-        Facts(source, told, sizes),
+        Facts(source, attributes, sizes),
         {plain(path): fault for path, fault in (faults or {}).items()},
     )
 

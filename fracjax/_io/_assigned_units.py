@@ -91,10 +91,10 @@ def _check(place: str, name: str, read: str, remedy: str) -> None:
 
 def _assumed(role: str, name: str, place: str) -> Unit:
     spoken = quantity(name)
-    known = _ASSUMED[role]
-    if spoken not in known and spoken not in (None, "counter", "remark"):
+    units_by_word = _ASSUMED[role]
+    if spoken not in units_by_word and spoken not in (None, "counter", "remark"):
         raise InputError.at(
             place, f"a unit such as {_EXAMPLES[role]}", "none", f"give --{role}-unit"
         )
-    assumed = known.get(spoken, known[None])
+    assumed = units_by_word.get(spoken, units_by_word[None])
     return Unit(assumed, 1.0, f"{place}: no unit is written, {assumed} was assumed.", True)

@@ -75,19 +75,19 @@ def written_unit(table: Table, column: int) -> str:
 
 def listing(table: Table) -> str:
     """The columns there are, in words, with their lengths where these differ."""
-    known = [table.about(column) for column in range(table.width)]
+    columns = [table.about(column) for column in range(table.width)]
     if not table.names:
-        faults = {about.fault for about in known}
+        faults = {about.fault for about in columns}
         fault = f" ({faults.pop()})" if len(faults) == 1 and "" not in faults else ""
         return f"{table.width} column(s) without names{fault}"
-    alike = len({about.length for about in known}) == 1
-    told = [
+    alike = len({about.length for about in columns}) == 1
+    labels = [
         quoted(name or "")
         + ("" if alike else f" of {about.length}")
         + (f" ({about.fault})" if about.fault else "")
-        for name, about in zip(table.names, known, strict=True)
+        for name, about in zip(table.names, columns, strict=True)
     ]
-    return f"{table.width} column(s): {enumerated(told)}"
+    return f"{table.width} column(s): {enumerated(labels)}"
 
 
 def role(table: Table, column: int) -> str | None:
@@ -159,9 +159,9 @@ def _require_usable(table: Table, chosen: Mapping[str, int]) -> None:
                 about.remedy or f"give another column as --{role}",
             )
     if len(set(chosen.values())) < len(chosen):
-        told = ", ".join(f"--{role} {column}" for role, column in chosen.items())
+        options = ", ".join(f"--{role} {column}" for role, column in chosen.items())
         raise InputError.at(
-            table.source, "a column of its own for each", told, "give different columns"
+            table.source, "a column of its own for each", options, "give different columns"
         )
 
 
@@ -188,17 +188,17 @@ def _recognised(table: Table, wanted: str, chosen: Mapping[str, int]) -> int | N
     """The one free column whose name, else whose unit, speaks of the role; None without any."""
     free = [c for c in _usable(table, chosen) if _fitting(table, c, chosen)]
     free = [c for c in free if not table.about(c).stamps]
-    found = [c for c in free if role(table, c) == wanted]
-    found = found or [c for c in free if _speaks_of(table, c, wanted)]
-    found = found or [c for c in free if _letter(table, c) == wanted]
-    if len(found) > 1:
+    candidates = [c for c in free if role(table, c) == wanted]
+    candidates = candidates or [c for c in free if _speaks_of(table, c, wanted)]
+    candidates = candidates or [c for c in free if _letter(table, c) == wanted]
+    if len(candidates) > 1:
         raise InputError.at(
             table.source,
             f"one column for {wanted}",
-            enumerated([quoted(table.names[column]) for column in found]),
+            enumerated([quoted(table.names[column]) for column in candidates]),
             f"choose one with --{wanted}",
         )
-    return found[0] if found else None
+    return candidates[0] if candidates else None
 
 
 def _take_the_last(
@@ -293,30 +293,34 @@ def _time_for(table: Table, signal: int, signals: Mapping[str, int]) -> int | No
     length = table.about(signal).length
     free = [c for c in _usable(table, signals) if table.about(c).length == length]
     named = [c for c in free if table.about(c).stamps or role(table, c) == "time"]
-    found = named or [c for c in free if _speaks_of(table, c, "time")]
-    if len(found) > 1:
-        shared = {c: _shared(table.names[c], table.names[signal]) for c in found}
-        found = [c for c in found if shared[c] == max(shared.values())]
-    if len(found) > 1:
-        running = [c for c in found if is_time(filled(table.numbers(c)))]
+    candidates = named or [c for c in free if _speaks_of(table, c, "time")]
+    if len(candidates) > 1:
+        shared = {c: _shared(table.names[c], table.names[signal]) for c in candidates}
+        candidates = [c for c in candidates if shared[c] == max(shared.values())]
+    if len(candidates) > 1:
+        running = [c for c in candidates if is_time(filled(table.numbers(c)))]
         if not running and table.about(signal).clocks:
             return None
-        found = running or found
-    if len(found) > 1:
-        first = table.numbers(found[0])
-        left = [column for column in found if column < signal]
-        if left and found[0] < min(signals.values()) and _are_in_turn(found, signals):
-            return left[-1]
-        if any(written_unit(table, c) != written_unit(table, found[0]) for c in found) or not all(
-            np.array_equal(first, table.numbers(c)) for c in found[1:]
+        candidates = running or candidates
+    if len(candidates) > 1:
+        first = table.numbers(candidates[0])
+        preceding = [column for column in candidates if column < signal]
+        if (
+            preceding
+            and candidates[0] < min(signals.values())
+            and _are_in_turn(candidates, signals)
         ):
+            return preceding[-1]
+        if any(
+            written_unit(table, c) != written_unit(table, candidates[0]) for c in candidates
+        ) or not all(np.array_equal(first, table.numbers(c)) for c in candidates[1:]):
             raise InputError.at(
                 table.source,
                 "one column for time",
-                enumerated([quoted(table.names[c]) for c in found]),
+                enumerated([quoted(table.names[c]) for c in candidates]),
                 "choose one with --time",
             )
-    return found[0] if found else None
+    return candidates[0] if candidates else None
 
 
 def _are_in_turn(times: list[int], signals: Mapping[str, int]) -> bool:

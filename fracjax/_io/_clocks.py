@@ -28,7 +28,7 @@ class Clock(NamedTuple):
     start: int | None = None
     """When the zero of the times is [ns since 1970]."""
     uniform: bool = True
-    told: bool = True
+    states_start: bool = True
     """Whether a column, or a start in the file, says when it began."""
     facts: tuple[Fact, ...] = ()
     """What in the file its step was taken from, where no column tells it."""
@@ -49,11 +49,13 @@ def clock_of_rate(table: Table, column: int, rate: float | None, listing: str) -
     """
     about = table.about(column)
     counted = np.arange(about.length)
-    told = about.start is not None
+    states_start = about.start is not None
     if rate is not None:
-        return Clock(counted / rate, 1 / rate, (), about.start, told=told)
+        return Clock(counted / rate, 1 / rate, (), about.start, states_start=states_start)
     step = _stated_step(table, about.clocks, listing)
-    return Clock(step * counted, step, (), about.start, told=told, facts=about.clocks)
+    return Clock(
+        step * counted, step, (), about.start, states_start=states_start, facts=about.clocks
+    )
 
 
 def note_on_facts(source: str, clocks: Sequence[Clock]) -> list[str]:
@@ -61,8 +63,8 @@ def note_on_facts(source: str, clocks: Sequence[Clock]) -> list[str]:
     notes = []
     for step in dict.fromkeys(clock.step for clock in clocks if clock.facts):
         facts = dict.fromkeys(f for clock in clocks if clock.step == step for f in clock.facts)
-        told = " and ".join(f'"{fact.name}" of {fact.value}' for fact in facts)
-        notes.append(f"{source}: {1 / step:.6g} Hz was taken as the rate, from {told}.")
+        sources = " and ".join(f'"{fact.name}" of {fact.value}' for fact in facts)
+        notes.append(f"{source}: {1 / step:.6g} Hz was taken as the rate, from {sources}.")
     return notes
 
 
@@ -70,7 +72,7 @@ def _stated_step(table: Table, facts: Sequence[Fact], listing: str) -> float:
     """The step [s] that a file states."""
     facts = list(dict.fromkeys(facts))
     steps = [step_of(fact, f'{table.source}, "{fact.name}"') for fact in facts]
-    told = " and ".join(f'"{fact.name}" of {fact.value}' for fact in facts)
+    clock_texts = " and ".join(f'"{fact.name}" of {fact.value}' for fact in facts)
     if not steps:
         raise InputError.at(
             table.source,
@@ -79,7 +81,7 @@ def _stated_step(table: Table, facts: Sequence[Fact], listing: str) -> float:
             "give --rate such as 200Hz, or --time as a name or an index from 0",
         )
     if max(steps) > (1 + _UNIFORM) * min(steps):
-        raise InputError.at(table.source, "one rate", told, "give --rate such as 200Hz")
+        raise InputError.at(table.source, "one rate", clock_texts, "give --rate such as 200Hz")
     return steps[0]
 
 
@@ -181,16 +183,16 @@ def _agreement(label: str, step: float, facts: Sequence[Fact], is_assumed: bool)
 def _require_seconds(label: str, times: np.ndarray, step: float) -> None:
     """Raise `InputError` for stamps that are hardly seconds, where no unit is written."""
     begin = float(times[0])
-    found = ""
+    description = ""
     if (times == np.round(times)).all():
-        found = f"whole numbers {step:g} apart, which may be samples, ticks or milliseconds"
+        description = f"whole numbers {step:g} apart, which may be samples, ticks or milliseconds"
     elif step < 1e-3 and (3e4 < begin < 6e4 or 7e5 < begin < 8e5):
-        found = f"numbers from {begin:.6g}, which may be days"
-    if found:
+        description = f"numbers from {begin:.6g}, which may be days"
+    if description:
         raise InputError.at(
             label,
             "seconds, or a unit beside the name",
-            found,
+            description,
             "give --time-unit, or --rate where samples are counted",
         )
 
@@ -207,8 +209,8 @@ def is_time(times: np.ndarray) -> bool:
 
 def filled(times: np.ndarray) -> np.ndarray:
     """Times without the empty cells at their end, in which a shorter channel's column ends."""
-    known = np.flatnonzero(~np.isnan(times))
-    return times[: int(known[-1]) + 1] if known.size else times[:0]
+    valid = np.flatnonzero(~np.isnan(times))
+    return times[: int(valid[-1]) + 1] if valid.size else times[:0]
 
 
 def is_counter(counts: np.ndarray) -> bool:
@@ -232,8 +234,8 @@ def _refusal(
 ) -> InputError:
     """The refusal of the first bad step, of a mask of shape (N - 1,)."""
     row = int(bad.argmax()) + 1
-    found = f"{times[row]:.9g} after {times[row - 1]:.9g}"
-    return InputError.at(table.place((rows.start or 0) + row, column), expected, found, remedy)
+    steps_back = f"{times[row]:.9g} after {times[row - 1]:.9g}"
+    return InputError.at(table.place((rows.start or 0) + row, column), expected, steps_back, remedy)
 
 
 def _mend(times: np.ndarray, stuck: np.ndarray, slope: float | None, second: float) -> str:

@@ -62,8 +62,8 @@ def text_of(source: str) -> Text:
 
 
 def _no_text(source: str, raw: bytes) -> InputError:
-    known = signature_of(raw, source)
-    kind, remedy = known or ("", EXPORT)
+    signature = signature_of(raw, source)
+    kind, remedy = signature or ("", EXPORT)
     return InputError.at(source, "text", f"binary data ({kind})" if kind else "binary data", remedy)
 
 

@@ -64,19 +64,21 @@ def said_in(line: str, cells: Sequence[str]) -> list[Said]:
     """
     bare = _MARKS.sub("", line).strip()
     first = _MARKS.sub("", cells[0]).strip().strip('"').rstrip(":=").strip() if cells else ""
-    found = []
+    statements = []
     rest = [(cell, at) for at, cell in enumerate(cells) if at > 0]
     if len(cells) > 1 and first and any(cell for cell, _ in rest) and not _PAIR.fullmatch(first):
-        found.append(Said(first, tuple(c for c, _ in rest), tuple(at for _, at in rest)))
+        statements.append(Said(first, tuple(c for c, _ in rest), tuple(at for _, at in rest)))
     pairs = [cell for cell in cells if _PAIR.fullmatch(cell)]
     for text in (bare.rstrip(",;|\t "), *(pairs if len(pairs) > 1 else ())):
         if pair := _PAIR.fullmatch(_MARKS.sub("", text).strip('"')):
-            found.append(Said(pair[1], (pair[2].strip('"'),), (0,)))
-    if not found and (parts := re.fullmatch(r"(\S.*?)(?:\t+|\s{2,})(\S.*)", bare)):
-        found.append(Said(parts[1], (parts[2],), (0,)))
-    if not found and (parts := re.fullmatch(r"(\D*?\S)\s+([-+.\d]\S*(?:\s*[A-Za-zµ/]+)?)", bare)):
-        found.append(Said(parts[1], (parts[2],), (0,)))
-    return found
+            statements.append(Said(pair[1], (pair[2].strip('"'),), (0,)))
+    if not statements and (parts := re.fullmatch(r"(\S.*?)(?:\t+|\s{2,})(\S.*)", bare)):
+        statements.append(Said(parts[1], (parts[2],), (0,)))
+    if not statements and (
+        parts := re.fullmatch(r"(\D*?\S)\s+([-+.\d]\S*(?:\s*[A-Za-zµ/]+)?)", bare)
+    ):
+        statements.append(Said(parts[1], (parts[2],), (0,)))
+    return statements
 
 
 def fact(
@@ -102,8 +104,8 @@ def fact(
     try:
         # "500 Hz" for an interval, or "2 ms" for a rate, are understood all the same.
         flip = unit(read).is_compatible_with("Hz") != (kind == "rate")
-        found = Fact(name, f"{parts[1]} {read}" if written else parts[1], _other(default, flip))
-        return found if step_of(found, name) > 0 else None
+        clock = Fact(name, f"{parts[1]} {read}" if written else parts[1], _other(default, flip))
+        return clock if step_of(clock, name) > 0 else None
     except (InputError, ZeroDivisionError):
         return None
 
@@ -112,19 +114,19 @@ def _other(default: str, flip: bool) -> str:
     return {"s": "Hz", "Hz": "s"}[default] if flip else default
 
 
-def step_of(told: Fact, where: str) -> float:
+def step_of(clock: Fact, where: str) -> float:
     """The step [s] that a file states as a step or a rate.
 
     **Raises:** `InputError` for one that is not above zero.
     """
-    parts = re.fullmatch(r"\s*(\S+)\s+(.*\S)\s*", told.value)
+    parts = re.fullmatch(r"\s*(\S+)\s+(.*\S)\s*", clock.value)
     written = readable(parts[2]) if parts else None
-    text = f"{parts[1]} {written}" if parts and written else told.value
-    value = parse_quantity(text, told.unit, where)
+    text = f"{parts[1]} {written}" if parts and written else clock.value
+    value = parse_quantity(text, clock.unit, where)
     if value <= 0:
-        kind = "a positive rate" if told.unit == "Hz" else "a positive step"
-        raise InputError.at(where, kind, told.value, "give --rate such as 200Hz")
-    return 1 / value if told.unit == "Hz" else value
+        kind = "a positive rate" if clock.unit == "Hz" else "a positive step"
+        raise InputError.at(where, kind, clock.value, "give --rate such as 200Hz")
+    return 1 / value if clock.unit == "Hz" else value
 
 
 class Beside(NamedTuple):
@@ -144,59 +146,59 @@ def beside(
     A value in the cell above a column speaks of that column, one value alone of all of them, and
     a key with a number of that channel, counted from 0 or 1 as the keys are.
     """
-    found = Beside({}, {}, {})
+    facts = Beside({}, {}, {})
     numbered: dict[str, dict[int, str]] = {"name": {}, "unit": {}}
     for said in lines:
         kind = kind_of(said.key)
         if kind in ("step", "rate"):
-            _take_clocks(found.clocks, said, kind, data, decimal)
+            _take_clocks(facts.clocks, said, kind, data, decimal)
         elif kind == "unit":
-            _take_units(found.units, said, data, names)
+            _take_units(facts.units, said, data, names)
         elif kind == "name" and not names:
             for at, text in _spread(said, data):
-                found.names.setdefault(at, text)
+                facts.names.setdefault(at, text)
         elif kind is None and (parts := _NUMBERED.fullmatch(said.key)):
             kind = kind_of(parts[1])
             if kind in numbered and said.values[0].strip():
                 numbered[kind].setdefault(int(parts[2]), said.values[0].strip())
-    for kind, into in (("name", found.names), ("unit", found.units)):
-        told = numbered[kind]
-        base = 0 if 0 in told else 1
-        if told and all(0 <= number - base < len(data) for number in told):
-            for number, text in told.items():
+    for kind, into in (("name", facts.names), ("unit", facts.units)):
+        texts = numbered[kind]
+        base = 0 if 0 in texts else 1
+        if texts and all(0 <= number - base < len(data) for number in texts):
+            for number, text in texts.items():
                 into.setdefault(data[number - base], text if kind == "name" else stripped(text))
     for said in lines:
-        if kind_of(said.key) == "xunit" and data and len(found.units) in (1, len(data) - 1):
-            found.units.setdefault(data[0], stripped(said.values[0]))
-    return found
+        if kind_of(said.key) == "xunit" and data and len(facts.units) in (1, len(data) - 1):
+            facts.units.setdefault(data[0], stripped(said.values[0]))
+    return facts
 
 
 def _spread(said: Said, data: Sequence[int]) -> list[tuple[int, str]]:
     """The values of a line by column: one for each, or one for each but the first, which is the
     time, or those in the cells above them."""
-    told = [(at, v.strip()) for at, v in zip(said.at, said.values, strict=True) if v.strip()]
-    texts = [text for _, text in told]
+    cells = [(at, v.strip()) for at, v in zip(said.at, said.values, strict=True) if v.strip()]
+    texts = [text for _, text in cells]
     if len(texts) > 1 and len(texts) in (len(data), len(data) - 1):
         return list(zip(data[len(data) - len(texts) :], texts, strict=True))
-    return told if len(told) > 1 and all(at in data for at, _ in told) else []
+    return cells if len(cells) > 1 and all(at in data for at, _ in cells) else []
 
 
 def _take_clocks(
     clocks: dict[int, tuple[Fact, ...]], said: Said, kind: str, data: Sequence[int], decimal: str
 ) -> None:
     """Add the steps or rates of a line: one for all, or one in the cell above each column."""
-    told = [
+    cells = [
         (at, fact(said.key, value, kind, decimal))
         for at, value in zip(said.at, said.values, strict=True)
     ]
     # A value and its unit in cells of their own.
     if len(said.values) > 1 and readable(said.values[1]):
         joined = fact(said.key, f"{said.values[0]} {said.values[1]}", kind, decimal)
-        told = [(said.at[0], joined)] if joined else told
-    good = [(at, each) for at, each in told if each is not None]
+        cells = [(said.at[0], joined)] if joined else cells
+    good = [(at, each) for at, each in cells if each is not None]
     if len({each.value for _, each in good}) == 1:
         clocks[-1] = tuple(dict.fromkeys((*clocks.get(-1, ()), good[0][1])))
-    elif len(good) == len(told):
+    elif len(good) == len(cells):
         by_text = {each.value: each for _, each in good}
         for at, text in _spread(said._replace(values=tuple(e.value for _, e in good)), data):
             clocks[at] = (*clocks.get(at, ()), by_text[text])
@@ -215,6 +217,6 @@ def _take_units(
         return
     for at, text in _spread(said, data):
         units.setdefault(at, stripped(text))
-    told = [value for value in said.values if value.strip()]
-    if len(told) == 1 and len(data) in (1, 2):
-        units.setdefault(data[-1], stripped(told[0]))
+    filled = [value for value in said.values if value.strip()]
+    if len(filled) == 1 and len(data) in (1, 2):
+        units.setdefault(data[-1], stripped(filled[0]))

@@ -109,8 +109,8 @@ def signature(head: bytes) -> tuple[str, str] | None:
 
 def text_signature(head: bytes) -> tuple[str, str] | None:
     """What text is that holds no table, and the remedy."""
-    known = signature(head)
-    return known if known is not None and known[0].startswith(_TEXTS) else None
+    signed = signature(head)
+    return signed if signed is not None and signed[0].startswith(_TEXTS) else None
 
 
 def signature_of(head: bytes, source: str) -> tuple[str, str] | None:
@@ -215,14 +215,14 @@ def _silence() -> Iterator[None]:
 
 def _instead(head: bytes, kind: str, source: str) -> tuple[str, str]:
     """What a file is that was no readable one of its kind, and the remedy."""
-    known = signature_of(head, source)
-    if known is None and not _NO_TEXT.search(head):
-        known = "text", "rename it to .txt"
-    if known is None:
+    signed = signature_of(head, source)
+    if signed is None and not _NO_TEXT.search(head):
+        signed = "text", "rename it to .txt"
+    if signed is None:
         return "unknown or damaged data", EXPORT
-    if known[0] == kind:
+    if signed[0] == kind:
         return "one that is damaged or cut short", "copy or export it again"
-    return known
+    return signed
 
 
 def _missing(place: str, wanted: str, error: ImportError) -> InputError:

@@ -45,7 +45,7 @@ def header_of(source: str, lines: Sequence[str], layout: Layout, hints: Hints) -
     **Raises:** `InputError` where a row of names has too few or too many.
     """
     width = layout.width
-    names_row, units_row = _told(source, lines, layout, hints)
+    names_row, units_row = _stated_rows(source, lines, layout, hints)
     above = _rows_above(lines, layout)
     if hints.names_row is None and hints.units_row is None:
         names_row, units_row = _parts(above, layout)
@@ -60,7 +60,7 @@ def header_of(source: str, lines: Sequence[str], layout: Layout, hints: Hints) -
     extra = _beyond(names_row, units_row, layout)
     if not names and facts.names:
         names = tuple(facts.names.get(at, f"column {at}") for at in range(width))
-    units = [told or facts.units.get(at, "") for at, told in enumerate(units)]
+    units = [stated_unit or facts.units.get(at, "") for at, stated_unit in enumerate(units)]
     shared = (*facts.clocks.get(-1, ()), *extra)
     clocks = tuple((*facts.clocks.get(at, ()), *shared) for at in range(width))
     repeated = tuple(names_row.cells) if names_row else ()
@@ -69,16 +69,16 @@ def header_of(source: str, lines: Sequence[str], layout: Layout, hints: Hints) -
 
 def _rows_above(lines: Sequence[str], layout: Layout) -> list[_Row]:
     """The rows of text next above the table, from below upwards: as wide, and not of numbers."""
-    found: list[_Row] = []
+    rows: list[_Row] = []
     for at in range(layout.start - 1, -1, -1):
         line = lines[at]
         if not line.strip(' \t"' + layout.separator):
             continue
         row = _row(at, line, layout)
-        if row is None or len(found) == _MOST_ROWS:
+        if row is None or len(rows) == _MOST_ROWS:
             break
-        found.append(row)
-    return found
+        rows.append(row)
+    return rows
 
 
 def _row(at: int, line: str, layout: Layout) -> _Row | None:
@@ -234,16 +234,16 @@ def _said(
 ) -> list[Said]:
     """What all lines above the table say, and the text left of its columns."""
     taken = {row.line for row in (names_row, units_row) if row}
-    found = []
+    statements = []
     for at, line in enumerate(lines[: layout.start]):
         if at not in taken and line.strip():
-            found += said_in(line, _cells(line, layout))
-    left = min(layout.data, default=0)
-    for line in lines[layout.start : layout.start + _BESIDE] if left > 0 else ():
-        cells = cells_of(line, layout.separator)[:left]
+            statements += said_in(line, _cells(line, layout))
+    first_column = min(layout.data, default=0)
+    for line in lines[layout.start : layout.start + _BESIDE] if first_column > 0 else ():
+        cells = cells_of(line, layout.separator)[:first_column]
         if cells and cells[0]:
-            found += said_in(" ".join(cells), cells)
-    return found
+            statements += said_in(" ".join(cells), cells)
+    return statements
 
 
 def _cells(line: str, layout: Layout) -> list[str]:
@@ -255,21 +255,21 @@ def _beyond(names_row: _Row | None, units_row: _Row | None, layout: Layout) -> t
     """A step that stands in the row of units below its name, right of the columns."""
     if names_row is None or units_row is None or names_row is units_row:
         return ()
-    told = []
+    clocks = []
     for name, value in list(zip(names_row.cells, units_row.cells, strict=False)):
         if (kind := kind_of(name)) in ("step", "rate") and kind_of_cell(value) == "number":
-            told.append(fact(name, value, kind, layout.decimal))
-    return tuple(each for each in told if each)
+            clocks.append(fact(name, value, kind, layout.decimal))
+    return tuple(each for each in clocks if each)
 
 
-def _told(
+def _stated_rows(
     source: str, lines: Sequence[str], layout: Layout, hints: Hints
 ) -> tuple[_Row | None, _Row | None]:
     """The rows of names and of units that the call names by line."""
-    found: list[_Row | None] = []
+    rows: list[_Row | None] = []
     for name, number in (("names", hints.names_row), ("units", hints.units_row)):
         if number is None:
-            found.append(None)
+            rows.append(None)
             continue
         if not 1 <= number <= layout.start:
             raise InputError.at(
@@ -287,8 +287,8 @@ def _told(
                 f"{len(cuts[0])}",
                 f"give another line as --{name}-row",
             )
-        found.append(_Row(number - 1, fitting[0]))
-    return found[0], found[1]
+        rows.append(_Row(number - 1, fitting[0]))
+    return rows[0], rows[1]
 
 
 def _check_units(source: str, lines: Sequence[str], layout: Layout) -> None:

@@ -80,8 +80,8 @@ def is_comment(line: str) -> bool:
 def told_separator(lines: Sequence[str]) -> tuple[str, int] | None:
     """The separator of a first line such as `sep=;`, and that line's index."""
     for at, line in enumerate(lines[:3]):
-        if told := _SEP_LINE.fullmatch(line):
-            return {"\\t": "\t"}.get(told[1], told[1]), at
+        if sep_line := _SEP_LINE.fullmatch(line):
+            return {"\\t": "\t"}.get(sep_line[1], sep_line[1]), at
         if line.strip():
             break
     return None
@@ -95,11 +95,11 @@ def layout_of(
 
     `skip`: how many lines are none of it.
     """
-    told = told_separator(lines)
+    stated = told_separator(lines)
     best: _Run | None = None
     separator = ""
-    for candidate in [told[0]] if told else separators:
-        runs = _runs(lines, candidate, max(skip, told[1] + 1 if told else 0))
+    for candidate in [stated[0]] if stated else separators:
+        runs = _runs(lines, candidate, max(skip, stated[1] + 1 if stated else 0))
         top = max(runs, key=lambda run: run.score, default=None)
         if top is not None and top.score > (best.score if best else 0):
             best, separator = _first_of_table(runs, top, lines, candidate), candidate
@@ -129,7 +129,7 @@ def layout_of(
 
 def _runs(lines: Sequence[str], separator: str, skip: int) -> list[_Run]:
     """The runs of rows of one width with numbers in them."""
-    found = []
+    runs = []
     score = rows = 0
     start = width = -1
     for at in range(skip, len(lines) + 1):
@@ -142,13 +142,13 @@ def _runs(lines: Sequence[str], separator: str, skip: int) -> list[_Run]:
         numbers = sum(kind in ("number", "stamp", "quantity") for kind in kinds)
         if len(cells) != width or not (numbers or not any(cells)):
             if width > 0:
-                found.append(_Run(score, start, at, width, rows))
+                runs.append(_Run(score, start, at, width, rows))
             score = rows = 0
             start, width = (at, len(cells)) if numbers else (-1, -1)
         if width > 0:
             score += numbers + kinds.count("code") - kinds.count("text")
             rows += 1
-    return found
+    return runs
 
 
 def _first_of_table(runs: Sequence[_Run], top: _Run, lines: Sequence[str], separator: str) -> _Run:

@@ -84,14 +84,14 @@ def _objects_of_hdf5(source: str) -> dict[str, str]:
     """The variables of a file of version 7.3 that are objects, and their classes."""
     import h5py
 
-    found = {}
+    classes = {}
     with h5py.File(source, "r") as file:
         for name, node in file.items():
             if "MATLAB_object_decode" in node.attrs and not name.startswith("#"):
-                found[name] = bytes(node.attrs.get("MATLAB_class", b"object")).decode(
+                classes[name] = bytes(node.attrs.get("MATLAB_class", b"object")).decode(
                     "ascii", "replace"
                 )
-    return found
+    return classes
 
 
 def _check(source: str) -> dict[str, str]:

@@ -20,19 +20,19 @@ def is_bad_masked(mask: Mask) -> bool:
 
 def spans_of(mask: Mask) -> list[tuple[float, float]]:
     """The times [s] of a mask.  Raises InputError where one is none."""
-    found = []
+    spans = []
     for one in [mask] if isinstance(mask, str) else mask or []:
         if one == BAD:
             continue
         if not isinstance(one, str):
-            found.append((float(one[0]), float(one[1])))
+            spans.append((float(one[0]), float(one[1])))
             continue
         ends = re.split(r"\.\.", one)
         if len(ends) != 2:
             raise InputError.at("--mask", 'a time such as "3 s..4 s"', f'"{one}"', "correct it")
         first, last = (parse_quantity(end, "s", "--mask") for end in ends)
-        found.append((first, last))
-    return found
+        spans.append((first, last))
+    return spans
 
 
 def within(mask: Mask, times: np.ndarray, step: float) -> np.ndarray:
@@ -64,16 +64,18 @@ def require_masked(
     shown = table.shown((rows.start or 0) + row, column)
     kind = "a number" if not beyond and not _is_code(shown) else "a finite number"
     last = int(np.flatnonzero(bad)[-1])
-    found = shown
+    description = shown
     if count > 1:
         what = "beyond the range, clipped" if beyond else "no numbers"
-        found += f", one of {count} that are {what} from {times[row]:.4g} to {times[last]:.4g} s"
+        description += (
+            f", one of {count} that are {what} from {times[row]:.4g} to {times[last]:.4g} s"
+        )
     elif beyond:
-        found += ", beyond the range"
+        description += ", beyond the range"
     raise InputError.at(
         table.place((rows.start or 0) + row, column),
         kind,
-        found,
+        description,
         "correct it, or give --mask bad to leave such samples out",
     )
 

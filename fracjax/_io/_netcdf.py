@@ -29,7 +29,9 @@ def read_netcdf(path: str | PathLike[str]) -> ArrayTable:
             facts |= dict(content._attributes)
             for name, variable in content.variables.items():
                 values = np.array(variable.data).astype(variable.data.dtype.newbyteorder("="))
-                facts |= {f"{name}/{key}": told for key, told in variable._attributes.items()}
+                facts |= {
+                    f"{name}/{key}": attribute for key, attribute in variable._attributes.items()
+                }
                 if values.size == 1:
                     facts[name] = values
                 else:

@@ -117,9 +117,9 @@ def _is_end(lines: Sequence[str], at: int, layout: Layout) -> bool:
     return apart and all(_is_text(line, layout) for line in lines[at:])
 
 
-def _long_blocks(blanks: Sequence[int], count: int, told: bool) -> list[int]:
+def _long_blocks(blanks: Sequence[int], count: int, stated: bool) -> list[int]:
     """The rows behind blank lines, where these part blocks long enough for a recording."""
-    if told or not blanks:
+    if stated or not blanks:
         return []
     edges = sorted({0, *blanks, count})
     lengths = [stop - start for start, stop in pairwise(edges)]
@@ -131,9 +131,9 @@ def _refusal(source: str, lines: Sequence[str], at: int, layout: Layout) -> Inpu
     cells = cells_of(lines[at], layout.separator)
     place = f"{source}, line {at + 1}"
     if len(cells) == layout.width:
-        found = f'"{lines[at].strip()[:40]}"'
+        beginning = f'"{lines[at].strip()[:40]}"'
         return InputError.at(
-            place, "a row of numbers", found, "correct that line, or cut the file there"
+            place, "a row of numbers", beginning, "correct that line, or cut the file there"
         )
     remedy = "complete that line, or give --skip-rows where the table begins below it"
     if not any(line.strip() for line in lines[at + 1 :]):

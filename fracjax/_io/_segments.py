@@ -27,13 +27,13 @@ def segments_of_times(times: np.ndarray) -> list[slice]:
 def gaps(times: np.ndarray) -> list[int]:
     """The samples of times (N,) that follow a gap: more than ten times the steps around it."""
     steps = np.diff(times)
-    found = []
+    starts = []
     for at in np.flatnonzero(steps > LONGEST_GAP * _usual(steps)):
         around = steps[max(at - _NEAR, 0) : at], steps[at + 1 : at + 1 + _NEAR]
         local = max((float(np.median(np.abs(side))) for side in around if side.size), default=0.0)
         if steps[at] > LONGEST_GAP * local:
-            found.append(int(at) + 1)
-    return found
+            starts.append(int(at) + 1)
+    return starts
 
 
 def _usual(steps: np.ndarray) -> float:
@@ -44,10 +44,10 @@ def _usual(steps: np.ndarray) -> float:
 def cut(count: int, places: list[int]) -> list[slice]:
     """The stretches of `count` rows between places; one where a stretch would be too short."""
     edges = [0, *places, count]
-    found = [slice(start, stop) for start, stop in pairwise(edges)]
-    if any(part.stop - part.start < MINIMUM_SAMPLES for part in found):
+    segments = [slice(start, stop) for start, stop in pairwise(edges)]
+    if any(part.stop - part.start < MINIMUM_SAMPLES for part in segments):
         return [slice(0, count)]
-    return found
+    return segments
 
 
 def in_words(lengths: list[float], gaps: list[float | None]) -> str:

@@ -110,14 +110,14 @@ def signals_of(tables: Mapping[str, Table], request: Request) -> Found:
     roles = [role for role in request.columns if role != "time"]
     chosen: dict[str, tuple[int, int | None]] = {}
     for table, group in _groups(tables, roles):
-        found = choose(
+        choice = choose(
             table,
             {role: request.columns.get(role) for role in ("time", *group)},
             has_rate=hertz is not None,
-            stated=[role for role, told in request.units.items() if told],
+            stated=[role for role, stated_unit in request.units.items() if stated_unit],
         )
         for role in group:
-            chosen[role] = found.signals[role], found.times.get(role)
+            chosen[role] = choice.signals[role], choice.times.get(role)
     _require_lengths(tables, chosen)
     units = {
         role: unit_of(tables[role], role, chosen[role][0], request.units.get(role))
@@ -127,8 +127,8 @@ def signals_of(tables: Mapping[str, Table], request: Request) -> Found:
     parts = {role: parts_of(tables[role], *chosen[role], timing) for role in roles}
     counts = {len(each) for each in parts.values()}
     if len(counts) > 1:
-        told = " and ".join(f"{len(each)} of the {SIGNALS[role]}" for role, each in parts.items())
-        raise InputError.at(first.source, "as many segments of both", told, "split the files")
+        counts = " and ".join(f"{len(each)} of the {SIGNALS[role]}" for role, each in parts.items())
+        raise InputError.at(first.source, "as many segments of both", counts, "split the files")
     total = counts.pop()
     lengths = [_length(parts[roles[0]][at].clock) for at in range(total)]
     apart = _apart([parts[roles[0]][at].clock for at in range(total)])
@@ -142,7 +142,7 @@ def signals_of(tables: Mapping[str, Table], request: Request) -> Found:
                 "correct it",
             )
         order = range(request.segment - 1, request.segment)
-    found = [
+    segments = [
         _signals(
             {role: parts[role][at] for role in roles}, units, chosen, wanted, request, at, total
         )
@@ -152,8 +152,8 @@ def signals_of(tables: Mapping[str, Table], request: Request) -> Found:
         said = (
             f"{first.source}: it holds {in_words(lengths, apart)}; each is a recording of its own."
         )
-        found[0] = found[0]._replace(notes=(said, *found[0].notes))
-    return Found(found, lengths, apart)
+        segments[0] = segments[0]._replace(notes=(said, *segments[0].notes))
+    return Found(segments, lengths, apart)
 
 
 def _groups(tables: Mapping[str, Table], roles: list[str]) -> list[tuple[Table, list[str]]]:
@@ -219,9 +219,9 @@ def _signals(
         require_masked(part.table, part.column, part.rows, part.values, allowed, times)
         bad[role] = with_spikes(request.mask, part.values, lost) if role == "output" else lost
     if wanted is None:
-        parts, cuts, told = aligned(parts, source)
+        parts, cuts, alignment_notes = aligned(parts, source)
         bad = {role: each[cuts[role]] for role, each in bad.items()}
-        notes += told
+        notes += alignment_notes
         samples = {role: part.values for role, part in parts.items()}
         masked = np.logical_or.reduce(list(bad.values()))
         step = next(iter(parts.values())).clock.step

@@ -66,12 +66,12 @@ class TextTable:
     def _line(self, row: int) -> int:
         if self.lines is not None:
             return self.lines[row]
-        raw, left = self.text.raw, row
+        raw, remaining = self.text.raw, row
         for number, line in enumerate(raw.split(b"\n")):
             if number >= self.layout.start and line.strip():
-                if left == 0:
+                if remaining == 0:
                     return number + 1
-                left -= 1
+                remaining -= 1
         raise IndexError(row)
 
 
@@ -83,7 +83,7 @@ def read_text(path: str | PathLike[str], hints: Hints = NO_HINTS) -> TextTable:
     """
     source = fspath(path)
     text = text_of(source)
-    lines, layout = _found(source, text, hints)
+    lines, layout = _located(source, text, hints)
     header = header_of(source, lines, layout, hints)
     # As pandas reads it, a million rows take half a second; what it refuses is read row by row.
     quick = _quick(text, layout) if layout.is_plain else None
@@ -128,10 +128,10 @@ _Values = tuple[np.ndarray, int | None]
 """A column's numbers, and of stamps when their zero is."""
 
 
-def _found(source: str, text: Text, hints: Hints) -> tuple[list[str], Layout]:
+def _located(source: str, text: Text, hints: Hints) -> tuple[list[str], Layout]:
     """The lines down to where the table has begun, and its layout."""
-    if known := text_signature(text.raw[: _HEADS[0]]):
-        raise InputError.at(source, "rows of numbers", *known)
+    if signature := text_signature(text.raw[: _HEADS[0]]):
+        raise InputError.at(source, "rows of numbers", *signature)
     lines: list[str] = []
     for size in _HEADS:
         lines = text.decoded(size).split("\n")

@@ -192,8 +192,8 @@ def titled(title: str) -> Titled:
     """
     title = re.sub(r"(\.\d+)+$", "", title).strip()
     if brackets := [(b, b[b.lastindex or 0]) for b in _BRACKETS.finditer(title)]:
-        known = [pair for pair in brackets if pair[1] and readable(pair[1]) is not None]
-        chosen, inner = (known or [pair for pair in brackets if pair[1]] or brackets)[-1]
+        units = [pair for pair in brackets if pair[1] and readable(pair[1]) is not None]
+        chosen, inner = (units or [pair for pair in brackets if pair[1]] or brackets)[-1]
         name = f"{title[: chosen.start()]} {title[chosen.end() :]}".strip(" _")
         return Titled(name or title, inner)
     if (bare := re.fullmatch(r"in\s+(\S+)", title)) and readable(bare[1]):

@@ -133,29 +133,29 @@ FOREIGN_WORDS = frozenset(
 def _words(text: str) -> list[str]:
     """The words of a name in small letters: parted where its case changes, without digits."""
     parted = re.sub(r"(?<=[a-zäöü])(?=[A-Z])", " ", text)
-    found = (word.strip("0123456789") for word in re.split(r"[\W_]+", parted.casefold()))
-    return [word for word in found if word]
+    bare_words = (word.strip("0123456789") for word in re.split(r"[\W_]+", parted.casefold()))
+    return [word for word in bare_words if word]
 
 
 def _spoken(text: str) -> set[str]:
     """The quantities that a name speaks of."""
     words = _words(text)
-    found = {_EITHER[word] for word in words if word in _EITHER}
+    kinds = {_EITHER[word] for word in words if word in _EITHER}
     low = text.casefold()
-    found |= {kind for part, kind in _WITHIN if part in low}
+    kinds |= {kind for part, kind in _WITHIN if part in low}
     if text.strip() in ("#", "No.", "№"):
-        found.add("counter")
+        kinds.add("counter")
     # "The current position" is no current, and a sampling time no counter.
     for adjective in ("current", "counter", "remark"):
-        if len(found) > 1:
-            found.discard(adjective)
-    return found
+        if len(kinds) > 1:
+            kinds.discard(adjective)
+    return kinds
 
 
 def quantity(text: str) -> str | None:
     """The one quantity that a name speaks of, such as "voltage"; None of none or of several."""
-    found = _spoken(text)
-    return next(iter(found)) if len(found) == 1 else None
+    kinds = _spoken(text)
+    return next(iter(kinds)) if len(kinds) == 1 else None
 
 
 def role_of(text: str) -> str | None:
@@ -179,12 +179,12 @@ def role_of(text: str) -> str | None:
         return next(iter(roles - {"counter"}))
     if roles:
         return "counter" if roles == {"counter"} else None
-    directions = {role for role, known in _DIRECTIONS.items() if not known.isdisjoint(words)}
+    directions = {role for role, spoken in _DIRECTIONS.items() if not spoken.isdisjoint(words)}
     if not directions:
         directions = {
             role
-            for role, known in _DIRECTIONS.items()
-            if any(not word.isascii() and word in low for word in known)
+            for role, spoken in _DIRECTIONS.items()
+            if any(not word.isascii() and word in low for word in spoken)
         }
     return directions.pop() if len(directions) == 1 else None
 

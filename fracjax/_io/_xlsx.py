@@ -132,25 +132,25 @@ def read_xlsx(path: str | PathLike[str], hints: Hints = NO_HINTS) -> SheetTable:
         from openpyxl.utils import get_column_letter
 
         book = load_workbook(source, read_only=True, data_only=True)
-        found = []
+        columns = []
         try:
             for sheet in book.worksheets:
                 # Some programs write the extent of a sheet wrongly.
                 sheet.reset_dimensions()
                 rows = list(sheet.iter_rows(values_only=True))
-                found += _columns(source, plain(sheet.title), rows, get_column_letter, hints)
+                columns += _columns(source, plain(sheet.title), rows, get_column_letter, hints)
         finally:
             book.close()
-    if not found:
+    if not columns:
         raise InputError.at(
             source, "rows of numbers", "no number in any sheet", "export the recording as CSV"
         )
-    several = len({cells.sheet for cells in found}) > 1
+    several = len({cells.sheet for cells in columns}) > 1
     names = tuple(
-        (f"{cells.sheet}/" if several else "") + (cells.name or cells.letter) for cells in found
+        (f"{cells.sheet}/" if several else "") + (cells.name or cells.letter) for cells in columns
     )
-    nameless = not several and not any(cells.name for cells in found)
-    return SheetTable(source, () if nameless else names, tuple(found))
+    nameless = not several and not any(cells.name for cells in columns)
+    return SheetTable(source, () if nameless else names, tuple(columns))
 
 
 def write_xlsx(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
@@ -161,8 +161,8 @@ def write_xlsx(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> 
     """
     values = np.column_stack(list(columns.values()))
     if len(values) > _ROWS or not np.isfinite(values).all():
-        found = f"{len(values)}" if len(values) > _ROWS else "some that are not finite"
-        raise InputError.at(fspath(path), f"at most {_ROWS} finite rows", found, "write a .csv")
+        excess = f"{len(values)}" if len(values) > _ROWS else "some that are not finite"
+        raise InputError.at(fspath(path), f"at most {_ROWS} finite rows", excess, "write a .csv")
     with writing(path, _KIND) as part, part.open("wb") as file:
         from openpyxl import Workbook
         from openpyxl.cell import WriteOnlyCell
@@ -206,15 +206,15 @@ def _columns(
         if name or (values and kind != "empty"):
             columns.append(
                 Cells(
-                    sheet,
-                    letter_of(at + 1),
-                    name,
-                    layout.start + 1,
-                    values,
-                    layout.decimal,
-                    kind,
-                    header.units[at],
-                    header.clocks[at],
+                    sheet=sheet,
+                    letter=letter_of(at + 1),
+                    name=name,
+                    first=layout.start + 1,
+                    values=values,
+                    decimal=layout.decimal,
+                    kind=kind,
+                    unit=header.units[at],
+                    clocks=header.clocks[at],
                 )
             )
     return columns

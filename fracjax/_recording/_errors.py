@@ -8,9 +8,9 @@ class InputError(ValueError):
     """What the user gave cannot be used: one plain sentence, never a traceback."""
 
     @classmethod
-    def at(cls, where: str, expected: str, found: str, remedy: str) -> Self:
-        """Say where, what was expected, what was found, and the remedy."""
-        return cls(f"{where}: expected {expected}, found {found}; {remedy}.")
+    def at(cls, where: str, expected: str, given: str, remedy: str) -> Self:
+        """Say where, what was expected, what was given, and the remedy."""
+        return cls(f"{where}: expected {expected}, found {given}; {remedy}.")
 
 
 def found_in(given: object) -> str:

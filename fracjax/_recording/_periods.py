@@ -85,10 +85,10 @@ def repeats_in(u: np.ndarray) -> Repeats | None:
     mismatch = _mismatch(u)
     lags = _minima(mismatch)
     deepest = lags[np.argsort(mismatch[lags], kind="stable")[:_CANDIDATES]]
-    found = [repeats for lag in deepest if (repeats := _stretch(u, int(lag)))]
-    if not found:
+    candidates = [repeats for lag in deepest if (repeats := _stretch(u, int(lag)))]
+    if not candidates:
         return None
-    longest = max(found, key=lambda repeats: repeats.stop - repeats.start)
+    longest = max(candidates, key=lambda repeats: repeats.stop - repeats.start)
     steady = u[longest.start : longest.stop]
     whole = (_stretch(steady, int(lag)) for lag in _minima(_mismatch(steady)))
     kept = (repeats.period for repeats in whole if repeats and repeats.stop == len(steady))

@@ -121,11 +121,11 @@ class Recording:
 
 def require_units_of(first: Recording, other: Recording) -> None:
     """Raise `InputError` unless two recordings are written in the same units."""
-    expected, found = ((r.drive_unit, r.response_unit) for r in (first, other))
-    if found != expected:
+    expected, actual = ((r.drive_unit, r.response_unit) for r in (first, other))
+    if actual != expected:
         raise InputError.at(
             other.source,
             f"the units of {first.source} ({', '.join(expected)})",
-            f"({', '.join(found)})",
+            f"({', '.join(actual)})",
             "convert one of them",
         )

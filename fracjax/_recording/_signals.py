@@ -72,9 +72,9 @@ def spikes(response: np.ndarray) -> np.ndarray:
     Far is twelve times what samples around them typically depart from the line between their
     neighbours, and a hundredth of the range; up to three in a row, where those on both sides agree.
     """
-    found = np.zeros(len(response), bool)
+    alone = np.zeros(len(response), bool)
     if len(response) < MINIMUM_SAMPLES:
-        return found
+        return alone
     low, high = np.nanpercentile(response, [1, 99])
     bends = np.zeros(len(response))
     bends[1:-1] = np.abs(response[1:-1] - (response[:-2] + response[2:]) / 2)
@@ -89,5 +89,5 @@ def spikes(response: np.ndarray) -> np.ndarray:
         for first in np.flatnonzero(far) if np.count_nonzero(far) < 0.02 * len(far) + 5 else ():
             around = bends[max(first - _AROUND, 0) : first + width + _AROUND]
             if height[first] > _SPIKE * np.nanmedian(around):
-                found[first + 1 : first + 1 + width] = True
-    return found
+                alone[first + 1 : first + 1 + width] = True
+    return alone

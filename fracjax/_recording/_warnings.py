@@ -2,31 +2,73 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
+from typing import Protocol
 
 import numpy as np
 
-from fracjax._recording._periods import unit_range
+from fracjax._recording._periods import Repeats, unit_range
 from fracjax._recording._signals import spikes
 
-if TYPE_CHECKING:
-    from fracjax._recording._recording import Recording
+
+class Sampled(Protocol):
+    """What the warnings look at: the signals of a recording, their units and clock."""
+
+    @property
+    def drive(self) -> np.ndarray:
+        """Shape (N,), in `drive_unit`."""
+        ...
+
+    @property
+    def response(self) -> np.ndarray:
+        """Shape (N,), in `response_unit`."""
+        ...
+
+    @property
+    def drive_unit(self) -> str:
+        """The unit of the drive."""
+        ...
+
+    @property
+    def response_unit(self) -> str:
+        """The unit of the response."""
+        ...
+
+    @property
+    def masked(self) -> np.ndarray | None:
+        """The samples that no fit counts, shape (N,)."""
+        ...
+
+    @property
+    def dt(self) -> float:
+        """The step [s]."""
+        ...
+
+    @property
+    def rate(self) -> float:
+        """The sampling rate [Hz]."""
+        ...
+
+    def __len__(self) -> int: ...
+
+    def drive_period(self) -> Repeats | None:
+        """The periodic stretch of the drive."""
+        ...
 
 
-def warnings_about(recording: Recording) -> tuple[str, ...]:
+def warnings_about(recording: Sampled) -> tuple[str, ...]:
     """All of them, in plain sentences."""
-    found = (
+    warnings = (
         *(_clipping(recording), _quantisation(recording), _quantised_drive(recording)),
         *(_undersampling(recording), _spikes(recording), _leading(recording)),
     )
-    return tuple(warning for warning in found if warning)
+    return tuple(warning for warning in warnings if warning)
 
 
 _LEAD = 0.003
 """Least area of a loop that runs the wrong way round, as a share of its box."""
 
 
-def _clipping(recording: Recording) -> str | None:
+def _clipping(recording: Sampled) -> str | None:
     """A response that rests on its extreme value while the drive moves on."""
     response = recording.response
     stuck = (np.diff(recording.drive) != 0) & (np.diff(response) == 0)
@@ -45,7 +87,7 @@ def _clipping(recording: Recording) -> str | None:
     return None
 
 
-def _quantisation(recording: Recording) -> str | None:
+def _quantisation(recording: Sampled) -> str | None:
     """A response that takes few distinct values."""
     levels = np.unique(recording.response)
     if len(levels) >= min(200, len(recording) / 4):
@@ -57,7 +99,7 @@ def _quantisation(recording: Recording) -> str | None:
     )
 
 
-def _quantised_drive(recording: Recording) -> str | None:
+def _quantised_drive(recording: Sampled) -> str | None:
     """A drive that moves, and was recorded on few evenly spaced levels."""
     levels = np.unique(recording.drive)
     if not 16 <= len(levels) < min(200, len(recording) / 4):
@@ -79,21 +121,21 @@ def _quantised_drive(recording: Recording) -> str | None:
     )
 
 
-def _spikes(recording: Recording) -> str | None:
+def _spikes(recording: Sampled) -> str | None:
     """Samples of the response that stand alone."""
-    found = spikes(recording.response)
+    alone = spikes(recording.response)
     if recording.masked is not None:
-        found &= ~recording.masked
-    if not 0 < np.count_nonzero(found) <= 0.02 * len(recording):
+        alone &= ~recording.masked
+    if not 0 < np.count_nonzero(alone) <= 0.02 * len(recording):
         return None
-    at = recording.dt * int(found.argmax())
+    at = recording.dt * int(alone.argmax())
     return (
-        f"The response has {np.count_nonzero(found)} sample(s) far from those before and behind, "
+        f"The response has {np.count_nonzero(alone)} sample(s) far from those before and behind, "
         f"the first at {at:.6g} s: spikes. Leave them out with --mask bad."
     )
 
 
-def _leading(recording: Recording) -> str | None:
+def _leading(recording: Sampled) -> str | None:
     """A response that is ahead of its drive: the mean loop runs the wrong way round."""
     repeats = recording.drive_period()
     if repeats is None:
@@ -117,7 +159,7 @@ def _leading(recording: Recording) -> str | None:
     )
 
 
-def _undersampling(recording: Recording) -> str | None:
+def _undersampling(recording: Sampled) -> str | None:
     """A drive whose fastest part (99 % of the power lies below) has few samples per period."""
     u = unit_range(recording.drive)
     power = np.abs(np.fft.rfft((u - u.mean()) * np.hanning(len(u)))) ** 2

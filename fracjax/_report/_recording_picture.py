@@ -27,19 +27,19 @@ def draw_recordings(recordings: Sequence[Recording], path: Path, form: str) -> N
     with rests and samples left out marked, and the response over the drive.  `form`: "svg", "png"
     or "pdf"."""
     shown = list(recordings)[:_MOST]
-    told = [describe(recording) for recording in shown]
-    notes = [_notes(one) for one in told]
+    descriptions = [describe(recording) for recording in shown]
+    notes = [_notes(one) for one in descriptions]
     heights = [3.4 + 0.19 * len(lines) for lines in notes]
     with mpl.rc_context(_STYLE):
         drawing = Figure(figsize=(9.5, sum(heights)), layout="constrained")
         FigureCanvasAgg(drawing)
         rows = drawing.subfigures(len(shown), 1, height_ratios=heights, squeeze=False)[:, 0]
-        for part, recording, one, lines in zip(rows, shown, told, notes, strict=True):
+        for part, recording, one, lines in zip(rows, shown, descriptions, notes, strict=True):
             _draw(part, recording, one, lines)
         drawing.savefig(path, format=form)
 
 
-def _draw(part, recording: Recording, told: dict, lines: Sequence[str]) -> None:
+def _draw(part, recording: Recording, description: dict, lines: Sequence[str]) -> None:
     height = 3.4 + 0.19 * len(lines)
     grid = part.add_gridspec(
         3, 2, width_ratios=(1.7, 1), height_ratios=(1, 1, max(0.19 * len(lines), 0.01) * 3 / height)
@@ -56,7 +56,7 @@ def _draw(part, recording: Recording, told: dict, lines: Sequence[str]) -> None:
     ):
         axes.plot(times[::step], signal[::step], color=colour, lw=0.9)
         axes.set_ylabel(name)
-        for start, stop in told["rests_s"]:
+        for start, stop in description["rests_s"]:
             axes.axvspan(start, stop, color="0.85", lw=0)
         if recording.masked is not None:
             left_out = np.flatnonzero(recording.masked)
@@ -69,7 +69,7 @@ def _draw(part, recording: Recording, told: dict, lines: Sequence[str]) -> None:
     loop.plot(recording.drive[::step], counted[::step], color=COLOURS[0], lw=0.8)
     loop.set_xlabel(names[0])
     loop.set_ylabel(names[1])
-    noise = told["noise"]
+    noise = description["noise"]
     floor = "not to be seen" if noise is None else quantity(noise["sigma"], noise["unit"])
     loop.set_title(f"noise floor {floor}")
     part.suptitle(
@@ -79,6 +79,10 @@ def _draw(part, recording: Recording, told: dict, lines: Sequence[str]) -> None:
     text.text(0, 1, "\n".join(lines), va="top", fontsize=8, transform=text.transAxes)
 
 
-def _notes(told: dict) -> list[str]:
+def _notes(description: dict) -> list[str]:
     """The warnings as lines."""
-    return [line for each in told["warnings"] for line in textwrap.wrap(f"Warning: {each}", _LINE)]
+    return [
+        line
+        for each in description["warnings"]
+        for line in textwrap.wrap(f"Warning: {each}", _LINE)
+    ]

@@ -61,6 +61,8 @@ def batch_command(
 
     from .._batch import FITS, fit_batch
 
+    if given.pair is not None:
+        raise click.UsageError("batch takes files with drive and response in each")
     prepare_jax()
     # Of a lost scheduler it would print a traceback; that it is lost is said below.
     logging.getLogger("distributed.client").disabled = True
@@ -109,7 +111,7 @@ def _summary(rows: pd.DataFrame, told: dict[str, Any]) -> Summary:
 
 
 def _spreads(rows: pd.DataFrame) -> Figures:
-    """Each parameter's spread over the fitted recordings; where units differ, none is said."""
+    """Each parameter's spread over the fitted recordings, of each unit that it is told in."""
     from .._report._text import figure, pretty_unit
 
     fitted = rows.loc[rows["status"] == "fitted"]
@@ -117,10 +119,10 @@ def _spreads(rows: pd.DataFrame) -> Figures:
     columns = [("RMSE", "rmse", "response_unit")]
     columns += [(label, f"{label}.value", f"{label}.unit") for label in labels]
     table = []
-    for label, value, unit in columns if len(fitted) else []:
-        units = set(fitted[unit])
-        spread = [figure(float(fitted[value].quantile(share))) for share in (0.1, 0.5, 0.9)]
-        table.append([label, *spread, pretty_unit(units.pop()) if len(units) == 1 else ""])
+    for label, value, unit in columns:
+        for name, group in fitted.groupby(unit, sort=False):
+            spread = [figure(float(group[value].quantile(share))) for share in (0.1, 0.5, 0.9)]
+            table.append([label, *spread, pretty_unit(str(name))])
     return ["", "10 % below", "median", "10 % above", "unit"], table
 
 

@@ -19,8 +19,10 @@ from ._options import (
     rate_option,
     resample_option,
     simulated_history_option,
+    table_options,
     takes_results,
     time_option,
+    time_unit_option,
 )
 from ._progress import stages
 from ._results import Results, Summary
@@ -53,7 +55,8 @@ if TYPE_CHECKING:
 @click.option(
     "--streaming", is_flag=True, help="Write the linear inverse for a real-time loop, too."
 )
-@options(time_option, output_option, rate_option, output_unit_option, resample_option)
+@options(time_option, output_option, rate_option, output_unit_option, time_unit_option)
+@options(resample_option, table_options)
 @takes_results
 def compensate_command(
     trajectory: str,
@@ -67,7 +70,7 @@ def compensate_command(
     posterior: str | None,
     streaming: bool,
     results: Results,
-    **columns: str | None,
+    **columns: Any,
 ) -> int:
     """Find the drive that makes a fitted model's response follow a trajectory.
 
@@ -142,18 +145,16 @@ def _streamed(model: Model, found: Compensation, out: Path, results: Results) ->
 
 
 def _wanted(
-    path: str, fitted: str, columns: dict[str, str | None]
+    path: str, fitted: str, columns: dict[str, Any]
 ) -> tuple[Trajectory, Model, str, float]:
     """The trajectory in the unit of a fit, its model, the drive's unit, and the fit's offset."""
     from .._compensate import Trajectory
     from .._io import read_response
-    from .._recording import parse_quantity
 
     model, told = model_of_fit(fitted)
     samples, step, written = read_response(path, **columns)
     unit = told["units"]["response"]
-    scale = parse_quantity(f"1 {written}", unit, f"{path}, response")
-    trajectory = Trajectory(scale * samples, step, unit, path)
+    trajectory = Trajectory(samples, step, written, path).in_unit(unit)
     return trajectory, model, told["units"]["drive"], told["offsets"][0]
 
 

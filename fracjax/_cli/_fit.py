@@ -33,6 +33,7 @@ from ._tables import doubts, parameter_figures
 
 if TYPE_CHECKING:
     from .._fit import Comparison, Fit
+    from .._recording import Recording
 
 
 @click.command("fit")
@@ -112,17 +113,21 @@ def fit_command(
             results.save(comparison.save, out / "comparison.json")
         result = comparison or fits[0]
         results.save(lambda path: write_report(result, path), out / "report.html")
-    results.tell(result.to_dict, lambda: _summary(best, comparison))
+    results.tell(result.to_dict, lambda: _summary(best, comparison, taken))
     return status_of(fits, out)
 
 
-def _summary(fits: Sequence[Fit], comparison: Comparison | None) -> Summary:
-    """Of the fits, the best first, and of their comparison if there was one."""
+def _summary(
+    fits: Sequence[Fit], comparison: Comparison | None, recordings: Sequence[Recording]
+) -> Summary:
+    """Of the fits, the best first, of their comparison if there was one, and of the recordings."""
     from .._fit import analyse_residuals
     from .._report._text import fit_sentence, key_figures
 
     notes = [note for found in fits for note in (*_profile_notes(found), *doubts(found))]
     notes.append("; ".join(analyse_residuals(fits[0])[0].findings) + ".")
+    told = (warning for r in recordings for warning in (*r.warnings, *r.checks()))
+    notes += [f"Warning: {warning}" for warning in dict.fromkeys(told)]
     figures = key_figures(comparison or fits)
     return Summary(fit_sentence(fits), figures, notes, parameter_figures(fits[0]))
 

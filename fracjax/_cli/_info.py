@@ -2,34 +2,70 @@
 
 from __future__ import annotations
 
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from ._options import reading_options, takes_results
+from ._files import write_whole
+from ._options import given_of, mask_option, reading_options, recording_argument, takes_results
 from ._results import Results
 from ._tables import print_json, print_table
 
+if TYPE_CHECKING:
+    from .._recording import Recording
+
 
 @click.command("info")
-@click.argument("recording")
+@recording_argument
+@click.option(
+    "--plot",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Draw what was understood, as .svg, .png or .pdf.",
+)
+@mask_option
 @reading_options
 @takes_results
-def info_command(recording: str, results: Results, **columns: str | None) -> None:
+def info_command(
+    recording: str | None,
+    plot: Path | None,
+    mask: tuple[str, ...],
+    results: Results,
+    **columns: Any,
+) -> None:
     """Say what was understood of a recording.
 
     With --quiet its exit status alone says whether the file can be used.
     """
-    from .._io import read_with_columns
     from .._report._description import describe
 
-    told = describe(*read_with_columns(recording, **columns))
+    found = given_of(columns, mask).taken([recording] if recording else [])
+    if plot is not None:
+        _draw([each for each, _ in found], plot)
+    told = [describe(*each) for each in found]
     if results.as_json:
-        print_json(told)
+        print_json(told[0] if len(told) == 1 else told)
     elif not results.quiet:
-        print_table([], _rows(told))
-        for warning in told["warnings"]:
-            print(f"Warning: {warning}")
+        for number, one in enumerate(told):
+            if number:
+                print()
+            print_table([], _rows(one))
+            for warning in one["warnings"]:
+                print(f"Warning: {warning}")
+        if plot is not None:
+            print(f"Written: {plot}")
+
+
+def _draw(recordings: list[Recording], plot: Path) -> None:
+    from .._recording import InputError
+    from .._report._recording_picture import draw_recordings
+
+    if plot.suffix not in (".svg", ".png", ".pdf"):
+        raise InputError.at(
+            "--plot", "a file ending in .svg, .png or .pdf", f'"{plot}"', "name such a file"
+        )
+    write_whole(lambda path: draw_recordings(recordings, path, plot.suffix[1:]), plot)
 
 
 def _rows(told: dict[str, Any]) -> list[list[str]]:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -17,8 +17,10 @@ from ._options import (
     rate_option,
     resample_option,
     simulated_history_option,
+    table_options,
     takes_results,
     time_option,
+    time_unit_option,
 )
 from ._progress import stages
 from ._results import Results, Summary
@@ -43,8 +45,8 @@ if TYPE_CHECKING:
     help="The suffix tells the format: .csv .mat .h5 .npz .parquet .tdms .xlsx.",
 )
 @simulated_history_option
-@options(time_option, input_option, rate_option, input_unit_option, resample_option)
-@output_unit_option
+@options(time_option, input_option, rate_option, input_unit_option, time_unit_option)
+@options(resample_option, table_options, output_unit_option)
 @takes_results
 def simulate_command(
     drive: str,
@@ -54,29 +56,37 @@ def simulate_command(
     output_unit: str | None,
     history: History,
     results: Results,
-    **columns: str | None,
+    **columns: Any,
 ) -> int:
     """Simulate a model's response to a recorded drive.
 
-    The file need not hold a response.
+    The file need not hold a response.  What was fitted is simulated as the sensor read it, with
+    the offset of the fit's first recording.
     """
     import numpy as np
 
     from .._io import column_name, read_drive, write
     from .._models import parse_model
+    from .._recording import parse_quantity, unit
     from .._simulate import simulate
 
     if (name is None) == (fitted is None):
         raise click.UsageError("Give either --model or --fit")
     samples, step, drive_unit = read_drive(drive, **columns)
+    offset = 0.0
     if fitted is None:
         model, response_unit = parse_model(name or ""), output_unit or "um"
+        unit(response_unit, "--output-unit")
+        own_unit = response_unit
     else:
-        model, samples, drive_unit, response_unit = _fitted(fitted, samples, drive_unit)
+        model, samples, drive_unit, own_unit, offset = _fitted(fitted, samples, drive_unit)
+        response_unit = output_unit or own_unit
+    scale = parse_quantity(f"1 {own_unit}", response_unit, "--output-unit")
     prepare_jax()
     with stages(results.quiet) as progress:
         progress(f"simulating {model.name}")
         response, error = simulate(model, samples, step, history)
+        response = scale * (response + offset)
     signals = {"time_s": step * np.arange(len(samples))}
     signals |= {
         column_name("drive", drive_unit): samples,
@@ -107,11 +117,13 @@ def simulate_command(
     return 0
 
 
-def _fitted(path: str, drive: np.ndarray, drive_unit: str) -> tuple[Model, np.ndarray, str, str]:
-    """A fitted model, the drive in the unit it was fitted in, and both units."""
+def _fitted(
+    path: str, drive: np.ndarray, drive_unit: str
+) -> tuple[Model, np.ndarray, str, str, float]:
+    """A fitted model, the drive in the unit it was fitted in, both units, and the offset."""
     from .._recording import parse_quantity
 
     model, told = model_of_fit(path)
     units = told["units"]
     scale = parse_quantity(f"1 {drive_unit}", units["drive"], "drive")
-    return model, drive * scale, units["drive"], units["response"]
+    return model, drive * scale, units["drive"], units["response"], told["offsets"][0]

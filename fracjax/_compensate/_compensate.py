@@ -42,6 +42,7 @@ def compensate(
     history: History = "constant",
     offset: float = 0.0,
     drive_unit: str = "V",
+    response_unit: str | None = None,
     draws: Mapping[str, np.ndarray] | None = None,
     identified_by: Recording | None = None,
     progress: Progress = silent,
@@ -58,6 +59,8 @@ def compensate(
     [drive, drive/s]; `regularisation`, a time τ [s]: detail of the drive faster than it is damped,
     by adding (τ² g ü)² to the squared error, g = stroke/drive span; `history`, what the drive did
     before the first sample; `offset`, what the sensor reads where the model says zero [response];
+    `response_unit`, that of the model's response, to which the trajectory is converted: by default
+    that of `identified_by`, else the trajectory's;
     `draws`, values (D,) of the model's free parameters by name, such as `Posterior.samples`, for
     the band of the predicted response; `identified_by`, the recording they were drawn for, whose
     zero goes with them: each draw then has the offset that leaves the recording's mean as it is.
@@ -70,6 +73,10 @@ def compensate(
     """
     model = understood(model)
     require_kind(trajectory, Trajectory, "trajectory", "make one: Trajectory(response, dt, unit)")
+    if response_unit is None and identified_by is not None:
+        response_unit = identified_by.response_unit
+    if response_unit is not None:
+        trajectory = trajectory.in_unit(response_unit)
     bounds = _bounds(limits, slew, trajectory.dt)
     if not 0 <= regularisation < np.inf:
         raise _refusal("regularisation", "a time of 0 s or more", f"{regularisation}")

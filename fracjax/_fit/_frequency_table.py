@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._blocks import Setting
-from .._io import _table as table_of
+from .._io import read_table as table_of
 from .._recording import InputError, parse_quantity, unit
 
 _LEAST = 3
@@ -18,6 +18,8 @@ _WORDS = {
     "frequency": {"frequency", "frequencies", "freq", "f", "omega", "w"},
     "amplitude": {"amplitude", "magnitude", "gain", "ratio", "amp", "mag", "abs"},
     "phase": {"phase", "angle", "arg", "ph"},
+    "real": {"real", "re"},
+    "imaginary": {"imag", "imaginary", "im"},
 }
 _ERROR = {"error", "err", "sd", "std", "sigma", "uncertainty", "se"}
 _UNITS = re.compile(
@@ -134,9 +136,9 @@ def read_frequency_table(
     """A frequency response from a file of named columns, of any format that `read` takes.
 
     Columns: frequency [Hz], or any multiple, or rad/s; amplitude (magnitude, gain) as a ratio
-    such as [um/V], or in dB of `response_unit`/`drive_unit`; phase in degrees or rad.  With "error"
-    in the name, their standard errors, in the same units.  The units of the ratio are the
-    amplitude's, or given, or um/V.
+    such as [um/V], or in dB of `response_unit`/`drive_unit`; phase in degrees or rad; or, instead
+    of both, real and imaginary part.  With "error" in the name, standard errors of amplitude and
+    phase, in the same units.  The units of the ratio are the amplitude's, or given, or um/V.
     Raises InputError where a column is missing, ambiguous, or in another unit.
     """
     source = fspath(path)
@@ -152,7 +154,9 @@ def read_frequency_table(
                 source, f"one column for {role}", f'"{full}" too', "rename or remove it"
             )
         found[role] = table.numbers(column), table.about(column).unit or written
-    for role in _WORDS:
+    if "real" in found and "imaginary" in found and "amplitude" not in found:
+        found |= _polar(found["real"], found["imaginary"], source)
+    for role in ("frequency", "amplitude", "phase"):
         if role not in found:
             names = ", ".join(f'"{name}"' for name in table.names) or "columns without names"
             raise InputError.at(
@@ -185,6 +189,18 @@ def read_frequency_table(
         response_unit=response_unit or (of_ratio[1].strip() if of_ratio else "um"),
         source=source,
     )
+
+
+def _polar(
+    real: tuple[np.ndarray, str], imaginary: tuple[np.ndarray, str], source: str
+) -> dict[str, tuple[np.ndarray, str]]:
+    """Amplitude and phase [rad] of real and imaginary part, each with its unit."""
+    if real[1] != imaginary[1]:
+        raise InputError.at(
+            source, "one unit of both parts", f'"{real[1]}" and "{imaginary[1]}"', "convert one"
+        )
+    response = real[0] + 1j * imaginary[0]
+    return {"amplitude": (np.abs(response), real[1]), "phase": (np.angle(response), "rad")}
 
 
 _EXAMPLES = {

@@ -19,7 +19,8 @@ def weights_of(
     """Weights (N,) per recording, 0 where the mask leaves a sample out; None where all are 1.
 
     `weights` multiply the squared residuals: an array (N,), or one per recording; the noise's
-    level is that of a sample of weight 1.  `mask` are times [s] from the first sample, ends
+    level is that of a sample of weight 1; samples that a recording has masked count for nothing.
+    `mask` are times [s] from the first sample, ends
     included, of every recording.
     Raises InputError where they do not fit, are negative or leave too few samples.
     """
@@ -34,7 +35,7 @@ def weights_of(
             )  # fmt: skip
     found = []
     for recording, one in zip(recordings, given, strict=True):
-        if one is None and not mask:
+        if one is None and not mask and recording.masked is None:
             found.append(None)
             continue
         values = np.ones(len(recording)) if one is None else np.array(one, dtype=float)
@@ -45,6 +46,8 @@ def weights_of(
                 f"shape {values.shape}" if values.shape != (len(recording),) else "others",
                 "correct them",
             )
+        if recording.masked is not None:
+            values[recording.masked] = 0.0
         for times in mask:
             start, stop = pair_of(times, "mask", "pairs of times [s]", "write [(3.0, 4.0), ...]")
             slack = 1e-6 * recording.dt  # for the rounding of k·dt

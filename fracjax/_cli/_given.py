@@ -87,7 +87,7 @@ def models_for(names: Sequence[str], recordings: list[Recording]) -> list[Model]
 
 
 def model_of_fit(path: str) -> tuple[Model, dict[str, Any]]:
-    """The model in a fit.json, and all that the file tells."""
+    """The model in a fit.json, and the content of the file."""
     from .._fit import load_model
 
     return load_model(path), json.loads(Path(path).read_text(encoding="utf-8"))

@@ -77,13 +77,11 @@ def _rows(description: dict[str, Any]) -> list[list[str]]:
     drive, response, noise = description["drive"], description["response"], description["noise"]
     fastest = drive["top_frequency_Hz"]
     top = "" if fastest is None else f", up to {figure(fastest)} Hz"
+    clock = f"{description['rate_Hz']:.6g} Hz, {description['duration_s']:.6g} s"
     rows = [
         ["source", description["source"]],
         ["columns", _columns(description)],
-        [
-            "samples",
-            f"{description['samples']} at {description['rate_Hz']:.6g} Hz, {description['duration_s']:.6g} s",
-        ],
+        ["samples", f"{description['samples']} at {clock}"],
         ["drive", f"{drive['kind']}, {extent(drive)}{top}"],
         ["response", extent(response)],
         ["period", _period(description["period"])],

@@ -61,7 +61,7 @@ class ArrayTable:
         return len(self.columns)
 
     def about(self, column: int) -> Column:
-        """What is known of column `column`."""
+        """What the file says of column `column`."""
         path, array, index = self.columns[column]
         axis = _samples_axis(array.shape)
         fault, remedy = self.faults.get(path) or (_FAULTS.get(array.dtype.kind, ""), "")

@@ -204,7 +204,7 @@ def _recognised(table: Table, wanted: str, chosen: Mapping[str, int]) -> int | N
 def _take_the_last(
     table: Table, signals: list[str], chosen: dict[str, int], stated: Collection[str]
 ) -> None:
-    """Add the one column that is left beside the time and the other signal, if its unit is told."""
+    """Add the one remaining column beside the time and the other signal, if its unit is stated."""
     missing = [role for role in signals if role not in chosen]
     if len(missing) != 1 or len(signals) < 2 or not any(role in chosen for role in signals):
         return

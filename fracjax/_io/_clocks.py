@@ -20,7 +20,7 @@ class Clock(NamedTuple):
     """When the samples of a channel were taken."""
 
     times: np.ndarray
-    """[s], shape (N,); from 0 where no column tells them."""
+    """[s], shape (N,); from 0 where no column gives them."""
     step: float
     """[s], of times that are not uniform the usual one"""
     notes: tuple[str, ...]
@@ -31,7 +31,7 @@ class Clock(NamedTuple):
     states_start: bool = True
     """Whether a column, or a start in the file, says when it began."""
     facts: tuple[Fact, ...] = ()
-    """What in the file its step was taken from, where no column tells it."""
+    """What in the file its step was taken from, where no column gives it."""
 
 
 def rate_of(text: str | float, where: str) -> float:

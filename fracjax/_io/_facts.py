@@ -86,7 +86,7 @@ def fact(
 ) -> Fact | None:
     """A step or a rate as `Fact`, None where what stands there is none.
 
-    The unit stands behind the value, or in the key, which is the name unless told, as in
+    The unit stands behind the value, or in the key, which is the name unless stated, as in
     `Sampling interval (ms)`.
     """
     text = re.sub(r"^[A-Za-z]\w*:\s*", "", value.strip().strip('"'))

@@ -152,7 +152,7 @@ def _parts(above: Sequence[_Row], layout: Layout) -> tuple[_Row | None, _Row | N
     above = [row for row in above if any(kind_of_cell(cell) != "code" for cell in row.cells)]
     units = next((row for row in above if _is_of_units(row, layout)), None)
     if units is None:
-        units = _unknown_units(above, layout)
+        units = _unknown_units(above)
     if units is None:
         # A row with a number among the names is one of the table with a cell that is none.
         pure = [row for row in above if all(kind_of_cell(c) != "number" for c in row.cells)]
@@ -197,7 +197,7 @@ def _says_none(cell: str) -> bool:
     return len(cell) > 2 and quantity(cell) in ("counter", "time", "remark") and not is_unit(cell)
 
 
-def _unknown_units(above: Sequence[_Row], layout: Layout) -> _Row | None:
+def _unknown_units(above: Sequence[_Row]) -> _Row | None:
     """A lower row that must be one of units, though not all are understood: under a row of names,
     some are units, or all are in brackets."""
     if len(above) < 2 or not _has_words(above[1]):

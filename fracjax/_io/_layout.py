@@ -13,7 +13,6 @@ from fracjax._recording import MINIMUM_SAMPLES
 SEPARATORS = (";", "\t", ",", "|", " ")
 """In order of preference; the blank stands for any run of blanks and tabs."""
 COMMENTS = ("#", "%")
-_SIGNS = ("#", "%", ";", "!", "//", "*", "$", "&", "@", "'", ">", "--")
 _SEP_LINE = re.compile(r'\s*"?sep=(.|\\t)"?[;,\s]*', re.IGNORECASE)
 _SAMPLE = 200
 _BESIDE = 60
@@ -121,7 +120,7 @@ def layout_of(
         width,
         first,
         kinds,
-        _decimal(sample, kinds, separator),
+        _decimal(sample, kinds),
         not any('"' in line for line in lines[start:stop]),
         stop,
     )
@@ -207,6 +206,6 @@ def _first_row(rows: Sequence[tuple[int, list[str]]], kinds: Sequence[str]) -> i
     return rows[first][0] if first < len(rows) else rows[0][0]
 
 
-def _decimal(sample: Sequence[Sequence[str]], kinds: Sequence[str], separator: str) -> str:
+def _decimal(sample: Sequence[Sequence[str]], kinds: Sequence[str]) -> str:
     cells = [cells[at] for cells in sample for at, kind in enumerate(kinds) if kind == "number"]
-    return decimal_of(cells, separator)
+    return decimal_of(cells)

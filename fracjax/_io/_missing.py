@@ -1,4 +1,4 @@
-"""Samples that are no numbers: where they are allowed, and how they are told."""
+"""Samples that are no numbers: where they are allowed, and how they are marked."""
 
 import re
 from collections.abc import Sequence

@@ -130,7 +130,7 @@ def code_of(cell: str) -> float | None:
     return -np.inf if low in _BELOW else None
 
 
-def decimal_of(cells: Sequence[str], separator: str) -> str:
+def decimal_of(cells: Sequence[str]) -> str:
     """The decimal mark of cells of numbers: the one that stands last in any with both, or alone.
 
     A comma that is followed by three digits only, everywhere, could part thousands: it is decimal

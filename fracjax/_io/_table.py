@@ -1,4 +1,4 @@
-"""What every reader hands over: columns, named or not, what is known of them, where they stand."""
+"""What every reader hands over: columns, named or not, what the file says of them, where they stand."""
 
 from typing import NamedTuple, Protocol
 
@@ -74,7 +74,7 @@ class Table(Protocol):
         ...
 
     def about(self, column: int) -> Column:
-        """What is known of column `column`."""
+        """What the file says of column `column`."""
         ...
 
     def numbers(self, column: int) -> np.ndarray:

@@ -46,7 +46,7 @@ class TextTable:
         return len(self.columns)
 
     def about(self, column: int) -> Column:
-        """What is known of column `column`."""
+        """What the file says of column `column`."""
         return self.columns[column]
 
     def numbers(self, column: int) -> np.ndarray:
@@ -146,10 +146,10 @@ def _located(source: str, text: Text, hints: Hints) -> tuple[list[str], Layout]:
             return lines, layout
         if complete:
             break
-    raise _no_table(source, text, lines)
+    raise _no_table(source, lines)
 
 
-def _no_table(source: str, text: Text, lines: list[str]) -> InputError:
+def _no_table(source: str, lines: list[str]) -> InputError:
     """Why there is no table in a text."""
     wanted = "rows of numbers"
     longest = max(map(len, lines))

@@ -76,7 +76,7 @@ class SheetTable:
         return len(self.columns)
 
     def about(self, column: int) -> Column:
-        """What is known of column `column`."""
+        """What the file says of column `column`."""
         cells = self.columns[column]
         is_stamp = cells.kind == "stamp"
         fault = {"text": "text", "empty": "next to no numbers"}.get(cells.kind, "")

@@ -195,6 +195,7 @@ def test_read_exactly_or_refused(example):
 
 
 @pytest.mark.slow
+@pytest.mark.timeout(900)
 @settings(max_examples=2000)
 @given(written())
 def test_two_thousand_files_are_read_exactly_or_refused(example):

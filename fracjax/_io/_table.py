@@ -1,4 +1,4 @@
-"""What every reader hands over: columns, named or not, what the file says of them, where they stand."""
+"""What every reader hands over: columns, named or not, and what the file says of them."""
 
 from typing import NamedTuple, Protocol
 

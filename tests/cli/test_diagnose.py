@@ -20,7 +20,7 @@ def test_diagnose(loop, quick, capsys):
     out, err = capsys.readouterr()
     assert out.startswith("Model and recording agree.\n")
     assert "RMSE, held-out data" in out
-    assert "Nowhere does the residual" in out
+    assert "The residual does not exceed the noise anywhere." in out
     assert err == ""
     assert written() == {"diagnosis.json", "fit.json", "report.html"}
 

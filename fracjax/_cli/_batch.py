@@ -62,6 +62,8 @@ def batch_command(
 
     from .._batch import FITS, fit_batch
 
+    if given.pair is not None:
+        raise click.UsageError("batch takes files with drive and response in each")
     prepare_jax()
     # It would print a traceback when the scheduler is lost, which `fit_batch` reports itself.
     logging.getLogger("distributed.client").disabled = True
@@ -112,7 +114,7 @@ def _summary(rows: pd.DataFrame, overview: dict[str, Any]) -> Summary:
 
 
 def _spreads(rows: pd.DataFrame) -> Figures:
-    """Each parameter's spread over the fitted recordings; the unit is empty where units differ."""
+    """Each parameter's spread over the fitted recordings, for each unit that it has."""
     from .._report import figure, pretty_unit
 
     fitted = rows.loc[rows["status"] == "fitted"]
@@ -120,10 +122,10 @@ def _spreads(rows: pd.DataFrame) -> Figures:
     columns = [("RMSE", "rmse", "response_unit")]
     columns += [(label, f"{label}.value", f"{label}.unit") for label in labels]
     table = []
-    for label, value, unit in columns if len(fitted) else []:
-        units = set(fitted[unit])
-        spread = [figure(float(fitted[value].quantile(share))) for share in (0.1, 0.5, 0.9)]
-        table.append([label, *spread, pretty_unit(units.pop()) if len(units) == 1 else ""])
+    for label, value, unit in columns:
+        for name, group in fitted.groupby(unit, sort=False):
+            spread = [figure(float(group[value].quantile(share))) for share in (0.1, 0.5, 0.9)]
+            table.append([label, *spread, pretty_unit(str(name))])
     return ["", "10 % below", "median", "10 % above", "unit"], table
 
 

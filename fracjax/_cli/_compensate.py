@@ -19,8 +19,10 @@ from ._options import (
     rate_option,
     resample_option,
     simulated_history_option,
+    table_options,
     takes_results,
     time_option,
+    time_unit_option,
 )
 from ._progress import stages
 from ._results import Results, Summary
@@ -56,7 +58,8 @@ if TYPE_CHECKING:
 @click.option(
     "--streaming", is_flag=True, help="Also write the linear inverse for a real-time loop."
 )
-@options(time_option, output_option, rate_option, output_unit_option, resample_option)
+@options(time_option, output_option, rate_option, output_unit_option, time_unit_option)
+@options(resample_option, table_options)
 @takes_results
 def compensate_command(
     trajectory: str,
@@ -70,7 +73,7 @@ def compensate_command(
     posterior: str | None,
     streaming: bool,
     results: Results,
-    **columns: str | None,
+    **columns: Any,
 ) -> int:
     """Find the drive that makes a fitted model's response follow a trajectory.
 
@@ -157,18 +160,16 @@ def _write_streaming_inverse(
 
 
 def _inputs(
-    path: str, fitted: str, columns: dict[str, str | None]
+    path: str, fitted: str, columns: dict[str, Any]
 ) -> tuple[Trajectory, Model, str, float]:
     """The trajectory in a fit's response unit, and the fit's model, drive unit and offset."""
     from .._compensate import Trajectory
     from .._io import read_response
-    from .._recording import parse_quantity
 
     model, content = model_of_fit(fitted)
     samples, step, file_unit = read_response(path, **columns)
     unit = content["units"]["response"]
-    scale = parse_quantity(f"1 {file_unit}", unit, f"{path}, response")
-    trajectory = Trajectory(scale * samples, step, unit, path)
+    trajectory = Trajectory(samples, step, file_unit, path).in_unit(unit)
     return trajectory, model, content["units"]["drive"], content["offsets"][0]
 
 

@@ -33,6 +33,7 @@ from ._tables import fit_notes, parameter_figures
 
 if TYPE_CHECKING:
     from .._fit import Comparison, Fit
+    from .._recording import Recording
 
 
 @click.command("fit")
@@ -126,17 +127,21 @@ def fit_command(
             results.save(comparison.save, out / "comparison.json")
         result = comparison or fits[0]
         results.save(lambda path: write_report(result, path), out / "report.html")
-    results.show(result.to_dict, lambda: _summary(best, comparison))
+    results.show(result.to_dict, lambda: _summary(best, comparison, data))
     return status_of(fits, out)
 
 
-def _summary(fits: Sequence[Fit], comparison: Comparison | None) -> Summary:
-    """The summary of fits, best first, and of their comparison if there is one."""
+def _summary(
+    fits: Sequence[Fit], comparison: Comparison | None, recordings: Sequence[Recording]
+) -> Summary:
+    """The summary of fits, best first, of their comparison if there is one, and of recordings."""
     from .._fit import analyse_residuals
     from .._report import fit_sentence, key_figures
 
     notes = [note for fit in fits for note in (*_profile_notes(fit), *fit_notes(fit))]
     notes.append("; ".join(analyse_residuals(fits[0])[0].findings) + ".")
+    warnings = (warning for r in recordings for warning in (*r.warnings, *r.checks()))
+    notes += [f"Warning: {warning}" for warning in dict.fromkeys(warnings)]
     figures = key_figures(comparison or fits)
     return Summary(fit_sentence(fits), figures, notes, parameter_figures(fits[0]))
 

@@ -16,10 +16,13 @@ if TYPE_CHECKING:
 class Given(NamedTuple):
     """How a call wants its recordings read, and models fitted to them."""
 
-    columns: dict[str, str | None]
+    columns: dict[str, Any]
+    """The options of `read`."""
     history: str
     settle: str | None
     seed: int
+    pair: tuple[str, str] | None = None
+    """The files of a drive and of its response, which are one recording."""
 
     def read(self, path: str) -> Recording:
         """A recording."""
@@ -27,12 +30,36 @@ class Given(NamedTuple):
 
         return read(path, **self.columns)
 
+    def taken(self, paths: Sequence[str]) -> list[tuple[Recording, dict[str, str | int]]]:
+        """Every recording that the call names, each segment of a file by itself, and the columns
+        that it was read from."""
+        from .._io import read_segments
+
+        segments = [each for path in paths for each in read_segments(path, **self.columns)]
+        if self.pair is not None:
+            drive, response = self.pair
+            segments += read_segments(drive, response=response, **self.columns)
+        return segments
+
     def understood(
         self, paths: Sequence[str], names: Sequence[str]
     ) -> tuple[list[Recording], list[Model]]:
         """The recordings and models that the call names, each model once."""
-        recordings = [self.read(path) for path in paths]
+        recordings = [recording for recording, _ in self.taken(paths)]
         return recordings, models_for(list(dict.fromkeys(names)), recordings)
+
+    def the_one(self, path: str | None) -> Recording:
+        """The one recording that the call names."""
+        from .._recording import InputError
+
+        segments = self.taken([path] if path else [])
+        if len(segments) > 1:
+            place = path or " and ".join(self.pair or ())
+            sources = ", ".join(recording.source for recording, _ in segments)
+            raise InputError.at(
+                place, "one recording", sources, f"give --segment 1 to {len(segments)}"
+            )
+        return segments[0][0]
 
     @property
     def past(self) -> HistoryOption | None:
@@ -60,7 +87,7 @@ def models_for(names: Sequence[str], recordings: list[Recording]) -> list[Model]
 
 
 def model_of_fit(path: str) -> tuple[Model, dict[str, Any]]:
-    """The model in a fit.json, and all that the file tells."""
+    """The model in a fit.json, and the content of the file."""
     from .._fit import load_model
 
     return load_model(path), json.loads(Path(path).read_text(encoding="utf-8"))

@@ -2,56 +2,95 @@
 
 from __future__ import annotations
 
-from typing import Any
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
 
 import click
 
-from ._options import reading_options, takes_results
+from ._files import write_whole
+from ._options import given_of, mask_option, reading_options, recording_argument, takes_results
 from ._results import Results
 from ._tables import print_json, print_table
 
+if TYPE_CHECKING:
+    from .._recording import Recording
+
 
 @click.command("info")
-@click.argument("recording")
+@recording_argument
+@click.option(
+    "--plot",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Draw what was understood, as .svg, .png or .pdf.",
+)
+@mask_option
 @reading_options
 @takes_results
-def info_command(recording: str, results: Results, **columns: str | None) -> None:
+def info_command(
+    recording: str | None,
+    plot: Path | None,
+    mask: tuple[str, ...],
+    results: Results,
+    **columns: Any,
+) -> None:
     """Say what was understood of a recording.
 
     With --quiet its exit status alone says whether the file can be used.
     """
-    from .._io import read_with_columns
     from .._report import describe
 
-    told = describe(*read_with_columns(recording, **columns))
+    segments = given_of(columns, mask).taken([recording] if recording else [])
+    if plot is not None:
+        _draw([each for each, _ in segments], plot)
+    descriptions = [describe(*each) for each in segments]
     if results.as_json:
-        print_json(told)
+        print_json(descriptions[0] if len(descriptions) == 1 else descriptions)
     elif not results.quiet:
-        print_table([], _rows(told))
-        for warning in told["warnings"]:
-            print(f"Warning: {warning}")
+        for number, one in enumerate(descriptions):
+            if number:
+                print()
+            print_table([], _rows(one))
+            for warning in one["warnings"]:
+                print(f"Warning: {warning}")
+        if plot is not None:
+            print(f"Written: {plot}")
 
 
-def _rows(told: dict[str, Any]) -> list[list[str]]:
+def _draw(recordings: list[Recording], plot: Path) -> None:
+    from .._recording import InputError
+    from .._report import draw_recordings
+
+    if plot.suffix not in (".svg", ".png", ".pdf"):
+        raise InputError.at(
+            "--plot", "a file ending in .svg, .png or .pdf", f'"{plot}"', "name such a file"
+        )
+    write_whole(lambda path: draw_recordings(recordings, path, plot.suffix[1:]), plot)
+
+
+def _rows(description: dict[str, Any]) -> list[list[str]]:
     from .._report import figure, pretty_unit, quantity
 
     def extent(signal: dict) -> str:
         return f"{figure(signal['low'], 4)} to {quantity(signal['high'], signal['unit'])}"
 
-    drive, response, noise = told["drive"], told["response"], told["noise"]
+    drive, response, noise = description["drive"], description["response"], description["noise"]
     fastest = drive["top_frequency_Hz"]
     top = "" if fastest is None else f", up to {figure(fastest)} Hz"
+    clock = f"{description['rate_Hz']:.6g} Hz, {description['duration_s']:.6g} s"
     rows = [
-        ["source", told["source"]],
-        ["columns", _columns(told)],
-        ["samples", f"{told['samples']} at {told['rate_Hz']:.6g} Hz, {told['duration_s']:.6g} s"],
+        ["source", description["source"]],
+        ["columns", _columns(description)],
+        ["samples", f"{description['samples']} at {clock}"],
         ["drive", f"{drive['kind']}, {extent(drive)}{top}"],
         ["response", extent(response)],
-        ["period", _period(told["period"])],
+        ["period", _period(description["period"])],
     ]
-    if told["loop_opening_percent"] is not None:
-        rows.append(["loop opening", f"{figure(told['loop_opening_percent'])} % of the stroke"])
-    rests = told["rests_s"]
+    if description["loop_opening_percent"] is not None:
+        rows.append(
+            ["loop opening", f"{figure(description['loop_opening_percent'])} % of the stroke"]
+        )
+    rests = description["rests_s"]
     held = sum(stop - start for start, stop in rests)
     rows.append(["rests", f"{len(rests)}, {held:.3g} s in all" if rests else "none"])
     if noise is None:
@@ -63,8 +102,8 @@ def _rows(told: dict[str, Any]) -> list[list[str]]:
     return rows
 
 
-def _columns(told: dict[str, Any]) -> str:
-    time, drive, response = (told[role] for role in ("time", "drive", "response"))
+def _columns(description: dict[str, Any]) -> str:
+    time, drive, response = (description[role] for role in ("time", "drive", "response"))
     clock = "no column" if time["column"] is None else time["column"]
     return (
         f"time: {clock}; drive: {drive['column']} [{drive['unit']}]; "

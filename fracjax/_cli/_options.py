@@ -12,7 +12,11 @@ import click
 from ._given import Given
 from ._results import Results
 
-_COLUMNS = ("time", "input", "output", "rate", "input_unit", "output_unit", "resample")
+_COLUMNS = (
+    *("time", "input", "output", "rate", "input_unit", "output_unit", "time_unit", "resample"),
+    *("segment", "skip_rows", "names_row", "units_row"),
+)
+_PAIR = ("drive", "response")
 
 
 def options(*listed: Callable) -> Callable:
@@ -28,7 +32,20 @@ def options(*listed: Callable) -> Callable:
 
 # What is asked of, and where it goes --------------------------------------------------------------
 
-recordings_argument = click.argument("recordings", nargs=-1, required=True, metavar="RECORDING...")
+
+def _required(context: click.Context, parameter: click.Parameter, given: Any) -> Any:
+    """What was given, unless nothing was, neither here nor by --drive."""
+    if not given and not context.params.get("drive"):
+        raise click.MissingParameter(ctx=context, param=parameter)
+    return given
+
+
+recordings_argument = click.argument(
+    "recordings", nargs=-1, callback=_required, metavar="RECORDING..."
+)
+recording_argument = click.argument(
+    "recording", required=False, callback=_required, metavar="RECORDING"
+)
 model_option = click.option("--model", "name", required=True, help="See `models`.")
 folder_option = click.option(
     "--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="For the results."
@@ -48,15 +65,38 @@ output_unit_option = click.option("--output-unit", metavar="um", help="Unit of t
 resample_option = click.option(
     "--resample", metavar="200Hz", help="Interpolate to this rate where the times are not uniform."
 )
-reading_options = options(
-    time_option,
-    input_option,
-    output_option,
-    rate_option,
-    input_unit_option,
-    output_unit_option,
-    resample_option,
+time_unit_option = click.option(
+    "--time-unit", metavar="ms", help="Unit of the time, where the file leaves it unsaid."
 )
+segment_option = click.option(
+    "--segment",
+    type=click.IntRange(min=1),
+    metavar="NUMBER",
+    help="The one to take, of a file with several.",
+)
+_skip_rows = click.option(
+    "--skip-rows",
+    type=click.IntRange(min=0),
+    metavar="NUMBER",
+    help="Lines of a text or sheet to pass over, where the table is not found.",
+)
+_names_row = click.option(
+    "--names-row", type=click.IntRange(min=1), metavar="LINE", help="The line of the names."
+)
+_units_row = click.option(
+    "--units-row", type=click.IntRange(min=1), metavar="LINE", help="The line of the units."
+)
+table_options = options(segment_option, _skip_rows, _names_row, _units_row)
+_drive = click.option(
+    "--drive",
+    metavar="FILE",
+    is_eager=True,
+    help="A file of the drive alone, with --response, for a recording.",
+)
+_response = click.option("--response", metavar="FILE", help="A file of the response alone.")
+_column_options = options(_drive, _response, time_option, input_option, output_option)
+_unit_options = options(rate_option, input_unit_option, output_unit_option, time_unit_option)
+reading_options = options(_column_options, _unit_options, resample_option, table_options)
 
 
 # How a fit or a simulation is done ----------------------------------------------------------------
@@ -98,7 +138,10 @@ own_option = click.option(
     "--own", multiple=True, metavar="NAME", help="A value of its own for every recording."
 )
 mask_option = click.option(
-    "--mask", multiple=True, metavar='"3 s..4 s"', help="Leave out these times."
+    "--mask",
+    multiple=True,
+    metavar='"3 s..4 s"',
+    help='Leave out these times, or "bad": missing and clipped samples, and spikes.',
 )
 loss_option = click.option(
     "--loss",
@@ -113,21 +156,38 @@ _ASKED = ("fix", "bound", "prior", "tie", "own", "mask", "loss")
 # What reaches a command as one argument -----------------------------------------------------------
 
 
+def given_of(
+    others: dict[str, Any],
+    mask: tuple[str, ...],
+    history: str = "auto",
+    settle: str | None = None,
+    seed: int = 0,
+) -> Given:
+    """How recordings are to be read and fitted, taken out of a command's arguments."""
+    columns = {name: others.pop(name) for name in _COLUMNS}
+    drive, response = (others.pop(name) for name in _PAIR)
+    if (drive is None) != (response is None):
+        raise click.UsageError("Give --drive and --response together, each with a file")
+    pair = None if drive is None else (drive, response)
+    return Given(columns | {"mask": mask or None}, history, settle, seed, pair)
+
+
 def takes_given(command: Callable) -> Callable:
     """How recordings are read and fitted, which reaches the command as `given`."""
 
     @options(reading_options, _history, _settle, _seed)
     @wraps(command)
     def called(*, history: str, settle: str | None, seed: int, **others: Any) -> int:
-        columns = {name: others.pop(name) for name in _COLUMNS}
-        return command(given=Given(columns, history, settle, seed), **others)
+        given = given_of(others, others.pop("to_mask", ()), history, settle, seed)
+        return command(given=given, **others)
 
     return called
 
 
 def takes_asked(*listed: Callable) -> Callable:
     """What is asked of parameters and samples, which reaches the command as `asked`: the keywords
-    of `fit` that say the same."""
+    of `fit` that say the same.  The times to be masked also reach the reading of files, which then
+    allows them to hold no numbers; what is "bad" they tell alone."""
 
     def decorate(command: Callable) -> Callable:
         @options(*listed)
@@ -136,7 +196,10 @@ def takes_asked(*listed: Callable) -> Callable:
             from .._prepare import options_of
 
             written = {name: others.pop(name) for name in _ASKED if name in others}
-            return command(asked=options_of(**written), **others)
+            mask = written.get("mask", ())
+            if mask:
+                written["mask"] = tuple(text for text in mask if text != "bad")
+            return command(asked=options_of(**written), to_mask=mask, **others)
 
         return called
 

@@ -8,9 +8,15 @@ from typing import TYPE_CHECKING
 import click
 
 from ._files import folder
-from ._given import Given
+from ._given import Given, models_for
 from ._jax import prepare_jax
-from ._options import folder_option, model_option, takes_given, takes_results
+from ._options import (
+    folder_option,
+    model_option,
+    recording_argument,
+    takes_given,
+    takes_results,
+)
 from ._progress import chain_bar
 from ._results import Results, Summary
 from ._statuses import NOT_CONVERGED, fail
@@ -22,7 +28,7 @@ if TYPE_CHECKING:
 
 
 @click.command("posterior")
-@click.argument("recording")
+@recording_argument
 @model_option
 @folder_option
 @click.option("--resume", is_flag=True, help="Continue from the chain in DIR.")
@@ -49,7 +55,7 @@ if TYPE_CHECKING:
 @takes_given
 @takes_results
 def posterior_command(
-    recording: str,
+    recording: str | None,
     name: str,
     out: Path,
     resume: bool,
@@ -70,7 +76,8 @@ def posterior_command(
     from .._fit import fit
     from .._prepare import measured_noise
 
-    data, (model,) = given.understood([recording], [name])
+    data = [given.the_one(recording)]
+    (model,) = models_for([name], data)
     settings = given.how(data)
     noise = measured_noise(data[0], given.read(repeat)) if repeat else None
     from .._posterior import sample_posterior

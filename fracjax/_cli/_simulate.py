@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from pathlib import Path
-from typing import TYPE_CHECKING
+from typing import TYPE_CHECKING, Any
 
 import click
 
@@ -17,8 +17,10 @@ from ._options import (
     rate_option,
     resample_option,
     simulated_history_option,
+    table_options,
     takes_results,
     time_option,
+    time_unit_option,
 )
 from ._progress import stages
 from ._results import Results, Summary
@@ -48,8 +50,8 @@ chosen by judgement."""
     help="Its suffix sets the format: .csv .mat .h5 .npz .parquet .tdms .xlsx.",
 )
 @simulated_history_option
-@options(time_option, input_option, rate_option, input_unit_option, resample_option)
-@output_unit_option
+@options(time_option, input_option, rate_option, input_unit_option, time_unit_option)
+@options(resample_option, table_options, output_unit_option)
 @takes_results
 def simulate_command(
     drive: str,
@@ -59,29 +61,37 @@ def simulate_command(
     output_unit: str | None,
     history: History,
     results: Results,
-    **columns: str | None,
+    **columns: Any,
 ) -> int:
     """Simulate a model's response to a recorded drive.
 
-    The recording may lack a response.
+    The recording may lack a response.  A fitted model is simulated as the sensor read it, with the
+    offset of the fit's first recording.
     """
     import numpy as np
 
     from .._io import column_name, read_drive, write
     from .._models import parse_model
+    from .._recording import parse_quantity, unit
     from .._simulate import simulate
 
     if (name is None) == (fitted is None):
         raise click.UsageError("Give either --model or --fit")
     samples, step, drive_unit = read_drive(drive, **columns)
+    offset = 0.0
     if fitted is None:
         model, response_unit = parse_model(name or ""), output_unit or "um"
+        unit(response_unit, "--output-unit")
+        own_unit = response_unit
     else:
-        model, samples, drive_unit, response_unit = _fitted(fitted, samples, drive_unit)
+        model, samples, drive_unit, own_unit, offset = _fitted(fitted, samples, drive_unit)
+        response_unit = output_unit or own_unit
+    scale = parse_quantity(f"1 {own_unit}", response_unit, "--output-unit")
     prepare_jax()
     with stages(results.quiet) as progress:
         progress(f"simulating {model.name}")
         response, error = simulate(model, samples, step, history)
+        response = scale * (response + offset)
     signals = {"time_s": step * np.arange(len(samples))}
     signals |= {
         column_name("drive", drive_unit): samples,
@@ -112,11 +122,13 @@ def simulate_command(
     return 0
 
 
-def _fitted(path: str, drive: np.ndarray, drive_unit: str) -> tuple[Model, np.ndarray, str, str]:
-    """A fitted model, the drive (N,) in the unit of the fit, and both units."""
+def _fitted(
+    path: str, drive: np.ndarray, drive_unit: str
+) -> tuple[Model, np.ndarray, str, str, float]:
+    """A fitted model, the drive (N,) in the unit of the fit, both units, and the offset."""
     from .._recording import parse_quantity
 
     model, content = model_of_fit(path)
     units = content["units"]
     scale = parse_quantity(f"1 {drive_unit}", units["drive"], "drive")
-    return model, drive * scale, units["drive"], units["response"]
+    return model, drive * scale, units["drive"], units["response"], content["offsets"][0]

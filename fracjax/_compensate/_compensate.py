@@ -46,6 +46,7 @@ def compensate(
     history: History = "constant",
     offset: float = 0.0,
     drive_unit: str = "V",
+    response_unit: str | None = None,
     draws: Mapping[str, np.ndarray] | None = None,
     identified_by: Recording | None = None,
     progress: Progress = silent,
@@ -69,6 +70,8 @@ def compensate(
         history: What the drive did before the first sample: "rest" (zero), "constant" (its first
             value) or "periodic" (the same cycles).
         offset: What the sensor reads where the model's response is zero [response].
+        response_unit: Unit of the model's response, to which the trajectory is converted; by
+            default that of `identified_by`, else the trajectory's.
         drive_unit: Unit of the drive that the model was fitted with.
         draws: Values (D,) of the model's free parameters by name, such as `Posterior.samples`, for
             the band of the predicted response; None for no band.
@@ -88,6 +91,10 @@ def compensate(
     """
     model = as_model(model)
     require_kind(trajectory, Trajectory, "trajectory", "make one: Trajectory(response, dt, unit)")
+    if response_unit is None and identified_by is not None:
+        response_unit = identified_by.response_unit
+    if response_unit is not None:
+        trajectory = trajectory.in_unit(response_unit)
     bounds = _bounds(limits, slew, trajectory.dt)
     if not 0 <= regularisation < np.inf:
         raise _refusal("regularisation", "a time of 0 s or more", f"{regularisation}")

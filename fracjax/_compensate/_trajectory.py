@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -38,6 +38,14 @@ class Trajectory:
             )
         object.__setattr__(self, "dt", step)
         object.__setattr__(self, "response", varying(self.response, f"{self.source}, response"))
+
+    def in_unit(self, name: str) -> Trajectory:
+        """The same motion in another unit.
+
+        **Raises:** `InputError` for a unit that is unknown or of another kind.
+        """
+        scale = parse_quantity(f"1 {self.response_unit}", name, f"{self.source}, response")
+        return replace(self, response=scale * self.response, response_unit=name)
 
     def __len__(self) -> int:
         return len(self.response)

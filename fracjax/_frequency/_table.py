@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import ArrayLike
 
 from .._blocks import Setting
-from .._io import _table as table_of
+from .._io import read_table as table_of
 from .._recording import InputError, parse_quantity, unit
 
 _LEAST = 3
@@ -19,6 +19,8 @@ _WORDS = {
     "frequency": {"frequency", "frequencies", "freq", "f", "omega", "w"},
     "amplitude": {"amplitude", "magnitude", "gain", "ratio", "amp", "mag", "abs"},
     "phase": {"phase", "angle", "arg", "ph"},
+    "real": {"real", "re"},
+    "imaginary": {"imag", "imaginary", "im"},
 }
 _ERROR = {"error", "err", "sd", "std", "sigma", "uncertainty", "se"}
 _UNITS = re.compile(
@@ -156,7 +158,8 @@ def read_frequency_table(
 
     The file has a column for the frequency (in Hz, a multiple of it, or rad/s), one for the
     amplitude (or magnitude, gain) as a ratio such as [um/V] or in dB of response unit per drive
-    unit, and one for the phase (in degrees or rad).  Columns with "error" in their name hold
+    unit, and one for the phase (in degrees or rad), or, instead of these two, real and imaginary
+    part.  Columns with "error" in their name hold
     standard errors, in the same units.
 
     Args:
@@ -183,7 +186,9 @@ def read_frequency_table(
                 source, f"one column for {role}", f'"{heading}" as well', "rename or remove it"
             )
         columns[role] = table.numbers(column), table.about(column).unit or unit_as_written
-    for role in _WORDS:
+    if "real" in columns and "imaginary" in columns and "amplitude" not in columns:
+        columns |= _polar(columns["real"], columns["imaginary"], source)
+    for role in ("frequency", "amplitude", "phase"):
         if role not in columns:
             names = ", ".join(f'"{name}"' for name in table.names) or "columns without names"
             raise InputError.at(
@@ -216,6 +221,18 @@ def read_frequency_table(
         response_unit=response_unit or (ratio_units[1].strip() if ratio_units else "um"),
         source=source,
     )
+
+
+def _polar(
+    real: tuple[np.ndarray, str], imaginary: tuple[np.ndarray, str], source: str
+) -> dict[str, tuple[np.ndarray, str]]:
+    """Amplitude and phase [rad] of real and imaginary part, each with its unit."""
+    if real[1] != imaginary[1]:
+        raise InputError.at(
+            source, "one unit of both parts", f'"{real[1]}" and "{imaginary[1]}"', "convert one"
+        )
+    response = real[0] + 1j * imaginary[0]
+    return {"amplitude": (np.abs(response), real[1]), "phase": (np.angle(response), "rad")}
 
 
 _EXAMPLES = {

@@ -4,16 +4,18 @@ import re
 from collections.abc import Callable, Mapping
 from os import PathLike, fspath
 from pathlib import Path
-from typing import NamedTuple
+from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
 
-from fracjax._io._columns import drive, recording, response
 from fracjax._io._hdf5 import read_hdf5, write_hdf5
 from fracjax._io._mat import read_mat, write_mat
+from fracjax._io._missing import Mask
+from fracjax._io._netcdf import read_netcdf
 from fracjax._io._numpy import read_npy, read_npz, write_npy, write_npz
 from fracjax._io._parquet import read_parquet, write_parquet
-from fracjax._io._table import Table
+from fracjax._io._signals import Request, recordings_of, signals_of, the_one
+from fracjax._io._table import NO_HINTS, Hints, Table
 from fracjax._io._tdms import read_tdms, write_tdms
 from fracjax._io._text import read_text, write_text
 from fracjax._io._xlsx import read_xlsx, write_xlsx
@@ -21,10 +23,13 @@ from fracjax._recording import InputError, Recording
 
 __all__ = [
     "SUFFIXES",
+    "Options",
     "column_name",
     "read",
     "read_drive",
     "read_response",
+    "read_segments",
+    "read_table",
     "read_with_columns",
     "write",
     "write_text",
@@ -32,11 +37,12 @@ __all__ = [
 
 
 class _Format(NamedTuple):
-    read: Callable[[str | PathLike[str]], Table]
+    read: Callable[..., Table]
     write: Callable[[str | PathLike[str], Mapping[str, np.ndarray]], None]
+    takes_hints: bool = False
 
 
-_TEXT = _Format(read_text, write_text)
+_TEXT = _Format(read_text, write_text, True)
 _FORMATS: dict[str, _Format] = {
     **dict.fromkeys((".csv", ".tsv", ".txt", ".dat", ".asc"), _TEXT),
     **dict.fromkeys((".h5", ".hdf5"), _Format(read_hdf5, write_hdf5)),
@@ -45,117 +51,118 @@ _FORMATS: dict[str, _Format] = {
     ".npz": _Format(read_npz, write_npz),
     ".parquet": _Format(read_parquet, write_parquet),
     ".tdms": _Format(read_tdms, write_tdms),
-    ".xlsx": _Format(read_xlsx, write_xlsx),
+    ".xlsx": _Format(read_xlsx, write_xlsx, True),
 }
 """By suffix; any other suffix is tried as text."""
+_ONLY_READ = {
+    **dict.fromkeys((".nc", ".nc4", ".cdf"), _Format(read_netcdf, write_hdf5)),
+    ".xlsm": _FORMATS[".xlsx"],
+    ".lvm": _TEXT,
+}
 SUFFIXES = tuple(_FORMATS)
 _OPENINGS = {"V": "voltage", "A": "current", "m": "displacement", "N": "force"}
 _NAME = re.compile(r"(?!(nan|inf|infinity)$)[^\W\d_](.*\S)?", re.IGNORECASE)
 
 
+class Options(TypedDict, total=False):
+    """How a file is read; see `read`."""
+
+    time: str | int | None
+    input: str | int | None
+    output: str | int | None
+    rate: str | float | None
+    input_unit: str | None
+    output_unit: str | None
+    time_unit: str | None
+    resample: str | float | None
+    mask: Mask
+    segment: int | None
+    skip_rows: int | None
+    names_row: int | None
+    units_row: int | None
+
+
 def read(
     path: str | PathLike[str],
     *,
-    time: str | int | None = None,
-    input: str | int | None = None,
-    output: str | int | None = None,
-    rate: str | float | None = None,
-    input_unit: str | None = None,
-    output_unit: str | None = None,
-    resample: str | float | None = None,
+    response: str | PathLike[str] | None = None,
+    **options: Unpack[Options],
 ) -> Recording:
-    """The recording in a file: text, Parquet, MAT, HDF5, NPZ, NPY, TDMS or XLSX by its suffix.
+    """The recording in a file: text, Parquet, MAT, HDF5, NetCDF, NPZ, NPY, TDMS or XLSX by its
+    suffix.
 
     In a container, each vector of numbers is a column, called by its path, such as `run1/voltage`,
     or by the end of it; of an array with more axes, each index across its longest axis, which is
     that of the samples, such as `data.3` or `u.0.2`.
 
-    **Arguments:** `time`, `input` and `output`: a column's name or its index from 0, where the
-    names do not tell; `rate`: samples per second ("200Hz", or a number in Hz), needed without a
-    time column, unless the file states `dt`, `Ts`, `fs`, `Fs`, `rate` or `sampling_rate`;
-    `input_unit` and `output_unit`: what the file leaves unsaid; `resample`: the rate to interpolate
-    to where the times are not uniform.
+    **Arguments:** `response`: the response's file, where `path` holds the drive alone, each with
+    its clock; `time`, `input` and `output`: a column's name or its index from 0, where the names
+    do not tell; `rate`: samples per second ("200Hz", or a number in Hz), needed without a time
+    column, unless the file states a rate or a step; `input_unit` and `output_unit`: what the
+    numbers come out in, converted where the file states another unit, and `time_unit`, what the
+    file leaves unsaid; `resample`: the rate to interpolate to where the times are not uniform, or
+    drive and response have clocks of their own; `mask`: times [s] such as `[(3, 4)]` or
+    ["3 s..4 s"] in which samples may be missing, or "bad" for whatever is no number, clipped or a
+    spike, which no fit then counts; `segment`: which one, from 1, of a file with several;
+    `skip_rows`, `names_row`, `units_row`: how many lines of a text or sheet to pass over, and the
+    lines from 1 of names and units, where they are not found.
 
     **Returns:** drive and response in the file's own units, time in seconds; what had to be
     assumed stands in `Recording.warnings`.
 
     **Raises:** `InputError` with file, place and column for a file that cannot be used.
     """
-    return read_with_columns(
-        path,
-        time=time,
-        input=input,
-        output=output,
-        rate=rate,
-        input_unit=input_unit,
-        output_unit=output_unit,
-        resample=resample,
-    )[0]
+    return read_with_columns(path, response=response, **options)[0]
 
 
 def read_with_columns(
     path: str | PathLike[str],
     *,
-    time: str | int | None = None,
-    input: str | int | None = None,
-    output: str | int | None = None,
-    rate: str | float | None = None,
-    input_unit: str | None = None,
-    output_unit: str | None = None,
-    resample: str | float | None = None,
+    response: str | PathLike[str] | None = None,
+    **options: Unpack[Options],
 ) -> tuple[Recording, dict[str, str | int]]:
     """As `read`, and the columns of "time", if any, "input" and "output": name, or index from 0."""
-    return recording(
-        _table(path),
-        {"time": time, "input": input, "output": output},
-        rate=rate,
-        units={"input": input_unit, "output": output_unit},
-        resample=resample,
-    )
+    request = _request(options)
+    signals = signals_of(_tables(path, response, options), request)
+    one = the_one(*signals, fspath(path))
+    return recordings_of([one])[0], one.columns
+
+
+def read_segments(
+    path: str | PathLike[str],
+    *,
+    response: str | PathLike[str] | None = None,
+    **options: Unpack[Options],
+) -> list[tuple[Recording, dict[str, str | int]]]:
+    """As `read_with_columns`, of every segment of a file: stretches between gaps and restarts."""
+    signals = signals_of(_tables(path, response, options), _request(options)).signals
+    columns = [each.columns for each in signals]
+    return list(zip(recordings_of(signals), columns, strict=True))
 
 
 def read_drive(
-    path: str | PathLike[str],
-    *,
-    time: str | int | None = None,
-    input: str | int | None = None,
-    rate: str | float | None = None,
-    input_unit: str | None = None,
-    resample: str | float | None = None,
+    path: str | PathLike[str], **options: Unpack[Options]
 ) -> tuple[np.ndarray, float, str]:
     """The drive in a file, its step [s] and its unit; there need be no response.
 
     **Arguments** and **raises:** as `read`.
     """
-    return drive(
-        _table(path),
-        {"time": time, "input": input},
-        rate=rate,
-        unit=input_unit,
-        resample=resample,
-    )
+    return _alone(path, "input", options)
 
 
 def read_response(
-    path: str | PathLike[str],
-    *,
-    time: str | int | None = None,
-    output: str | int | None = None,
-    rate: str | float | None = None,
-    output_unit: str | None = None,
-    resample: str | float | None = None,
+    path: str | PathLike[str], **options: Unpack[Options]
 ) -> tuple[np.ndarray, float, str]:
     """The response in a file, its step [s] and its unit; there need be no drive.
 
     **Arguments** and **raises:** as `read`.
     """
-    return response(
-        _table(path),
-        {"time": time, "output": output},
-        rate=rate,
-        unit=output_unit,
-        resample=resample,
-    )
+    return _alone(path, "output", options)
+
+
+def read_table(path: str | PathLike[str]) -> Table:
+    """The columns of a file, whatever they are."""
+    return _table(path, NO_HINTS)
 
 
 def column_name(role: str, unit: str) -> str:
@@ -178,13 +185,61 @@ def write(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
     target = fspath(path)
     form = _FORMATS.get(Path(target).suffix.lower())
     if form is None:
-        known = " ".join(_FORMATS)
-        raise InputError.at(target, f"one of the suffixes {known}", "another", "choose one of them")
+        suffixes = " ".join(_FORMATS)
+        raise InputError.at(
+            target, f"one of the suffixes {suffixes}", "another", "choose one of them"
+        )
     form.write(target, _checked(target, columns))
 
 
-def _table(path: str | PathLike[str]) -> Table:
-    return _FORMATS.get(Path(path).suffix.lower(), _TEXT).read(path)
+def _request(options: Options) -> Request:
+    return Request(
+        {role: options.get(role) for role in ("time", "input", "output")},
+        options.get("rate"),
+        {role: options.get(f"{role}_unit") for role in ("time", "input", "output")},
+        options.get("resample"),
+        options.get("mask"),
+        options.get("segment"),
+    )
+
+
+def _hints(options: Options) -> Hints:
+    return Hints(options.get("skip_rows") or 0, options.get("names_row"), options.get("units_row"))
+
+
+def _tables(
+    path: str | PathLike[str], response: str | PathLike[str] | None, options: Options
+) -> dict[str, Table]:
+    """The tables of drive and response."""
+    hints = _hints(options)
+    drive = _table(path, hints)
+    if response is None:
+        return {"input": drive, "output": drive}
+    return {"input": drive, "output": _table(response, hints)}
+
+
+def _alone(path: str | PathLike[str], role: str, options: Options) -> tuple[np.ndarray, float, str]:
+    """One signal of a file, its step and its unit."""
+    request = _request(options)
+    signals = signals_of({role: _table(path, _hints(options))}, request.of(role))
+    one = the_one(*signals, fspath(path))
+    if one.masked is not None:
+        raise InputError.at(
+            fspath(path), "a signal without gaps", "samples left out", "give one without --mask"
+        )
+    return one.samples[role], one.step, one.units[role]
+
+
+def _table(path: str | PathLike[str], hints: Hints) -> Table:
+    suffix = Path(path).suffix.lower()
+    form = _FORMATS.get(suffix) or _ONLY_READ.get(suffix) or _TEXT
+    if form.takes_hints:
+        return form.read(path, hints)
+    if hints != NO_HINTS:
+        raise InputError.at(
+            fspath(path), "rows to skip only in text or XLSX", f"a {suffix} file", "leave them out"
+        )
+    return form.read(path)
 
 
 def _checked(target: str, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:
@@ -203,8 +258,8 @@ def _checked(target: str, columns: Mapping[str, np.ndarray]) -> dict[str, np.nda
         except ValueError:
             values = np.empty(0, object)
         if values.dtype.kind not in "iuf" or values.ndim != 1:
-            found = f"{values.dtype} values of shape {values.shape}"
-            raise InputError.at(where, "real numbers along one axis", found, "give such")
+            kind = f"{values.dtype} values of shape {values.shape}"
+            raise InputError.at(where, "real numbers along one axis", kind, "give such")
         arrays[name] = values.astype(np.float64)
         first = next(iter(arrays.values()))
         if len(values) != len(first):

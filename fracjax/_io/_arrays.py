@@ -7,20 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
+from fracjax._io._array_facts import Facts
 from fracjax._io._files import EXPORT, plain
-from fracjax._io._table import Column, Fact, column_label
+from fracjax._io._stamps import relative
+from fracjax._io._table import Column, column_label
 from fracjax._recording import LARGEST, InputError
 
-_STEPS = ("dt", "Ts", "wf_increment")
-_RATES = ("fs", "Fs", "rate", "sampling_rate", "sample_rate")
-_UNITS = ("units", "unit", "unit_string")
-FACTS = frozenset((*_STEPS, *_RATES, *_UNITS))
-"""Names of scalars, attributes and properties that tell a step, a rate or a unit."""
 _FAULTS = {
     "b": "true or false",
     "c": "complex numbers",
-    "M": "dates",
-    "m": "durations",
     "O": "text or objects",
     "S": "text",
     "T": "text",
@@ -51,7 +46,14 @@ class ArrayTable:
     names: tuple[str, ...]
     columns: tuple[tuple[str, Array, tuple[int, ...]], ...]
     """Path of the array, the array, and the index across the samples."""
-    facts: Mapping[str, object]
+    facts: Facts
+    faults: Mapping[str, tuple[str, str]]
+    """What arrays cannot be used for, and the remedy, by path."""
+
+    @property
+    def breaks(self) -> tuple[int, ...]:
+        """None: an array is one block."""
+        return ()
 
     @property
     def width(self) -> int:
@@ -59,59 +61,74 @@ class ArrayTable:
         return len(self.columns)
 
     def about(self, column: int) -> Column:
-        """What is known of column `column` without reading it."""
+        """What the file says of column `column`."""
         path, array, index = self.columns[column]
         axis = _samples_axis(array.shape)
-        fault = _FAULTS.get(array.dtype.kind, "")
+        fault, remedy = self.faults.get(path) or (_FAULTS.get(array.dtype.kind, ""), "")
         if not fault and len(index) < len(array.shape) - 1:
             fault = f"an array of shape {array.shape}"
+        is_stamp = array.dtype.kind in "Mm" and not fault
+        label = f"{self.source}, {column_label(self.names, column)}"
         note = ""
         if axis > 0:
             note = (
-                f"{self.source}, {column_label(self.names, column)}: the samples were taken to run "
-                f"along the longest axis of the shape {array.shape}."
+                f"{label}: the samples were taken to run along the longest axis of the shape "
+                f"{array.shape}."
             )
-        return Column(array.shape[axis], self._unit(path), self._clocks(path), fault, note)
+        if unapplied := self.facts.unapplied(path):
+            note = f"{note} {label}: {unapplied} stands beside it and was not applied.".strip()
+        return Column(
+            length=array.shape[axis],
+            title=self.facts.title(path) + "".join(f".{at}" for at in index),
+            unit="s" if is_stamp else self.facts.unit(path),
+            clocks=self.facts.clocks(path),
+            start=self._seconds(column)[1] if is_stamp else self.facts.start(path),
+            stamps=is_stamp,
+            fault=fault,
+            remedy=remedy,
+            note=note,
+        )
 
     def numbers(self, column: int) -> np.ndarray:
-        """Column `column`, shape (N,), float64; `InputError` where a cell is no finite number."""
+        """Column `column`, shape (N,), float64: NaN where there is no number, ±∞ beyond range."""
+        path, array, _ = self.columns[column]
+        if array.dtype.kind in "Mm":
+            return self._seconds(column)[0]
+        with np.errstate(over="ignore"):
+            values = self._raw(column).astype(np.float64)
+        values[np.isin(values, self.facts.missing(path))] = np.nan
+        scale, offset = self.facts.scaling(path)
+        if (scale, offset) != (1.0, 0.0):
+            values = values * scale + offset
+        values[np.abs(values) >= LARGEST] *= np.inf
+        return values
+
+    def _raw(self, column: int) -> np.ndarray:
         _, array, index = self.columns[column]
         samples = np.moveaxis(array.load(), _samples_axis(array.shape), 0)
-        with np.errstate(over="ignore"):
-            values = samples[(slice(None), *index)].astype(np.float64)
-        bad = ~(np.abs(values) < LARGEST)
-        if bad.any():
-            row = int(bad.argmax())
-            raise InputError.at(
-                self.place(row, column), "a finite number", f"{values[row]:g}", "correct or cut it"
-            )
-        return values
+        return samples[(slice(None), *index)]
+
+    def _seconds(self, column: int) -> tuple[np.ndarray, int | None]:
+        """Dates or durations in seconds, and of dates when their zero is."""
+        raw = self._raw(column)
+        if raw.dtype.kind == "M":
+            return relative(raw)
+        return raw.astype("timedelta64[ns]").astype(np.int64) / 1e9, None
+
+    def shown(self, row: int, column: int) -> str:
+        """A value as it is stored."""
+        return f"{self._raw(column)[row]:g}"
 
     def place(self, row: int, column: int) -> str:
         """Where a number stands, such as `loop.h5, column "run1/voltage", sample 16`, from 0."""
         return f"{self.source}, {column_label(self.names, column)}, sample {row}"
 
-    def _unit(self, path: str) -> str:
-        told = (self.facts.get(f"{path}/{name}") for name in _UNITS)
-        return next((unit for unit in told if isinstance(unit, str) and unit), "")
-
-    def _clocks(self, path: str) -> tuple[Fact, ...]:
-        """The steps and rates of the nearest scope that has any: the array, its group, the file."""
-        scope = path
-        while True:
-            stem = f"{scope}/" if scope else ""
-            names = [name for name in (*_STEPS, *_RATES) if stem + name in self.facts]
-            if names or not scope:
-                return tuple(self._fact(stem + name, name in _STEPS) for name in names)
-            scope = scope.rpartition("/")[0]
-
-    def _fact(self, path: str, is_step: bool) -> Fact:
-        value, unit = str(self.facts[path]), self._unit(path)
-        return Fact(path, f"{value} {unit}".strip(), "s" if is_step else "Hz")
-
 
 def array_table(
-    source: str, arrays: Mapping[str, Array], facts: Mapping[str, object]
+    source: str,
+    arrays: Mapping[str, Array],
+    facts: Mapping[str, object],
+    faults: Mapping[str, tuple[str, str]] | None = None,
 ) -> ArrayTable:
     """The table of the arrays in a container, by path, and of what stands beside them, by path.
 
@@ -130,8 +147,15 @@ def array_table(
         raise InputError.at(source, "arrays of samples", "none", EXPORT)
     nameless = all(path == "" and len(index) < 2 for path, _, index in columns)
     names = (".".join(map(str, (path, *index) if path else index)) for path, _, index in columns)
-    told = {plain(path): _value(value) for path, value in facts.items()}
-    return ArrayTable(source, () if nameless else tuple(names), tuple(columns), told)
+    attributes = {plain(path): _value(value) for path, value in facts.items()}
+    sizes = {plain(path): max(array.shape, default=0) for path, array in arrays.items()}
+    return ArrayTable(
+        source,
+        () if nameless else tuple(names),
+        tuple(columns),
+        Facts(source, attributes, sizes),
+        {plain(path): fault for path, fault in (faults or {}).items()},
+    )
 
 
 def gathered(content: object) -> tuple[dict[str, Array], dict[str, object]]:
@@ -187,6 +211,8 @@ def _indices(shape: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
 def _value(value: object) -> object:
     """A single value as plain Python, text where it is bytes."""
     if isinstance(value, np.ndarray | np.generic):
+        if value.dtype.kind == "M" and value.size == 1:
+            return int(np.asarray(value).astype("datetime64[ns]").astype(np.int64).item())
         value = value.item() if value.size == 1 else ""
     if isinstance(value, bytes):
         value = value.decode("utf-8", "replace")

@@ -5,7 +5,8 @@ from os import PathLike, fsdecode, fspath
 
 import numpy as np
 
-from fracjax._io._arrays import FACTS, Array, ArrayTable, array_table
+from fracjax._io._arrays import Array, ArrayTable, array_table
+from fracjax._io._facts import kind_of
 from fracjax._io._files import reading, writing
 
 _KIND = "an HDF5 file"
@@ -26,13 +27,13 @@ def read_hdf5(path: str | PathLike[str]) -> ArrayTable:
 
         def visit(path: str | bytes, node) -> None:
             name = fsdecode(path)
-            for key in FACTS & node.attrs.keys():
+            for key in filter(kind_of, node.attrs.keys()):
                 facts[f"{name}/{key}" if name else key] = node.attrs[key]
             if not isinstance(node, h5py.Dataset) or node.shape is None:
                 return
             if node.size != 1:
                 arrays[name] = Array(node.shape, node.dtype, lambda: _dataset(source, path))
-            elif name.rpartition("/")[2] in FACTS:
+            elif kind_of(name.rpartition("/")[2]):
                 facts[name] = node[()]
 
         with h5py.File(source, "r") as file:

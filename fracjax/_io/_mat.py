@@ -8,7 +8,7 @@ from os import PathLike, fspath
 
 import numpy as np
 
-from fracjax._io._arrays import ArrayTable, array_table, gathered
+from fracjax._io._arrays import Array, ArrayTable, array_table, gathered
 from fracjax._io._files import reading, writing
 from fracjax._recording import InputError
 
@@ -29,13 +29,20 @@ def read_mat(path: str | PathLike[str]) -> ArrayTable:
     with reading(source, _KIND):
         from pymatreader import read_mat as load
 
-        _check(source)
-        content = load(source, ignore_fields=["#subsystem#"])
+        objects = _check(source)
+        # What stands for objects is read as something else, or not at all.
+        content = load(source, ignore_fields=["#subsystem#", "#refs#"])
+        if not isinstance(content.get("__header__"), bytes):
+            objects = _objects_of_hdf5(source)
+        for name in ("None", *objects):
+            content.pop(name, None)
         arrays, facts = gathered(content)
-    if isinstance(content.get("__header__"), bytes):
-        return array_table(source, arrays, facts)
-    # Version 7.3 comes in the order of a set; HDF5's own order is that of the names.
-    return array_table(source, dict(sorted(arrays.items())), facts)
+    if not isinstance(content.get("__header__"), bytes):
+        # Version 7.3 comes in the order of a set; HDF5's own order is that of the names.
+        arrays = dict(sorted(arrays.items()))
+    for name in objects:
+        arrays[name] = Array((0,), np.dtype(object), lambda: np.empty(0, object))
+    return array_table(source, arrays, facts, {n: _fault(n, kind) for n, kind in objects.items()})
 
 
 def write_mat(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
@@ -56,8 +63,40 @@ def write_mat(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> N
             savemat(file, dict(columns), long_field_names=True, oned_as="column")
 
 
-def _check(source: str) -> None:
-    """Raise `ValueError` or `struct.error` unless a file of version 5 is built as it should be.
+def _fault(name: str, kind: str) -> tuple[str, str]:
+    """What is said of an object, and how its samples are saved."""
+    samples = f"t = {name}.Time; y = {name}.Data"
+    if kind == "timetable":
+        samples = f"t = seconds({name}.Time); y = {name}{{:,1}}"
+    elif kind == "table":
+        samples = f"y = {name}{{:,:}}"
+    elif kind == "iddata":
+        samples = f"u = {name}.u; y = {name}.y; Ts = {name}.Ts"
+    elif kind != "timeseries":
+        samples = "t and y as arrays"
+    return (
+        f"a MATLAB object ({kind}), which only MATLAB reads",
+        f"save its samples there as plain arrays ({samples})",
+    )
+
+
+def _objects_of_hdf5(source: str) -> dict[str, str]:
+    """The variables of a file of version 7.3 that are objects, and their classes."""
+    import h5py
+
+    classes = {}
+    with h5py.File(source, "r") as file:
+        for name, node in file.items():
+            if "MATLAB_object_decode" in node.attrs and not name.startswith("#"):
+                classes[name] = bytes(node.attrs.get("MATLAB_class", b"object")).decode(
+                    "ascii", "replace"
+                )
+    return classes
+
+
+def _check(source: str) -> dict[str, str]:
+    """The variables that are objects, and their classes, of a file of version 5; raise
+    `ValueError` or `struct.error` unless it is built as it should be.
 
     SciPy looks up the type code of what it takes for numbers without a check, which ends the
     process where the file is damaged (scipy/scipy#25349).
@@ -66,14 +105,27 @@ def _check(source: str) -> None:
         head = file.read(128)
         # As SciPy tells version and byte order, also where the head is damaged.
         if len(head) < 128 or 0 in head[:4] or head[125 if head[126] == ord("I") else 124] != 1:
-            return
+            return {}
         order = "<" if head[126:] == b"IM" else ">"
+        objects = {}
         for code, inside in _elements(memoryview(file.read()), order):
             if code == _COMPRESSED:
                 ((code, inside),) = _elements(memoryview(zlib.decompress(inside)), order)
             if code != _MATRIX:
                 raise ValueError(f"element {code} for a variable")
             _check_matrix(inside, order)
+            objects |= _object(inside, order)
+    return objects
+
+
+def _object(data: memoryview, order: str) -> dict[str, str]:
+    """The name and the class of a variable that is an object; nothing of another."""
+    elements = list(_elements(data, order))
+    (flags,) = struct.unpack_from(f"{order}I", elements[0][1])
+    if flags & 0xFF != _OPAQUE or len(elements) < 4:
+        return {}
+    name, _, kind = (bytes(inside).decode("ascii", "replace") for _, inside in elements[1:4])
+    return {name: kind} if name else {}
 
 
 def _check_matrix(data: memoryview, order: str) -> None:

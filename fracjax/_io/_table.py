@@ -1,4 +1,4 @@
-"""What every reader hands over: columns, named or not, what is known of them, where they stand."""
+"""What every reader hands over: columns, named or not, and what the file says of them."""
 
 from typing import NamedTuple, Protocol
 
@@ -17,17 +17,37 @@ class Fact(NamedTuple):
 
 
 class Column(NamedTuple):
-    """What a file says of a column besides its name and its numbers."""
+    """What a file says of a column besides its numbers."""
 
     length: int
+    title: str = ""
+    """Its own name, without the path to it."""
     unit: str = ""
-    """As an attribute states it; empty where only the name can tell."""
+    """As an attribute or a row of units states it; empty where only the name can tell."""
     clocks: tuple[Fact, ...] = ()
     """Steps and rates that hold for it."""
+    start: int | None = None
+    """When the first sample was taken [ns since 1970]; of stamps, when their zero is."""
+    stamps: bool = False
+    """Whether its numbers are seconds read from dates or clock times."""
     fault: str = ""
     """Why it can be no signal, such as "complex numbers"."""
+    remedy: str = ""
+    """What helps against the fault, where it is not to choose another column."""
     note: str = ""
     """What the reader had to assume."""
+
+
+class Hints(NamedTuple):
+    """Where a call says that the names, the units and the numbers stand."""
+
+    skip_rows: int = 0
+    names_row: int | None = None
+    """Its number in the file, from 1; likewise of the units."""
+    units_row: int | None = None
+
+
+NO_HINTS = Hints()
 
 
 class Table(Protocol):
@@ -48,16 +68,25 @@ class Table(Protocol):
         """How many columns there are."""
         ...
 
+    @property
+    def breaks(self) -> tuple[int, ...]:
+        """The rows with which a new block begins, after names or text stood between."""
+        ...
+
     def about(self, column: int) -> Column:
-        """What is known of column `column` without reading it."""
+        """What the file says of column `column`."""
         ...
 
     def numbers(self, column: int) -> np.ndarray:
-        """Column `column`, shape (N,), float64; `InputError` where a cell is no finite number."""
+        """Column `column`, shape (N,), float64: NaN where there is no number, ±∞ beyond range."""
         ...
 
     def place(self, row: int, column: int) -> str:
         """Where a cell stands, such as `loop.csv, line 17, column "voltage_V"`."""
+        ...
+
+    def shown(self, row: int, column: int) -> str:
+        """A cell as it is written, such as `"abc"` or `an empty cell`."""
         ...
 
 
@@ -69,3 +98,9 @@ def column_label(names: tuple[str, ...], column: int) -> str:
 def quoted(name: str) -> str:
     """A name in quotes, the middle of a long one left out."""
     return f'"{name}"' if len(name) <= 60 else f'"{name[:40]}...{name[-15:]}"'
+
+
+def enumerated(items: list[str], listed: int = 12) -> str:
+    """The items, or the first of many."""
+    more = f" and {len(items) - listed} more" if len(items) > listed else ""
+    return ", ".join(items[:listed]) + more

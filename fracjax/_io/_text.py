@@ -1,155 +1,111 @@
-"""Text tables: comma, semicolon, tab or blank separated, with or without a line of names."""
+"""Text tables, of any separator, below any preamble."""
 
-import codecs
 import csv
 import io
-import re
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
-from functools import cached_property
 from os import PathLike, fspath
 from pathlib import Path
 
 import numpy as np
 import pandas as pd
 
-from fracjax._io._files import EXPORT, opened, signature, whole
-from fracjax._io._table import Column, column_label
-from fracjax._recording import LARGEST, InputError
+from fracjax._io._decoding import Text, text_of
+from fracjax._io._files import EXPORT, text_signature, whole
+from fracjax._io._header import Header, header_of
+from fracjax._io._layout import Layout, cells_of, layout_of
+from fracjax._io._numbers import numbers_of
+from fracjax._io._rows import rows_of
+from fracjax._io._stamps import seconds_of
+from fracjax._io._table import NO_HINTS, Column, Hints, column_label
+from fracjax._recording import InputError
 
-_COMMENTS = ("#", "%")
-_SEPARATORS = (";", "\t", ",", " ")
-"""In order of preference; the blank stands for any run of blanks and tabs."""
 _LONGEST_LINE = 100_000
-_NUMBER = re.compile(
-    r"[-+]?((\d+[.,]?\d*|[.,]\d+)(e[-+]?\d+)?|nan|inf|infinity)", re.IGNORECASE | re.ASCII
-)
-_NO_TEXT = re.compile(r"[\x00-\x08\x0b-\x1f\x7f]")
+_HEADS = (60_000, 2_000_000, None)
+_TEXT_FAULT = {"text": "text", "empty": "next to no numbers"}
 
 
 @dataclass(frozen=True)
 class TextTable:
-    """The lines of a text file that hold samples, all of one width."""
+    """The table in a text file."""
 
     source: str
     names: tuple[str, ...]
-    width: int
-    rows: Sequence[str]
-    lines: Sequence[int]
-    """Line in the file, from 1, of each row."""
-    separator: str
-    decimal: str
+    breaks: tuple[int, ...]
+    columns: tuple[Column, ...]
+    values: tuple[np.ndarray | None, ...]
+    """By column, seconds for stamps; None of text."""
+    text: Text
+    layout: Layout
+    lines: Sequence[int] | None
+    """The line in the file, from 1, of each row; None where every line from the first is one."""
+
+    @property
+    def width(self) -> int:
+        """How many columns there are."""
+        return len(self.columns)
 
     def about(self, column: int) -> Column:
-        """What is known of column `column`: its name says the rest."""
-        return Column(len(self.rows))
+        """What the file says of column `column`."""
+        return self.columns[column]
 
     def numbers(self, column: int) -> np.ndarray:
-        """Column `column`, shape (N,), float64; `InputError` where a cell is no finite number."""
-        # Beside a column of text the others are read one by one.
-        values = self._parsed([column]) if self._all is None else self._all[:, [column]]
-        if values is None or not (np.abs(values) < LARGEST).all():
-            return self._cell_by_cell(column)
-        return values[:, 0]
-
-    @cached_property
-    def _all(self) -> np.ndarray | None:
-        """All columns (N, width) at once."""
-        return self._parsed(list(range(self.width)))
-
-    def _parsed(self, columns: list[int]) -> np.ndarray | None:
-        """Columns (N, …); None where there are quotes or a cell is text."""
-        text = "\n".join(self.rows)
-        if '"' in text:
-            return None
-        try:
-            frame = pd.read_csv(
-                io.StringIO(text),
-                sep=r"\s+" if self.separator == " " else self.separator,
-                decimal=self.decimal,
-                header=None,
-                index_col=False,
-                usecols=columns,
-                dtype=np.float64,
-                quoting=csv.QUOTE_NONE,
-                na_filter=False,
-            )
-        except ValueError:
-            return None
-        return frame.to_numpy()
+        """Column `column`, shape (N,), float64: NaN where there is no number, ±∞ beyond range."""
+        values = self.values[column]
+        return np.full(self.columns[column].length, np.nan) if values is None else values
 
     def place(self, row: int, column: int) -> str:
         """Where a cell stands, such as `loop.csv, line 17, column "voltage_V"`."""
-        return f"{self.source}, line {self.lines[row]}, {column_label(self.names, column)}"
+        return f"{self.source}, line {self._line(row)}, {column_label(self.names, column)}"
 
-    def _cell_by_cell(self, column: int) -> np.ndarray:
-        """The same as `numbers`, slowly: it knows quotes, and the place of the first bad cell."""
-        foreign = "." if self.decimal == "," else ","
-        values = np.empty(len(self.rows))
-        for row, line in enumerate(self.rows):
-            cell = _cells(line, self.separator)[column]
-            number = _NUMBER.fullmatch(cell) and foreign not in cell
-            values[row] = float(cell.replace(self.decimal, ".")) if number else np.nan
-            if not abs(values[row]) < LARGEST:
-                kind = "a number with a decimal comma" if self.decimal == "," else "a number"
-                kind = "a finite number" if number else kind
-                raise InputError.at(
-                    self.place(row, column), kind, f'"{cell[:40]}"', "correct or delete that line"
-                )
-        return values
+    def shown(self, row: int, column: int) -> str:
+        """A cell as it is written, in quotes."""
+        line = self.text.decoded().split("\n")[self._line(row) - 1]
+        return f'"{cells_of(line, self.layout.separator)[column][:40]}"'
+
+    def _line(self, row: int) -> int:
+        if self.lines is not None:
+            return self.lines[row]
+        raw, remaining = self.text.raw, row
+        for number, line in enumerate(raw.split(b"\n")):
+            if number >= self.layout.start and line.strip():
+                if remaining == 0:
+                    return number + 1
+                remaining -= 1
+        raise IndexError(row)
 
 
-def read_text(path: str | PathLike[str]) -> TextTable:
-    """The table in a text file: UTF-8, UTF-16 with its mark, or Latin-1; `#` and `%` comment.
+def read_text(path: str | PathLike[str], hints: Hints = NO_HINTS) -> TextTable:
+    """The table in a text file: the longest run of rows of numbers, its names and units above it.
 
-    **Raises:** `InputError` for a file that cannot be read, is no text, holds no rows, or whose
-    rows differ in length.
+    **Raises:** `InputError` for a file that cannot be read, is no text, holds no such rows, or has
+    a row of another width among them.
     """
     source = fspath(path)
-    lines, rows, comment = [], [], ""
-    for number, line in enumerate(_text(source).split("\n"), 1):
-        said = line.strip()
-        if said.startswith(_COMMENTS):
-            comment = comment if rows else said.lstrip("#% \t")
-        elif said:
-            lines.append(number)
-            rows.append(line)
-    longest = max(map(len, rows), default=0)
-    if longest > _LONGEST_LINE:
-        raise InputError.at(
-            source, "one sample per line", f"a line of {longest} characters", EXPORT
+    text = text_of(source)
+    lines, layout = _located(source, text, hints)
+    header = header_of(source, lines, layout, hints)
+    # As pandas reads it, a million rows take half a second; what it refuses is read row by row.
+    quick = _quick(text, layout) if layout.is_plain else None
+    if quick is not None:
+        values, count, numbers, breaks = (
+            quick,
+            len(next(v[0] for v in quick if v is not None)),
+            None,
+            (),
         )
-    if not rows:
-        raise InputError.at(source, "rows of numbers", "an empty file", EXPORT)
-    separator = _separator(rows[1:21] or rows)
-    names = _names(rows[0], separator)
-    if names and len(rows) == 1:
-        raise InputError.at(source, "rows of numbers", "only a line of names", EXPORT)
-    width = len(_cells(rows[1 if names else 0], separator))
-    if names and len(names) != width:
-        raise InputError.at(
-            f"{source}, line {lines[0]}",
-            f"{width} column name(s)",
-            f"{len(names)}",
-            "correct that line or mark it with #",
-        )
-    if names:
-        del rows[0], lines[0]
-    elif len(_names(comment, separator)) == width:
-        names = _names(comment, separator)
-    for number, row in zip(lines, rows, strict=True):
-        # A million lines are counted in a tenth of the time that it takes to cut them.
-        plain = separator != " " and '"' not in row
-        count = row.count(separator) + 1 if plain else len(_cells(row, separator))
-        if count != width:
-            raise InputError.at(
-                f"{source}, line {number}",
-                f"{width} column(s)",
-                f"{count}",
-                "correct or delete that line",
-            )
-    comma = separator != "," and any(re.search(r"\d,\d", row) for row in rows)
-    return TextTable(source, names, width, rows, lines, separator, "," if comma else ".")
+        units = [""] * layout.width
+    else:
+        whole_text = text.decoded().split("\n")
+        rows = rows_of(source, whole_text, layout, header.repeated)
+        count, numbers, breaks = len(rows.cells), rows.lines, rows.breaks
+        parsed = [_parsed(rows.cells, at, layout) for at in range(layout.width)]
+        values, units = [each[0] for each in parsed], [each[1] for each in parsed]
+    columns = tuple(
+        _about(header, layout, at, count, values[at], units[at]) for at in range(layout.width)
+    )
+    kept = tuple(None if each is None else each[0] for each in values)
+    return TextTable(source, header.names, breaks, columns, kept, text, layout, numbers)
 
 
 def write_text(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
@@ -168,45 +124,127 @@ def write_text(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> 
         table.writerows(zip(*values, strict=True))
 
 
-def _text(source: str) -> str:
-    """The text of a file, its lines ended by a newline."""
-    with opened(source):
-        raw = Path(source).read_bytes()
-    marked = raw.startswith((codecs.BOM_UTF16_LE, codecs.BOM_UTF16_BE))
-    for encoding in ("utf-16",) if marked else ("utf-8-sig", "latin-1"):
-        try:
-            text = raw.decode(encoding).replace("\r\n", "\n").replace("\r", "\n")
-        except UnicodeDecodeError:
+_Values = tuple[np.ndarray, int | None]
+"""A column's numbers, and of stamps when their zero is."""
+
+
+def _located(source: str, text: Text, hints: Hints) -> tuple[list[str], Layout]:
+    """The lines down to where the table has begun, and its layout."""
+    if signature := text_signature(text.raw[: _HEADS[0]]):
+        raise InputError.at(source, "rows of numbers", *signature)
+    lines: list[str] = []
+    for size in _HEADS:
+        lines = text.decoded(size).split("\n")
+        if max(map(len, lines)) > _LONGEST_LINE:
+            break
+        # Lines that the call skips stay, so that lines keep their numbers.
+        skip = min(hints.skip_rows, len(lines))
+        lines = [*[""] * skip, *lines[skip:]]
+        layout = layout_of(lines, skip)
+        complete = size is None or size >= len(text.raw)
+        if layout is not None and (complete or layout.stop >= len(lines) - 2):
+            return lines, layout
+        if complete:
+            break
+    raise _no_table(source, lines)
+
+
+def _no_table(source: str, lines: list[str]) -> InputError:
+    """Why there is no table in a text."""
+    wanted = "rows of numbers"
+    longest = max(map(len, lines))
+    if longest > _LONGEST_LINE:
+        wanted = "one sample per line"
+        return InputError.at(source, wanted, f"a line of {longest} characters", EXPORT)
+    filled = [line for line in lines if line.strip()]
+    said = [line for line in filled if not line.lstrip().startswith(("#", "%"))]
+    if not said:
+        return InputError.at(source, wanted, "an empty file", EXPORT)
+    if len(said) == 1:
+        return InputError.at(source, wanted, "only a line of names", EXPORT)
+    return InputError.at(source, wanted, f"{len(said)} lines of text", EXPORT)
+
+
+def _quick(text: Text, layout: Layout) -> list[_Values | None] | None:
+    """The columns where every line from the first is a row of plain numbers and stamps; else
+    None."""
+    kinds = layout.kinds
+    read = [at for at, kind in enumerate(kinds) if kind in ("number", "stamp")]
+    if not any(kinds[at] == "number" for at in read) or text.encoding in (
+        "gb18030",
+        "shift_jis",
+        "big5",
+    ):
+        return None
+    start = 0
+    for _ in range(layout.start):
+        start = text.raw.index(b"\n", start) + 1
+    body = io.BytesIO(text.raw)
+    body.seek(start)
+    try:
+        frame = pd.read_csv(
+            body,
+            sep=r"\s+" if layout.separator == " " else layout.separator,
+            decimal=layout.decimal,
+            header=None,
+            names=range(layout.width),
+            index_col=False,
+            usecols=read,
+            dtype={at: np.float64 if kinds[at] == "number" else "str" for at in read},
+            quoting=csv.QUOTE_NONE,
+            na_filter=False,
+            encoding=text.encoding,
+        )
+    except ValueError:
+        return None
+    if layout.separator != " ":
+        ends = text.raw.count(layout.separator.encode(), start)
+        if ends != len(frame) * (layout.width - 1):
+            return None
+    elif len(read) < layout.width:
+        return None
+    values: list[_Values | None] = [None] * layout.width
+    for at in read:
+        if kinds[at] == "stamp":
+            values[at] = seconds_of(frame[at].tolist())
             continue
-        if not _NO_TEXT.search(text):
-            return text
-    kind, remedy = signature(raw) or ("", EXPORT)
-    found = f"binary data ({kind})" if kind else "binary data"
-    raise InputError.at(source, "text", found, remedy)
+        numbers = frame[at].to_numpy()
+        # Codes for beyond range are read one by one.
+        if not (np.abs(numbers) < 9e37).all():
+            return None
+        values[at] = numbers, None
+    return values
 
 
-def _cells(line: str, separator: str) -> list[str]:
-    """The cells of a line, without quotes and blanks around them."""
-    if separator == " ":
-        return [cell.strip('"') for cell in re.split(r"[ \t]+", line.strip(" \t"))]
-    if '"' in line:
-        return [cell.strip() for cell in next(csv.reader([line], delimiter=separator))]
-    return [cell.strip() for cell in line.split(separator)]
+def _parsed(rows: Sequence[Sequence[str]], at: int, layout: Layout) -> tuple[_Values | None, str]:
+    """A column of cells as numbers or seconds, and the unit that stands behind each."""
+    cells = [row[at] for row in rows]
+    if layout.kinds[at] == "stamp":
+        return seconds_of(cells), ""
+    if layout.kinds[at] != "number":
+        return None, ""
+    parsed = numbers_of(cells, layout.decimal)
+    return (parsed.values, None), parsed.unit
 
 
-def _separator(rows: Sequence[str]) -> str:
-    """The separator that cuts these rows into the most numbers and the least of anything else."""
-
-    def score(separator: str) -> int:
-        cells = [cell for row in rows for cell in _cells(row, separator)]
-        return sum(1 if _NUMBER.fullmatch(cell) else -1 for cell in cells)
-
-    return max(_SEPARATORS, key=score)
-
-
-def _names(line: str, separator: str) -> tuple[str, ...]:
-    """The column names in a line, none where any of its cells is a number."""
-    if separator == " ":
-        line = re.sub(r"\s+(?=[\[(])", "", line)
-    cells = _cells(line, separator)
-    return () if any(map(_NUMBER.fullmatch, cells)) else tuple(cells)
+def _about(
+    header: Header, layout: Layout, at: int, count: int, values: _Values | None, unit: str
+) -> Column:
+    """What is known of a column; one of days alone tells no time."""
+    title = header.names[at] if header.names else ""
+    fault = _TEXT_FAULT.get(layout.kinds[at], "")
+    is_stamp = layout.kinds[at] == "stamp"
+    if is_stamp and values is not None and not fault:
+        seconds = values[0]
+        if len(seconds) > 1 and not np.any(np.diff(seconds)):
+            fault = "the same date in every row"
+    stated = "s" if is_stamp else unit or header.units[at]
+    return Column(
+        count,
+        title,
+        stated,
+        header.clocks[at],
+        values[1] if values is not None else None,
+        is_stamp,
+        fault,
+    )

@@ -1,22 +1,32 @@
 """XLSX, by openpyxl: the table of each sheet."""
 
+import csv
+import io
 from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
+from datetime import date, datetime
+from functools import cached_property
 from os import PathLike, fspath
-from typing import NamedTuple
 
 import numpy as np
 
 from fracjax._io._files import plain, reading, writing
-from fracjax._io._table import Column
+from fracjax._io._header import header_of
+from fracjax._io._layout import layout_of
+from fracjax._io._numbers import numbers_of
+from fracjax._io._stamps import seconds_of
+from fracjax._io._table import NO_HINTS, Column, Fact, Hints, column_label
 from fracjax._recording import LARGEST, InputError
 
 _KIND = "an XLSX file"
+_HEAD = 400
+"""Rows in which the table of a sheet has begun."""
 _ROWS = 1_048_575
 """What a sheet holds below its line of names."""
 
 
-class Cells(NamedTuple):
+@dataclass(frozen=True)
+class Cells:
     """A column of a sheet from its first number on."""
 
     sheet: str
@@ -25,15 +35,30 @@ class Cells(NamedTuple):
     first: int
     """Row in the sheet, from 1, of the first value."""
     values: Sequence[object]
+    decimal: str
+    kind: str
+    """As `Layout.kinds` has it."""
+    unit: str
+    clocks: tuple[Fact, ...]
+
+    @cached_property
+    def seconds(self) -> tuple[np.ndarray, int | None]:
+        """Dates and clock times in seconds, and when their zero is."""
+        return seconds_of([_as_text(value) for value in self.values])
+
+    @property
+    def holds_text(self) -> bool:
+        """Whether numbers are stored as text."""
+        return self.kind == "number" and any(isinstance(value, str) for value in self.values[:50])
 
 
 @dataclass(frozen=True)
 class SheetTable:
     """The columns of a workbook.
 
-    The numbers of a sheet begin in its first row that has any; the last row of text above names
-    them, else the letters of the columns do. With several sheets a name begins with the sheet's,
-    as in `Run 1/voltage_V`; one sheet without names leaves them out.
+    The table of a sheet is found as in text, with names and units above it; columns without a name
+    are called by their letters. With several sheets a name begins with the sheet's, as in
+    `Run 1/voltage_V`; one sheet without names leaves them out.
     """
 
     source: str
@@ -41,32 +66,62 @@ class SheetTable:
     columns: tuple[Cells, ...]
 
     @property
+    def breaks(self) -> tuple[int, ...]:
+        """None: a sheet is one block."""
+        return ()
+
+    @property
     def width(self) -> int:
         """How many columns there are."""
         return len(self.columns)
 
     def about(self, column: int) -> Column:
-        """What is known of column `column`: its name says the rest."""
-        return Column(len(self.columns[column].values))
+        """What the file says of column `column`."""
+        cells = self.columns[column]
+        is_stamp = cells.kind == "stamp"
+        fault = {"text": "text", "empty": "next to no numbers"}.get(cells.kind, "")
+        start = None
+        if is_stamp:
+            seconds, start = cells.seconds
+            fault = "" if np.any(np.diff(seconds)) else "the same date in every row"
+        label = f"{self.source}, {column_label(self.names, column)}"
+        note = f"{label}: its numbers are stored as text." if cells.holds_text else ""
+        return Column(
+            len(cells.values),
+            cells.name,
+            "s" if is_stamp else cells.unit,
+            cells.clocks,
+            start,
+            is_stamp,
+            fault,
+            note=note,
+        )
 
     def numbers(self, column: int) -> np.ndarray:
-        """Column `column`, shape (N,), float64; `InputError` where a cell is no finite number."""
-        values = self.columns[column].values
-        for row, value in enumerate(values):
-            if not _is_number(value) or not abs(value) < LARGEST:  # type: ignore[arg-type]
-                found = "an empty cell" if value is None else f'"{plain(str(value))[:40]}"'
-                raise InputError.at(
-                    self.place(row, column), "a finite number", found, "correct or delete that row"
-                )
-        return np.array(values, dtype=np.float64)
+        """Column `column`, shape (N,), float64: NaN where there is no number, ±∞ beyond range."""
+        cells = self.columns[column]
+        if cells.kind == "stamp":
+            return cells.seconds[0]
+        if all(map(_is_number, cells.values)):
+            values = np.array(cells.values, dtype=np.float64)
+            values[np.abs(values) >= LARGEST] *= np.inf
+            return values
+        texts = [_as_text(value) for value in cells.values]
+        decimal = cells.decimal if cells.holds_text else "."
+        return numbers_of(texts, decimal).values
 
     def place(self, row: int, column: int) -> str:
         """Where a cell stands, such as `loop.xlsx, sheet "Run 1", cell B17`."""
         cells = self.columns[column]
         return f'{self.source}, sheet "{cells.sheet}", cell {cells.letter}{cells.first + row}'
 
+    def shown(self, row: int, column: int) -> str:
+        """A cell as it is written, in quotes, or that it is empty."""
+        value = self.columns[column].values[row]
+        return "an empty cell" if value is None else f'"{plain(str(value))[:40]}"'
 
-def read_xlsx(path: str | PathLike[str]) -> SheetTable:
+
+def read_xlsx(path: str | PathLike[str], hints: Hints = NO_HINTS) -> SheetTable:
     """The columns of all sheets of a workbook; of formulas the values last computed.
 
     **Raises:** `InputError` for a file that is no whole XLSX file, or without openpyxl.
@@ -77,25 +132,25 @@ def read_xlsx(path: str | PathLike[str]) -> SheetTable:
         from openpyxl.utils import get_column_letter
 
         book = load_workbook(source, read_only=True, data_only=True)
-        found = []
+        columns = []
         try:
             for sheet in book.worksheets:
                 # Some programs write the extent of a sheet wrongly.
                 sheet.reset_dimensions()
                 rows = list(sheet.iter_rows(values_only=True))
-                found += _columns(plain(sheet.title), rows, get_column_letter)
+                columns += _columns(source, plain(sheet.title), rows, get_column_letter, hints)
         finally:
             book.close()
-    if not found:
+    if not columns:
         raise InputError.at(
             source, "rows of numbers", "no number in any sheet", "export the recording as CSV"
         )
-    several = len({cells.sheet for cells in found}) > 1
+    several = len({cells.sheet for cells in columns}) > 1
     names = tuple(
-        (f"{cells.sheet}/" if several else "") + (cells.name or cells.letter) for cells in found
+        (f"{cells.sheet}/" if several else "") + (cells.name or cells.letter) for cells in columns
     )
-    nameless = not several and not any(cells.name for cells in found)
-    return SheetTable(source, () if nameless else names, tuple(found))
+    nameless = not several and not any(cells.name for cells in columns)
+    return SheetTable(source, () if nameless else names, tuple(columns))
 
 
 def write_xlsx(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
@@ -106,8 +161,8 @@ def write_xlsx(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> 
     """
     values = np.column_stack(list(columns.values()))
     if len(values) > _ROWS or not np.isfinite(values).all():
-        found = f"{len(values)}" if len(values) > _ROWS else "some that are not finite"
-        raise InputError.at(fspath(path), f"at most {_ROWS} finite rows", found, "write a .csv")
+        excess = f"{len(values)}" if len(values) > _ROWS else "some that are not finite"
+        raise InputError.at(fspath(path), f"at most {_ROWS} finite rows", excess, "write a .csv")
     with writing(path, _KIND) as part, part.open("wb") as file:
         from openpyxl import Workbook
         from openpyxl.cell import WriteOnlyCell
@@ -127,21 +182,61 @@ def write_xlsx(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> 
         book.save(file)
 
 
-def _columns(sheet: str, rows: Sequence[Sequence[object]], letter_of) -> list[Cells]:
+def _columns(
+    source: str, sheet: str, rows: Sequence[Sequence[object]], letter_of, hints: Hints
+) -> list[Cells]:
     """The columns of a sheet, none where it holds no number."""
-    first = next((n for n, row in enumerate(rows) if any(map(_is_number, row))), None)
-    if first is None:
+    widest = max((len(row) for row in rows), default=0)
+    # As text the head of a sheet is understood by the same rules; its numbers stay what they are.
+    skip = min(hints.skip_rows, len(rows))
+    lines = ["" if at < skip else _as_line(row, widest) for at, row in enumerate(rows[:_HEAD])]
+    layout = layout_of(lines, skip, ("\t",)) if widest else None
+    if layout is None:
         return []
-    above = next((row for row in reversed(rows[:first]) if any(c is not None for c in row)), ())
+    header = header_of(source, lines, layout, hints)
     columns = []
-    for at in range(max(len(above), len(rows[first]))):
-        name = plain(str(above[at])) if at < len(above) and above[at] is not None else ""
-        values = [row[at] if at < len(row) else None for row in rows[first:]]
+    body = rows[layout.start :]
+    while body and not any(value is not None for value in body[-1]):
+        body = body[:-1]
+    for at, kind in enumerate(layout.kinds):
+        name = plain(header.names[at]) if header.names else ""
+        values = [row[at] if at < len(row) else None for row in body]
         while values and values[-1] is None:
             values.pop()
-        if name or values:
-            columns.append(Cells(sheet, letter_of(at + 1), name, first + 1, values))
+        if name or (values and kind != "empty"):
+            columns.append(
+                Cells(
+                    sheet=sheet,
+                    letter=letter_of(at + 1),
+                    name=name,
+                    first=layout.start + 1,
+                    values=values,
+                    decimal=layout.decimal,
+                    kind=kind,
+                    unit=header.units[at],
+                    clocks=header.clocks[at],
+                )
+            )
     return columns
+
+
+def _as_line(row: Sequence[object], width: int) -> str:
+    """A row of a sheet as a line of text."""
+    cells = [" ".join(_as_text(value).split()) for value in row] + [""] * (width - len(row))
+    line = io.StringIO()
+    csv.writer(line, delimiter="\t", lineterminator="").writerow(cells)
+    return line.getvalue()
+
+
+def _as_text(value: object) -> str:
+    """A value of a cell as it would stand in a file of text."""
+    if value is None:
+        return ""
+    if isinstance(value, bool):
+        return str(value)
+    if isinstance(value, datetime | date):
+        return value.isoformat(" ") if isinstance(value, datetime) else value.isoformat()
+    return str(value).strip()
 
 
 def _is_number(value: object) -> bool:

@@ -19,9 +19,9 @@ def weights_of(
     """Weights (N,) per recording, 0 where the mask leaves a sample out; None where all are 1.
 
     `weights` multiply the squared residuals: an array (N,), or one per recording.  The noise's
-    level is that of a sample of weight 1.  `mask` holds times [s] from the first sample, ends
-    included, of every recording.  Raises InputError where they do not fit, are negative or leave
-    too few samples.
+    level is that of a sample of weight 1.  Samples that a recording has masked have weight 0.
+    `mask` holds times [s] from the first sample, ends included, of every recording.  Raises
+    InputError where they do not fit, are negative or leave too few samples.
     """
     per_recording: list[ArrayLike | None] = [None] * len(recordings)
     if weights is not None:
@@ -36,7 +36,7 @@ def weights_of(
             )
     result = []
     for recording, one in zip(recordings, per_recording, strict=True):
-        if one is None and not mask:
+        if one is None and not mask and recording.masked is None:
             result.append(None)
             continue
         values = np.ones(len(recording)) if one is None else np.array(one, dtype=float)
@@ -49,6 +49,8 @@ def weights_of(
                 else "values below 0 or not finite",
                 "correct them",
             )
+        if recording.masked is not None:
+            values[recording.masked] = 0.0
         for times in mask:
             start, stop = pair_of(times, "mask", "pairs of times [s]", "write [(3.0, 4.0), ...]")
             slack = 1e-6 * recording.dt  # allows for the rounding of k·dt

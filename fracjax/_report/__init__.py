@@ -6,6 +6,7 @@ from ._compensation_page import compensation_warnings as compensation_warnings
 from ._description import describe as describe
 from ._effect_picture import draw_effect as draw_effect
 from ._posterior_page import posterior_row as posterior_row
+from ._recording_picture import draw_recordings as draw_recordings
 from ._report import write_report as write_report
 from ._text import crosscheck_figures as crosscheck_figures
 from ._text import crosscheck_sentence as crosscheck_sentence

@@ -7,12 +7,15 @@ from typing import Any
 
 import numpy as np
 
-from .._prepare import measured_noise, top_frequency
-from .._recording import Recording
+from .._prepare import Noise, measured_noise, top_frequency
+from .._recording import Recording, spikes
 from ._doubts import doubts_about
 from ._drive_kind import kind_of_drive
 
 _LEVELS = 64
+_ENOUGH = 100_000
+"""Samples that tell a noise level."""
+_PERIODS = 4
 
 
 def describe(
@@ -24,7 +27,10 @@ def describe(
     """
     columns = columns or {}
     kind, repeats = kind_of_drive(recording), recording.drive_period()
-    noise = measured_noise(recording)
+    counted = recording.response
+    if recording.masked is not None:
+        counted = counted[~recording.masked]
+    noise = _noise_of(recording)
     return {
         "schema": "fracjax.info/1",
         "source": recording.source,
@@ -43,8 +49,8 @@ def describe(
         "response": {
             "column": columns.get("output"),
             "unit": recording.response_unit,
-            "low": float(recording.response.min()),
-            "high": float(recording.response.max()),
+            "low": float(counted.min()),
+            "high": float(counted.max()),
         },
         "period": None
         if repeats is None
@@ -64,6 +70,30 @@ def describe(
         else {"sigma": noise.sigma, "unit": noise.unit, "method": noise.method},
         "warnings": [*recording.warnings, *recording.checks(), *doubts_about(recording)],
     }
+
+
+def _noise_of(recording: Recording) -> Noise | None:
+    """The noise beside spikes and what is masked, of a long recording that of as many periods, or
+    of as much of a rest, as tell it to a few per mille."""
+    bad = spikes(recording.response)
+    if recording.masked is not None:
+        bad |= recording.masked
+    stretch = slice(0, len(recording))
+    if len(recording) > 2 * _ENOUGH:
+        repeats, rests = recording.drive_period(), recording.static_stretches()
+        if repeats is not None:
+            count = max(_PERIODS, _ENOUGH // repeats.period)
+            stretch = slice(
+                repeats.start, min(repeats.start + count * repeats.period, repeats.stop)
+            )
+        elif rests:
+            start, stop = max(rests, key=lambda rest: rest[1] - rest[0])
+            stretch = slice(start, min(start + _ENOUGH, stop))
+    if not np.ptp(recording.response[stretch]):
+        stretch = slice(0, len(recording))
+    part = recording.window(stretch.start, stretch.stop)
+    counts = (~bad[stretch]).astype(float) if bad[stretch].any() else None
+    return measured_noise(part, counts=counts)
 
 
 def _mean_cycle(recording: Recording) -> np.ndarray | None:

@@ -19,7 +19,7 @@ def test_simulate_what_was_fitted(loop, fitted):
     np.testing.assert_array_equal(simulated.drive, recording.drive)
     assert (simulated.drive_unit, simulated.response_unit) == ("V", "um")
     if fitted.preparation.takes[0].history == "constant":
-        expected = fitted.simulations[0] - fitted.offsets[0]
+        expected = fitted.simulations[0]
         span = np.ptp(expected)
         np.testing.assert_allclose(simulated.response, expected, atol=1e-3 * span)
 

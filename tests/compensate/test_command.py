@@ -147,7 +147,7 @@ def test_what_did_not_converge_is_saved_and_said(call, capsys, monkeypatch):
         (["--slew", "-50 V/s"], "a rate above 0"),
         (["--regularisation", "2 V"], "expected a value in s"),
         (["--offset", "2 V"], "expected a value in um"),
-        (["--output-unit", "V"], "expected a value in um"),
+        (["--output-unit", "V"], 'of the same kind as "nm"'),
         (["--output", "7"], 'a column "7"'),
         (["--history", "estimated"], "Invalid value for '--history'"),
         (["--posterior", "nowhere"], "no posterior.json"),

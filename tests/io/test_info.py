@@ -16,7 +16,7 @@ from fracjax._report._description import describe, loop_opening
 from fracjax._report._doubts import doubts_about
 from fracjax._report._drive_kind import KINDS, kind_of_drive
 
-DEMO = Path(__file__).resolve().parents[1] / "fracjax" / "_demo" / "training.csv"
+DEMO = Path(__file__).resolve().parents[2] / "fracjax" / "_demo" / "training.csv"
 STEP = 0.01
 TIMES = STEP * np.arange(1000)
 TURNS = 2 * np.pi * TIMES

@@ -1,0 +1,308 @@
+"""When samples were taken: by a column of times, by a count of samples, or by a rate."""
+
+from collections.abc import Sequence
+from typing import NamedTuple
+
+import numpy as np
+
+from fracjax._io._facts import step_of
+from fracjax._io._table import Fact, Table, column_label
+from fracjax._io._units import readable
+from fracjax._recording import InputError, parse_quantity
+
+_UNIFORM = 1e-3
+"""Largest departure of a step from the median step, and of a rate from the time column's."""
+_STATED = 1e-2
+"""Largest departure of a column's step from the one that the file states beside it."""
+
+
+class Clock(NamedTuple):
+    """When the samples of a channel were taken."""
+
+    times: np.ndarray
+    """[s], shape (N,); from 0 where no column gives them."""
+    step: float
+    """[s], of times that are not uniform the usual one"""
+    notes: tuple[str, ...]
+    """What had to be assumed."""
+    start: int | None = None
+    """When the zero of the times is [ns since 1970]."""
+    uniform: bool = True
+    states_start: bool = True
+    """Whether a column, or a start in the file, says when it began."""
+    facts: tuple[Fact, ...] = ()
+    """What in the file its step was taken from, where no column gives it."""
+
+
+def rate_of(text: str | float, where: str) -> float:
+    """The rate [Hz] that a call or a file gives, such as "200Hz" or 200."""
+    hertz = parse_quantity(text, "Hz", where)
+    if hertz <= 0:
+        raise InputError.at(where, "a positive rate", f'"{text}"', "give one such as 200Hz")
+    return hertz
+
+
+def clock_of_rate(table: Table, column: int, rate: float | None, listing: str) -> Clock:
+    """The clock of a column without times.
+
+    **Arguments:** `rate` [Hz], which the call gives; without it, what the file states counts.
+    """
+    about = table.about(column)
+    counted = np.arange(about.length)
+    states_start = about.start is not None
+    if rate is not None:
+        return Clock(counted / rate, 1 / rate, (), about.start, states_start=states_start)
+    step = _stated_step(table, about.clocks, listing)
+    return Clock(
+        step * counted, step, (), about.start, states_start=states_start, facts=about.clocks
+    )
+
+
+def note_on_facts(source: str, clocks: Sequence[Clock]) -> list[str]:
+    """What is said of steps that were taken from facts in the file."""
+    notes = []
+    for step in dict.fromkeys(clock.step for clock in clocks if clock.facts):
+        facts = dict.fromkeys(f for clock in clocks if clock.step == step for f in clock.facts)
+        sources = " and ".join(f'"{fact.name}" of {fact.value}' for fact in facts)
+        notes.append(f"{source}: {1 / step:.6g} Hz was taken as the rate, from {sources}.")
+    return notes
+
+
+def _stated_step(table: Table, facts: Sequence[Fact], listing: str) -> float:
+    """The step [s] that a file states."""
+    facts = list(dict.fromkeys(facts))
+    steps = [step_of(fact, f'{table.source}, "{fact.name}"') for fact in facts]
+    clock_texts = " and ".join(f'"{fact.name}" of {fact.value}' for fact in facts)
+    if not steps:
+        raise InputError.at(
+            table.source,
+            "a time column or a rate",
+            f"neither in {listing}",
+            "give --rate such as 200Hz, or --time as a name or an index from 0",
+        )
+    if max(steps) > (1 + _UNIFORM) * min(steps):
+        raise InputError.at(table.source, "one rate", clock_texts, "give --rate such as 200Hz")
+    return steps[0]
+
+
+def clock_of_count(
+    table: Table, column: int, counts: np.ndarray, rate: float | None, facts: Sequence[Fact]
+) -> Clock:
+    """The clock of a column that counts samples, by a rate; where it skips, samples are missing."""
+    label = f"{table.source}, {column_label(table.names, column)}"
+    if rate is None and not facts:
+        raise InputError.at(
+            label, "a time or a rate", "a count of samples", "give --rate such as 200Hz"
+        )
+    step = 1 / rate if rate else _stated_step(table, facts, "")
+    by = np.median(np.diff(counts))
+    times = step * (counts - counts[0]) / by
+    even = bool((np.diff(counts) == by).all())
+    return Clock(times, step, (), None, even, facts=() if rate else tuple(facts))
+
+
+def clock_of_time(
+    table: Table,
+    column: int,
+    written: str,
+    rows: slice,
+    rate: float | None,
+    *,
+    uniform: bool,
+    facts: Sequence[Fact] = (),
+    is_assumed: bool = False,
+) -> Clock:
+    """The clock of a stretch of a time column, which must increase.
+
+    **Arguments:** `written`, the column's unit; `rate` [Hz], with which it must agree, and which
+    counts where the stamps are rounded; `uniform`, whether it must run in uniform steps, but for
+    its rounding; `facts`, steps that the file states beside it, with which it must agree where
+    its unit `is_assumed`.
+    """
+    label = f"{table.source}, {column_label(table.names, column)}"
+    about = table.about(column)
+    second = parse_quantity(f"1 {readable(written) or written}", "s", label)
+    times = table.numbers(column)[rows]
+    steps = np.diff(times)
+    even = _even(steps)
+    slope = float(times[-1] - times[0]) / len(steps) if even.all() else _slope(times)
+    stuck = ~(steps > 1e-9 * np.median(np.abs(steps)))
+    if stuck.any() and (slope is None or rate is None):
+        remedy = _mend(times, stuck, slope, second)
+        raise _refusal(table, column, rows, times, stuck, "time to increase", remedy)
+    # Where there are gaps, the step between them.
+    step = second * (float(steps[steps < 2 * np.median(steps)].mean()) if slope is None else slope)
+    notes = _agreement(label, step, facts, is_assumed)
+    if is_assumed and not facts:
+        _require_seconds(label, times, step)
+    if uniform and slope is None:
+        expected = f"a step of {step / second:.6g} {written}"
+        lost = int(np.sum(np.maximum(np.round(second * steps / step) - 1, 0)))
+        remedy = f"give --resample {1 / step:.4g}Hz"
+        remedy += f", which invents {lost} samples" if lost else ""
+        raise _refusal(table, column, rows, times, ~even, expected, remedy)
+    rounded = slope is not None and not even.all()
+    if rate is not None:
+        if rounded and _beyond(times, 1 / (rate * second), _rounding(times))[0] <= 0:
+            return Clock(
+                second * times[0] + np.arange(len(times)) / rate, 1 / rate, notes, about.start
+            )
+        if abs(step * rate - 1) > _UNIFORM:
+            raise InputError.at(
+                label, f"a step of {1 / rate:g} s by --rate", f"{step:g} s", "leave out --rate"
+            )
+    if slope is None:
+        return Clock(second * times, step, notes, about.start, False)
+    if rounded:
+        notes += (f"{label}: its stamps are rounded; a step of {step:.9g} s fits them all.",)
+    return Clock(second * times[0] + step * np.arange(len(times)), step, notes, about.start)
+
+
+def _agreement(label: str, step: float, facts: Sequence[Fact], is_assumed: bool) -> tuple[str, ...]:
+    """Notes on whether the step [s] of a column is the one that the file states beside it.
+
+    **Raises:** `InputError` where it is not, and no unit is written.
+    """
+    stated = {fact.name: step_of(fact, label) for fact in facts}
+    other = next((name for name, s in stated.items() if abs(s - step) > _STATED * step), None)
+    if other is not None and is_assumed:
+        raise InputError.at(
+            label,
+            f'a step of {stated[other]:.6g} s, as "{other}" says',
+            f"{step:.6g} in a unit that is not written",
+            "give --time-unit such as ms",
+        )
+    if other is not None:
+        return (
+            f'{label}: its step is {step:.6g} s, which was taken, though "{other}" says '
+            f"{stated[other]:.6g} s.",
+        )
+    return (f"{label}: no unit is written, s was assumed.",) if is_assumed and not stated else ()
+
+
+def _require_seconds(label: str, times: np.ndarray, step: float) -> None:
+    """Raise `InputError` for stamps that are hardly seconds, where no unit is written."""
+    begin = float(times[0])
+    description = ""
+    if (times == np.round(times)).all():
+        description = f"whole numbers {step:g} apart, which may be samples, ticks or milliseconds"
+    elif step < 1e-3 and (3e4 < begin < 6e4 or 7e5 < begin < 8e5):
+        description = f"numbers from {begin:.6g}, which may be days"
+    if description:
+        raise InputError.at(
+            label,
+            "seconds, or a unit beside the name",
+            description,
+            "give --time-unit, or --rate where samples are counted",
+        )
+
+
+def is_time(times: np.ndarray) -> bool:
+    """Whether numbers, shape (N,), increase in uniform steps, but for their rounding."""
+    steps = np.diff(times)
+    if not np.isfinite(times).all():
+        return False
+    return len(steps) > 0 and bool(
+        _even(steps).all() or ((steps > 0).all() and _slope(times) is not None)
+    )
+
+
+def filled(times: np.ndarray) -> np.ndarray:
+    """Times without the empty cells at their end, in which a shorter channel's column ends."""
+    valid = np.flatnonzero(~np.isnan(times))
+    return times[: int(valid[-1]) + 1] if valid.size else times[:0]
+
+
+def is_counter(counts: np.ndarray) -> bool:
+    """Whether numbers, shape (N,), count 0, 1, 2 or 1, 2, 3."""
+    return (
+        len(counts) > 1
+        and bool(np.isfinite(counts).all())
+        and counts[0] in (0, 1)
+        and bool((np.diff(counts) == 1).all())
+    )
+
+
+def _refusal(
+    table: Table,
+    column: int,
+    rows: slice,
+    times: np.ndarray,
+    bad: np.ndarray,
+    expected: str,
+    remedy: str,
+) -> InputError:
+    """The refusal of the first bad step, of a mask of shape (N - 1,)."""
+    row = int(bad.argmax()) + 1
+    steps_back = f"{times[row]:.9g} after {times[row - 1]:.9g}"
+    return InputError.at(table.place((rows.start or 0) + row, column), expected, steps_back, remedy)
+
+
+def _mend(times: np.ndarray, stuck: np.ndarray, slope: float | None, second: float) -> str:
+    """What to do about stamps that do not increase, but may be rounded to a line of that slope."""
+    if slope is not None:
+        return f"if the stamps are rounded, give --rate {1 / (second * slope):.4g}Hz"
+    row = int(stuck.argmax()) + 1
+    if stuck.sum() == 1 and _even(np.diff(np.delete(times, row))).all():
+        return "delete that line, which is there twice"
+    return "correct that stamp, or record again"
+
+
+def _even(steps: np.ndarray) -> np.ndarray:
+    """Which of the steps, shape (N - 1,), are positive and agree with their median."""
+    usual = np.median(steps)
+    return (steps > 0) & (np.abs(steps - usual) <= _UNIFORM * usual)
+
+
+def _slope(times: np.ndarray) -> float | None:
+    """The slope of a straight line that passes all stamps, shape (N,), within their rounding.
+
+    None where there is none, or the stamps go back. What a line leaves over beyond the rounding
+    is convex in its slope, so that the sign of its derivative halves the interval: the line must
+    rise more where the stamp furthest above it comes later than the one furthest below. The search
+    begins with least squares.
+    """
+    if (np.diff(times) < 0).any() or times[0] == times[-1]:
+        return None
+    half = _rounding(times)
+    centred = np.arange(len(times)) - (len(times) - 1) / 2
+    slope = float(centred @ times / (centred @ centred))
+    reach = 4 * float(half.max()) / len(times)
+    low, high = slope - reach, slope + reach
+    for _ in range(40):
+        excess, above, below = _beyond(times, slope, half)
+        if excess <= 0:
+            return slope if slope > 0 else None
+        low, high = (slope, high) if above > below else (low, slope)
+        slope = (low + high) / 2
+    return None
+
+
+def _beyond(times: np.ndarray, slope: float, half: np.ndarray) -> tuple[float, int, int]:
+    """How far the best line of a slope misses the stamps beyond their rounding, each shape (N,).
+
+    Not above 0 where it passes them all; with the stamps furthest above and below it.
+    """
+    rest = times - slope * np.arange(len(times))
+    above, below = int((rest - half).argmax()), int((rest + half).argmin())
+    return float(rest[above] - half[above] - rest[below] - half[below]), above, below
+
+
+def _rounding(times: np.ndarray) -> np.ndarray:
+    """Half a unit of the last digit each stamp was written to, and a hundredth of it, shape (N,).
+
+    Of decimals it is that of a fixed number of places or of significant digits, whichever the
+    stamps show; of numbers that float32 holds exactly, half its spacing; at least a unit of
+    float64.
+    """
+    places = np.full(len(times), 17)
+    for number in range(15, -1, -1):
+        places[np.round(times, number) == times] = number
+    with np.errstate(divide="ignore", over="ignore"):
+        leading = np.floor(np.log10(np.abs(times)))
+        digits = np.maximum(10.0 ** -places.max(), 10.0 ** (leading - (leading + places).max()))
+        single = times.astype(np.float32)
+    half = np.maximum(digits / 2, np.spacing(np.abs(times)))
+    if (single == times).all():
+        half = np.maximum(half, np.spacing(np.abs(single)).astype(np.float64) / 2)
+    return 1.01 * half

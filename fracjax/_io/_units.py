@@ -1,0 +1,257 @@
+"""Units as files write them: in other scripts and spellings, in a name, or in their own row."""
+
+import re
+import unicodedata
+from functools import lru_cache
+from typing import NamedTuple
+
+from fracjax._io._words import quantity
+from fracjax._recording import InputError, unit
+
+_SPELLINGS = {
+    "s": "sek sek. sekunden seconde secondes segundo segundos secondi secs sec. сек с 秒 초",
+    "ms": "мс 毫秒 ミリ秒 msek millisekunden",
+    "us": "мкс 微秒 マイクロ秒 µsek",
+    "min": "мин 分 分钟 minuten",
+    "V": "в вольт 伏 伏特 ボルト vdc v dc vdc.",
+    "mV": "мв 毫伏 ミリボルト",
+    "kV": "кв 千伏",
+    "A": "ампер 安 安培 アンペア",
+    "mA": "ма 毫安",
+    "m": "м 米 メートル",
+    "mm": "мм 毫米 ミリメートル",
+    "um": "мкм 微米 ミクロン マイクロメートル mikrometer mikrometern mikrometre mikron mikrons "
+    "mikron. micromètre micromètres micrometri micrometro micrómetro micrómetros micras micra "
+    "µ μ mkm",
+    "nm": "нм 纳米 ナノメートル nanomètre nanomètres nanometri nanómetros",
+    "N": "н 牛 牛顿 ニュートン",
+    "Hz": "гц 赫兹 ヘルツ hertz s/s sps samples/s sa/s samples/sec samples/second",
+    "kHz": "кгц 千赫 ks/s ksps ksa/s",
+    "MHz": "ms/s msps msa/s мгц",
+    "deg": "° град 度 grad. grad degree degrees",
+}
+_CANONICAL = {
+    written: name for name, several in _SPELLINGS.items() for written in several.split(" ")
+}
+FOREIGN_UNITS = frozenset(w for w in _CANONICAL if not w.isascii() and len(w) > 1)
+_RATES = frozenset(
+    [
+        "s/s",
+        "sps",
+        "samples/s",
+        "sa/s",
+        "samples/sec",
+        "samples/second",
+        "ks/s",
+        "ksps",
+        "ksa/s",
+        "ms/s",
+        "msps",
+        "msa/s",
+    ]
+)
+_PREFIX = "(?:[pnumcdkMGµμ]?)"
+_PLAIN = (
+    rf"(?:{_PREFIX}(?:V|A|m|s|N|Hz|C|Pa|rad|W|F|T|g|J|eV|Wb)|sec|secs|seconds?|msec|usec|mins?|hours?"
+    r"|volts?|microns?|micrometers?|micrometres?|nanometers?|nanometres?|millimeters?|inch|mils?"
+    r"|deg|degrees?|mdeg|arcsec|newtons?|bar|amps?|ohm|Ω|%|ppm|ustrain|microstrain)"
+)
+_POWER = r"(?:\*\*-?\d|\^-?\d|-?\d)?"
+_WEAK = re.compile(rf"{_PLAIN}{_POWER}(?:\s*[*/·]\s*{_PLAIN}{_POWER})*")
+_UNKNOWABLE = frozenset(
+    [
+        "count",
+        "counts",
+        "cts",
+        "raw",
+        "adc",
+        "adu",
+        "lsb",
+        "lsbs",
+        "digit",
+        "digits",
+        "code",
+        "codes",
+        "px",
+        "pixel",
+        "pixels",
+        "bits",
+        "au",
+        "arb",
+        "steps",
+        "ticks",
+        "norm",
+        "normalised",
+        "normalized",
+        "pu",
+    ]
+)
+_PAIRS = ("[]", "()", "（）", "【】", "〔〕", "{}", "<>", "〈〉", "［］")
+_BRACKETS = re.compile(
+    "|".join(rf"\{a}\s*([^\{a}\{b}]*?)\s*\{b}" for a, b in (tuple(pair) for pair in _PAIRS))
+)
+_BEHIND = re.compile(r"(.+?)(?:\s*/\s*|\s*[,，;:]\s*|\s+in\s+|\s+)([^\s/].*)")
+_CAMEL = re.compile(r"([A-Za-z]*[a-z])([A-Z][A-Za-z]?)")
+_OF_CAMEL = {
+    text.lower(): text for text in ("ms", "us", "ns", "nm", "um", "mm", "mV", "kV", "V", "N")
+}
+_NOTHING = frozenset(("", "-", "--", "none", "n/a", "1", "[]", "()"))
+_ELECTRICAL = ("V", "A")
+_DIMENSIONS = {
+    "time": ("s",),
+    "voltage": ("V",),
+    "current": ("A",),
+    "length": ("m", "rad"),
+    "force": ("N",),
+    "charge": ("C", "C/m**2"),
+    "angle": ("rad", "m"),
+    "frequency": ("Hz",),
+    "speed": ("m/s",),
+    "temperature": ("K",),
+    "counter": (),
+}
+_SIGNALS = (
+    "s",
+    "V",
+    "A",
+    "m",
+    "N",
+    "rad",
+    "C",
+    "C/m**2",
+    "Pa",
+    "m/s",
+    "m/s**2",
+    "V/m",
+    "N*m",
+    "Hz",
+)
+
+
+class Titled(NamedTuple):
+    """A name taken apart."""
+
+    name: str
+    """Without its unit."""
+    unit: str
+    """As written; empty where none is."""
+
+
+def readable(text: str) -> str | None:
+    """The unit as `unit` takes it, as written where that will do; None where nobody knows it."""
+    return _readable(text.strip())
+
+
+@lru_cache(maxsize=512)
+def _readable(text: str) -> str | None:
+    if text.casefold() in _UNKNOWABLE:
+        return None
+    if text.casefold() in _RATES:
+        return _CANONICAL[text.casefold()]
+    for spelling in (text, *_respelled(text)):
+        try:
+            unit(spelling)
+        except InputError:
+            continue
+        return spelling
+    return None
+
+
+def _respelled(text: str) -> list[str]:
+    """Other spellings of the same: foreign words, powers written on, characters of one width."""
+    plain = unicodedata.normalize("NFKC", text).strip().replace("−", "-").replace("μ", "u")
+    plain = re.sub(r"^[\[({<]\s*(.*?)\s*[\])}>]$", r"\1", plain)
+    powers = re.sub(r"([A-Za-zµΩ])\s*\^?\s*(-[1-4]|[2-4])(?![\d.])", r"\1**\2", plain)
+    powers = re.sub(r"\s*[·⋅∙×]\s*|(?<=[\w)])\s+(?=[A-Za-zµΩ])", "*", powers)
+    word = _CANONICAL.get(text.casefold()) or _CANONICAL.get(plain.casefold(), "")
+    parts = [_CANONICAL.get(part.strip().casefold(), part) for part in plain.split("/")]
+    return [each for each in (word, plain, powers, "/".join(parts)) if each]
+
+
+def is_unit(text: str) -> bool:
+    """Whether a cell of its own is a unit of something that is recorded, or says there is none."""
+    inner = re.sub(r"^[\[(（【{<]\s*(.*?)\s*[\])）】}>]$", r"\1", text.strip())
+    if inner.casefold() in _NOTHING:
+        return True
+    read = readable(inner)
+    return read is not None and any(unit(read).is_compatible_with(kind) for kind in _SIGNALS)
+
+
+def stripped(text: str) -> str:
+    """A cell of a row of units without its brackets; empty where it says that there is none."""
+    inner = re.sub(r"^[\[(（【{<]\s*(.*?)\s*[\])）】}>]$", r"\1", text.strip())
+    return "" if inner.casefold() in _NOTHING else inner
+
+
+def titled(title: str) -> Titled:
+    """A column's name without its unit and indices, and the unit as written, or nothing.
+
+    In brackets anything counts as a unit, understood or not.  Behind a stroke, a comma, "in", a
+    blank or an underscore it counts where it is one and agrees with what the name speaks of; and
+    where the name speaks of a quantity and the rest is no word but a unit nobody knows.
+    """
+    title = re.sub(r"(\.\d+)+$", "", title).strip()
+    if brackets := [(b, b[b.lastindex or 0]) for b in _BRACKETS.finditer(title)]:
+        units = [pair for pair in brackets if pair[1] and readable(pair[1]) is not None]
+        chosen, inner = (units or [pair for pair in brackets if pair[1]] or brackets)[-1]
+        name = f"{title[: chosen.start()]} {title[chosen.end() :]}".strip(" _")
+        return Titled(name or title, inner)
+    if (bare := re.fullmatch(r"in\s+(\S+)", title)) and readable(bare[1]):
+        return Titled("", bare[1])
+    if parts := _BEHIND.fullmatch(title):
+        for cut in re.finditer(r"\s*/\s*|\s*[,，;:]\s*|\s+in\s+|\s+", title):
+            name, rest = title[: cut.start()], title[cut.end() :]
+            if name and _suits(name, rest, blank=cut[0].isspace()):
+                return Titled(name, rest)
+        name, rest = parts[1], parts[2]
+        stroke = title[len(name) : len(title) - len(rest)].strip()
+        if stroke in ("/", "in") and quantity(name) and not quantity(rest):
+            return Titled(name, rest)
+    words = [word for word in re.split(r"[_.\-]+", title) if word]
+    for count in (2, 1):
+        name, rest = "_".join(words[:-count]), "/".join(words[-count:])
+        if name and _suits(name, rest):
+            return Titled(name, rest)
+    for at in range(1, len(words) - 1):
+        # As in displacement_nm_filtered.
+        inner = len(words[at]) > 1 and not _WEAK.fullmatch(words[at + 1])
+        if inner and quantity(words[0]) and _suits(words[0], words[at]):
+            return Titled("_".join(words[:at] + words[at + 1 :]), words[at])
+    if camel := _CAMEL.fullmatch(title):
+        # As in positionNm.
+        unit = _OF_CAMEL.get(camel[2].lower(), "")
+        if unit and quantity(camel[1]) and _suits(camel[1], unit):
+            return Titled(camel[1], unit)
+    if len(words) > 1 and quantity(words[0]) and words[-1].casefold() in _UNKNOWABLE:
+        return Titled("_".join(words[:-1]), words[-1])
+    return Titled(title, "")
+
+
+def _suits(name: str, rest: str, *, blank: bool = False) -> bool:
+    """Whether what stands behind a name is a unit of the quantity that the name speaks of."""
+    foreign = rest.casefold() in _CANONICAL and not rest.isascii()
+    if not (_WEAK.fullmatch(rest) or foreign or rest.casefold() in _CANONICAL):
+        return False
+    read = readable(rest)
+    spoken = quantity(name)
+    if read is None or (spoken is None and rest in ("A", "C", "F", "T", "g", "W", "J")):
+        return False
+    if spoken is None and blank and len(rest) == 1 and rest != "V":
+        return False
+    kinds = _DIMENSIONS.get(spoken or "", _SIGNALS)
+    electrical = spoken in ("length", "force", "angle", "charge") and not blank
+    kinds = (*kinds, "V") if electrical else kinds
+    if spoken is None and unit(read).is_compatible_with("s"):
+        return not blank and rest not in ("s",)
+    return any(unit(read).is_compatible_with(kind) for kind in kinds)
+
+
+def contradicts(name: str, read: str) -> bool:
+    """Whether a unit cannot be that of what the name speaks of: a voltage in furlongs.
+
+    Any quantity may be written in volts or amperes, as its sensor gives it, or as a share.
+    """
+    kinds = _DIMENSIONS.get(quantity(name) or "", ())
+    if not kinds:
+        return False
+    return not any(unit(read).is_compatible_with(kind) for kind in (*kinds, *_ELECTRICAL, "%"))

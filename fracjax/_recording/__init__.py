@@ -1,0 +1,31 @@
+"""The recording, validated once at the border, and the units it is written in."""
+
+from fracjax._recording._errors import InputError, found_in, pair_of, require_kind
+from fracjax._recording._periods import Repeats, _runs
+from fracjax._recording._recording import Recording, require_units_of
+from fracjax._recording._signals import (
+    LARGEST,
+    MINIMUM_SAMPLES,
+    require_samples,
+    spikes,
+    varying,
+)
+from fracjax._recording._units import parse_quantity, unit
+
+__all__ = [
+    "LARGEST",
+    "MINIMUM_SAMPLES",
+    "InputError",
+    "Recording",
+    "Repeats",
+    "_runs",
+    "found_in",
+    "pair_of",
+    "parse_quantity",
+    "require_kind",
+    "require_samples",
+    "require_units_of",
+    "spikes",
+    "unit",
+    "varying",
+]

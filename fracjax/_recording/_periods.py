@@ -1,0 +1,118 @@
+"""Periods and rests of a drive."""
+
+from typing import NamedTuple
+
+import numpy as np
+
+from fracjax._recording._signals import MINIMUM_SAMPLES
+
+
+class Repeats(NamedTuple):
+    """A periodic stretch `[start, stop)` of the drive and its period, all in samples."""
+
+    period: int
+    start: int
+    stop: int
+
+    @property
+    def whole(self) -> int:
+        """How many samples whole periods fill, counted from the recording's first."""
+        return self.stop // self.period * self.period
+
+
+_POINT = 3e-3
+"""Largest step from one repeat to the next, in ranges: seven sigma of 0.03 % noise."""
+_PATTERN = 2e-3
+"""Largest rms departure from the mean pattern, in the pattern's own standard deviations."""
+_CANDIDATES = 32
+
+
+def unit_range(signal: np.ndarray) -> np.ndarray:
+    """The signal, shape (N,), shifted and scaled to 0..1."""
+    shifted = signal - signal.min()
+    return shifted / (shifted.max() or 1.0)
+
+
+def _runs(mask: np.ndarray) -> np.ndarray:
+    """Where a mask, shape (N,), is true: its runs `[start, stop)`, shape (runs, 2)."""
+    edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
+    return edges.reshape(-1, 2)
+
+
+def _mismatch(u: np.ndarray) -> np.ndarray:
+    """Mean of (u[t + lag] - u[t])² for lags 0..N/3 by FFT, unlike autocorrelation free of edges.
+
+    Lags beyond N/3 cannot repeat three times.
+    """
+    count, lags = len(u), len(u) // 3 + 2
+    size = 1 << (2 * count - 1).bit_length()
+    centred = u - u.mean()
+    products = np.fft.irfft(np.abs(np.fft.rfft(centred, size)) ** 2, size)[:lags]
+    squares = np.concatenate(([0.0], np.cumsum(centred**2)))
+    lag = np.arange(lags)
+    return (squares[count - lag] + squares[count] - squares[lag] - 2 * products) / (count - lag)
+
+
+def _minima(values: np.ndarray) -> np.ndarray:
+    """Indices of the inner local minima of `values`, shape (N,)."""
+    return 1 + np.flatnonzero((values[1:-1] < values[:-2]) & (values[1:-1] <= values[2:]))
+
+
+def _keeps(u: np.ndarray, period: int) -> bool:
+    """Whether all repeats of `period` in u, shape (N,), follow one pattern that is no hold."""
+    repeats = u[: len(u) // period * period].reshape(-1, period)
+    pattern = repeats.mean(axis=0)
+    departure, size = float(np.sqrt(np.mean((repeats - pattern) ** 2))), float(pattern.std())
+    return len(repeats) >= 3 and size > 0.01 and departure <= _PATTERN * size
+
+
+def _stretch(u: np.ndarray, period: int) -> Repeats | None:
+    """The longest stretch of u, shape (N,), that keeps `period`."""
+    runs = _runs(np.abs(u[period:] - u[:-period]) <= _POINT)
+    lengths = runs[:, 1] - runs[:, 0] + period
+    for run in np.argsort(-lengths, kind="stable"):
+        if lengths[run] < max(3 * period, MINIMUM_SAMPLES, len(u) / 10):
+            return None
+        start = int(runs[run, 0])
+        stop = start + int(lengths[run])
+        if _keeps(u[start:stop], period):
+            return Repeats(period, start, stop)
+    return None
+
+
+def repeats_in(u: np.ndarray) -> Repeats | None:
+    """Locate the longest periodic stretch of u, shape (N,), then reduce it to its fundamental."""
+    mismatch = _mismatch(u)
+    lags = _minima(mismatch)
+    deepest = lags[np.argsort(mismatch[lags], kind="stable")[:_CANDIDATES]]
+    candidates = [repeats for lag in deepest if (repeats := _stretch(u, int(lag)))]
+    if not candidates:
+        return None
+    longest = max(candidates, key=lambda repeats: repeats.stop - repeats.start)
+    steady = u[longest.start : longest.stop]
+    whole = (_stretch(steady, int(lag)) for lag in _minima(_mismatch(steady)))
+    kept = (repeats.period for repeats in whole if repeats and repeats.stop == len(steady))
+    return longest._replace(period=next(kept, longest.period))
+
+
+def stretches_at_rest(u: np.ndarray, minimum: int) -> list[tuple[int, int]]:
+    """Stretches of u, shape (N,), in 0..1, at least `minimum` long, no wider than their noise."""
+    if minimum > len(u):
+        return []
+    centred = u - u.mean()
+
+    def means(values: np.ndarray, width: int) -> np.ndarray:
+        sums = np.concatenate(([0.0], np.cumsum(values)))
+        return (sums[width:] - sums[:-width]) / width
+
+    def quiet(variance, noise):
+        return (variance < 5e-3**2) & (variance <= np.maximum(3e-6**2, 1.5 * noise))
+
+    variance = means(centred**2, minimum) - means(centred, minimum) ** 2
+    noise = means(np.diff(u) ** 2, minimum - 1) / 2
+    runs = _runs(quiet(variance, noise)) + np.array([0, minimum - 1])
+    return [
+        (int(start), int(stop))
+        for start, stop in runs
+        if quiet(u[start:stop].var(), np.mean(np.diff(u[start:stop]) ** 2) / 2)
+    ]

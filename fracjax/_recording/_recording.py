@@ -1,0 +1,131 @@
+"""The recording, validated once at the border."""
+
+import math
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from fracjax._recording._errors import InputError
+from fracjax._recording._periods import Repeats, repeats_in, stretches_at_rest, unit_range
+from fracjax._recording._signals import LARGEST, bridged, signal_of, varying
+from fracjax._recording._units import parse_quantity, unit
+from fracjax._recording._warnings import warnings_about
+
+
+@dataclass(frozen=True, eq=False)
+class Recording:
+    """Uniform samples of a drive u and the response y it caused.
+
+    **Arguments:** `drive` and `response`, shape (N,), in `drive_unit` and `response_unit`;
+    `dt`, the step [s]; `source`, named in messages; `warnings`, what the reader had to assume.
+
+    A constant drive is a rest: it tells the noise and what drifts, beside recordings that move.
+
+    **Raises:** `InputError` unless both are finite, one-dimensional, of equal length, at least
+    32 samples long and the response not constant, `dt` is positive and the units are known.
+    Where `masked`, shape (N,), is true a sample need be no number; no fit counts it.
+    """
+
+    drive: np.ndarray
+    response: np.ndarray
+    dt: float
+    drive_unit: str = "V"
+    response_unit: str = "um"
+    source: str = "recording"
+    warnings: tuple[str, ...] = ()
+    masked: np.ndarray | None = None
+
+    def __post_init__(self):
+        unit(self.drive_unit, f"{self.source}, drive")
+        unit(self.response_unit, f"{self.source}, response")
+        step = parse_quantity(self.dt, "s", f"{self.source}, dt")
+        if not 1 / LARGEST < step < LARGEST:
+            raise InputError.at(
+                f"{self.source}, dt", "a positive step in seconds", f"{step:g}", "correct it"
+            )
+        drive, response = self.drive, self.response
+        if self.masked is not None:
+            masked = np.array(self.masked, dtype=bool)
+            masked.setflags(write=False)
+            object.__setattr__(self, "masked", masked)
+            drive, response = bridged(drive, masked), bridged(response, masked)
+        drive = signal_of(drive, f"{self.source}, drive")
+        response = varying(response, f"{self.source}, response")
+        if len(drive) != len(response):
+            raise InputError.at(
+                self.source,
+                "as many response as drive samples",
+                f"{len(drive)} of the drive and {len(response)} of the response",
+                "cut both to the same span",
+            )
+        for name, value in (("dt", step), ("drive", drive), ("response", response)):
+            object.__setattr__(self, name, value)
+        object.__setattr__(self, "warnings", tuple(self.warnings))
+
+    def __len__(self) -> int:
+        return len(self.drive)
+
+    @property
+    def times(self) -> np.ndarray:
+        """Sample times from 0, shape (N,) [s]."""
+        return self.dt * np.arange(len(self))
+
+    @property
+    def rate(self) -> float:
+        """Sampling rate [Hz]."""
+        return 1 / self.dt
+
+    def window(self, start: int, stop: int) -> "Recording":
+        """Samples `[start, stop)` as a recording of its own, its time again from 0.
+
+        **Raises:** `InputError` outside the recording, or where the window is no valid recording.
+        """
+        if not 0 <= start < stop <= len(self):
+            raise InputError.at(
+                self.source,
+                f"a window within samples 0 to {len(self)}",
+                f"{start} to {stop}",
+                "choose it inside",
+            )
+        masked = None if self.masked is None else self.masked[start:stop]
+        signals = {"drive": self.drive[start:stop], "response": self.response[start:stop]}
+        return replace(self, **signals, masked=masked)
+
+    def drive_period(self) -> Repeats | None:
+        """The smallest whole-sample period that the drive keeps for at least three repeats.
+
+        The longest stretch wins; it must fill a tenth of the recording. `None` where no stretch
+        repeats to 0.2 % of its own deviation: sweeps, decays, holds, periods between samples.
+        """
+        return self._repeats
+
+    @cached_property
+    def _repeats(self) -> Repeats | None:
+        return repeats_in(unit_range(self.drive))
+
+    def static_stretches(self, minimum_seconds: float = 0.0) -> list[tuple[int, int]]:
+        """Stretches `[start, stop)` [samples] of constant drive, where the noise can be read.
+
+        Constant is: no wider than white noise of the same successive differences
+        (J. von Neumann, Ann. Math. Stat. 12, 1941). A stretch lasts at least `minimum_seconds`
+        [s], 64 samples (which give a noise level to 9 %) and a hundredth of the recording.
+        """
+        minimum = max(64, len(self) // 100, math.ceil(minimum_seconds * self.rate))
+        return stretches_at_rest(unit_range(self.drive), minimum)
+
+    def checks(self) -> tuple[str, ...]:
+        """Plain warnings about the data that a fit would not reveal."""
+        return warnings_about(self)
+
+
+def require_units_of(first: Recording, other: Recording) -> None:
+    """Raise `InputError` unless two recordings are written in the same units."""
+    expected, actual = ((r.drive_unit, r.response_unit) for r in (first, other))
+    if actual != expected:
+        raise InputError.at(
+            other.source,
+            f"the units of {first.source} ({', '.join(expected)})",
+            f"({', '.join(actual)})",
+            "convert one of them",
+        )

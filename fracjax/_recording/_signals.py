@@ -1,0 +1,93 @@
+"""A signal: finite numbers along one axis."""
+
+import numpy as np
+
+from fracjax._recording._errors import InputError
+
+MINIMUM_SAMPLES = 32
+LARGEST = 1e100
+"""Magnitudes beyond this are overload codes, not measurements; their squares stay finite."""
+
+
+def require_samples(count: int, where: str) -> None:
+    """Raise `InputError` where there are too few samples to fit anything."""
+    if count < MINIMUM_SAMPLES:
+        raise InputError.at(
+            where, f"at least {MINIMUM_SAMPLES} samples", f"{count}", "give a longer recording"
+        )
+
+
+def signal_of(samples, where: str) -> np.ndarray:
+    """A read-only float64 copy of `samples`, shape (N,), once it is a usable signal."""
+    try:
+        raw = np.asarray(samples)
+    except ValueError:
+        raise InputError.at(where, "real numbers", "rows of unequal length", "mend it") from None
+    if raw.dtype.kind not in "iuf":
+        raise InputError.at(where, "real numbers", f"{raw.dtype} values", "give numbers")
+    if raw.ndim != 1:
+        raise InputError.at(where, "one axis", f"shape {raw.shape}", "give one channel at a time")
+    require_samples(len(raw), where)
+    signal = raw.astype(np.float64)
+    bad = ~(np.abs(signal) < LARGEST)
+    if bad.any():
+        at = int(bad.argmax())
+        raise InputError.at(
+            f"{where}, sample {at}", "a finite number", f"{signal[at]}", "correct or cut it"
+        )
+    signal.setflags(write=False)
+    return signal
+
+
+def bridged(samples, masked: np.ndarray) -> np.ndarray:
+    """A signal (N,) with straight lines over the samples that are masked and no numbers."""
+    signal = np.asarray(samples, dtype=np.float64)
+    lost = masked & ~(np.abs(signal) < LARGEST)
+    if not lost.any() or lost.all():
+        return signal
+    kept = np.flatnonzero(~lost)
+    return np.interp(np.arange(len(signal)), kept, signal[kept])
+
+
+def varying(samples, where: str) -> np.ndarray:
+    """A usable signal, shape (N,), that is not constant.  Raises InputError."""
+    signal = signal_of(samples, where)
+    if signal.min() == signal.max():
+        raise InputError.at(
+            where, "a signal that varies", f"the constant {signal[0]:g}", "choose the right column"
+        )
+    return signal
+
+
+_SPIKE = 12.0
+"""Least height of a spike, in typical departures of a sample from the line of its neighbours."""
+_WIDEST_SPIKE = 3
+_AROUND = 20
+"""Samples on both sides that tell what is typical there."""
+
+
+def spikes(response: np.ndarray) -> np.ndarray:
+    """Which samples of a response (N,) stand alone, far from those before and behind: (N,).
+
+    Far is twelve times what samples around them typically depart from the line between their
+    neighbours, and a hundredth of the range; up to three in a row, where those on both sides agree.
+    """
+    alone = np.zeros(len(response), bool)
+    if len(response) < MINIMUM_SAMPLES:
+        return alone
+    low, high = np.nanpercentile(response, [1, 99])
+    bends = np.zeros(len(response))
+    bends[1:-1] = np.abs(response[1:-1] - (response[:-2] + response[2:]) / 2)
+    # Of few candidates what is typical around them is looked at.
+    least = max(_SPIKE * float(np.nanmedian(bends)), 0.01 * (high - low))
+    for width in range(1, _WIDEST_SPIKE + 1):
+        before, after = response[: -width - 1], response[width + 1 :]
+        inner = [response[1 + at : 1 + at + len(before)] for at in range(width)]
+        height = np.min([np.abs(each - (before + after) / 2) for each in inner], axis=0)
+        far = (height > least) & (np.abs(after - before) < 0.5 * height)
+        # So many would be the signal itself.
+        for first in np.flatnonzero(far) if np.count_nonzero(far) < 0.02 * len(far) + 5 else ():
+            around = bends[max(first - _AROUND, 0) : first + width + _AROUND]
+            if height[first] > _SPIKE * np.nanmedian(around):
+                alone[first + 1 : first + 1 + width] = True
+    return alone

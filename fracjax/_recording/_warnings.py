@@ -1,0 +1,173 @@
+"""What a recording shows of its sensors and its clock that a fit would not reveal."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from fracjax._recording._periods import Repeats, unit_range
+from fracjax._recording._signals import spikes
+
+
+class Sampled(Protocol):
+    """What the warnings look at: the signals of a recording, their units and clock."""
+
+    @property
+    def drive(self) -> np.ndarray:
+        """Shape (N,), in `drive_unit`."""
+        ...
+
+    @property
+    def response(self) -> np.ndarray:
+        """Shape (N,), in `response_unit`."""
+        ...
+
+    @property
+    def drive_unit(self) -> str:
+        """The unit of the drive."""
+        ...
+
+    @property
+    def response_unit(self) -> str:
+        """The unit of the response."""
+        ...
+
+    @property
+    def masked(self) -> np.ndarray | None:
+        """The samples that no fit counts, shape (N,)."""
+        ...
+
+    @property
+    def dt(self) -> float:
+        """The step [s]."""
+        ...
+
+    @property
+    def rate(self) -> float:
+        """The sampling rate [Hz]."""
+        ...
+
+    def __len__(self) -> int: ...
+
+    def drive_period(self) -> Repeats | None:
+        """The periodic stretch of the drive."""
+        ...
+
+
+def warnings_about(recording: Sampled) -> tuple[str, ...]:
+    """All of them, in plain sentences."""
+    warnings = (
+        *(_clipping(recording), _quantisation(recording), _quantised_drive(recording)),
+        *(_undersampling(recording), _spikes(recording), _leading(recording)),
+    )
+    return tuple(warning for warning in warnings if warning)
+
+
+_LEAD = 0.003
+"""Least area of a loop that runs the wrong way round, as a share of its box."""
+
+
+def _clipping(recording: Sampled) -> str | None:
+    """A response that rests on its extreme value while the drive moves on."""
+    response = recording.response
+    stuck = (np.diff(recording.drive) != 0) & (np.diff(response) == 0)
+    for name, end, rest in (
+        ("largest", response.max(), response < response.max()),
+        ("smallest", response.min(), response > response.min()),
+    ):
+        inner = (np.max if name == "largest" else np.min)(response[rest])
+        count, beside = (int(np.sum(stuck & (response[1:] == level))) for level in (end, inner))
+        if count >= 10 and count > 5 * beside:
+            return (
+                f"The response stays at its {name} value, {end:g} "
+                f"{recording.response_unit}, for {count} samples while the drive moves: "
+                "the sensor or its range is clipped."
+            )
+    return None
+
+
+def _quantisation(recording: Sampled) -> str | None:
+    """A response that takes few distinct values."""
+    levels = np.unique(recording.response)
+    if len(levels) >= min(200, len(recording) / 4):
+        return None
+    return (
+        f"The response takes only {len(levels)} distinct values, about "
+        f"{np.median(np.diff(levels)):.3g} {recording.response_unit} apart: "
+        "rounding of that size will look like mismatch."
+    )
+
+
+def _quantised_drive(recording: Sampled) -> str | None:
+    """A drive that moves, and was recorded on few evenly spaced levels."""
+    levels = np.unique(recording.drive)
+    if not 16 <= len(levels) < min(200, len(recording) / 4):
+        return None
+    level = np.searchsorted(levels, recording.drive)
+    apart, moves = np.diff(levels), np.diff(level)
+    step = float(np.median(apart))
+    even = np.abs(apart - step).max() < 0.02 * step
+    # A staircase rests as long on every level as on the others, and a ramp on none.
+    dwell = np.diff(np.flatnonzero(moves))
+    glides = dwell.size > 0 and (np.median(dwell) <= 4 or np.median(dwell) < 0.2 * dwell.max())
+    held = len(np.unique(level[1:][moves == 0]))
+    if not (even and glides and 2 * held > len(levels) and np.mean(np.abs(moves) <= 1) > 0.9):
+        return None
+    return (
+        f"The drive takes only {len(levels)} distinct values, {step:.3g} {recording.drive_unit} "
+        "apart: it was recorded more coarsely than it moved, and what the model makes of its steps "
+        "will look like mismatch."
+    )
+
+
+def _spikes(recording: Sampled) -> str | None:
+    """Samples of the response that stand alone."""
+    alone = spikes(recording.response)
+    if recording.masked is not None:
+        alone &= ~recording.masked
+    if not 0 < np.count_nonzero(alone) <= 0.02 * len(recording):
+        return None
+    at = recording.dt * int(alone.argmax())
+    return (
+        f"The response has {np.count_nonzero(alone)} sample(s) far from those before and behind, "
+        f"the first at {at:.6g} s: spikes. Leave them out with --mask bad."
+    )
+
+
+def _leading(recording: Sampled) -> str | None:
+    """A response that is ahead of its drive: the mean loop runs the wrong way round."""
+    repeats = recording.drive_period()
+    if repeats is None:
+        return None
+    count = (repeats.stop - repeats.start) // repeats.period
+    stretch = slice(repeats.start, repeats.start + count * repeats.period)
+    drive, response = (
+        signal[stretch].reshape(count, -1).mean(axis=0) - signal[stretch].mean()
+        for signal in (recording.drive, recording.response)
+    )
+    spans = np.ptp(drive) * np.ptp(response)
+    likeness = float(drive @ response) / float(np.sqrt((drive @ drive) * (response @ response)))
+    # ∮ y du is negative where y lags behind u.
+    area = np.sign(likeness) * float(response @ (np.roll(drive, -1) - np.roll(drive, 1))) / 2
+    if abs(likeness) < 0.5 or area < _LEAD * spans:
+        return None
+    return (
+        "The response leads the drive: their loop runs the wrong way round, by "
+        f"{100 * area / spans:.2g} % of its box. The channels are skewed in time, or drive and "
+        "response are swapped: check their clocks, --input and --output."
+    )
+
+
+def _undersampling(recording: Sampled) -> str | None:
+    """A drive whose fastest part (99 % of the power lies below) has few samples per period."""
+    u = unit_range(recording.drive)
+    power = np.abs(np.fft.rfft((u - u.mean()) * np.hanning(len(u)))) ** 2
+    fastest = max(1, int(np.searchsorted(np.cumsum(power), 0.99 * power.sum())))
+    samples = len(u) / fastest
+    if samples >= 10:
+        return None
+    return (
+        f"The fastest part of the drive, near {recording.rate / samples:.3g} Hz, has only "
+        f"{samples:.1f} samples per period: at least 10 are needed to follow its loop."
+    )

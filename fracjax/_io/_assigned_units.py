@@ -60,7 +60,7 @@ def unit_of(table: Table, role: str, column: int, stated: str | None) -> Unit:
         return Unit(
             wanted,
             1.0,
-            f'{place}: {wanted} was used as told, though the {source} says "{written}".',
+            f'{place}: {wanted} was used as given, though the {source} says "{written}".',
         )
     if unit(read) == unit(wanted):
         return Unit(wanted, 1.0, "")
@@ -72,7 +72,7 @@ def unit_of(table: Table, role: str, column: int, stated: str | None) -> Unit:
             "correct it, or the file",
         )
     scale = pint.get_application_registry().Quantity(1.0, unit(read)).to(unit(wanted)).magnitude
-    return Unit(wanted, float(scale), f"{place}: converted from {written} to {wanted} as told.")
+    return Unit(wanted, float(scale), f"{place}: converted from {written} to {wanted} as given.")
 
 
 def _of_call(stated: str, role: str, source: str, name: str) -> str:

@@ -59,7 +59,7 @@ def clock_of_rate(table: Table, column: int, rate: float | None, listing: str) -
 
 
 def note_on_facts(source: str, clocks: Sequence[Clock]) -> list[str]:
-    """What is said of steps that were taken from facts in the file."""
+    """The note on steps that were taken from facts in the file."""
     notes = []
     for step in dict.fromkeys(clock.step for clock in clocks if clock.facts):
         facts = dict.fromkeys(f for clock in clocks if clock.step == step for f in clock.facts)

@@ -18,7 +18,7 @@ _BESIDE = 60
 
 
 class Header(NamedTuple):
-    """What is known of the columns of a table besides their numbers."""
+    """Names, units and facts of a table's columns."""
 
     names: tuple[str, ...]
     """By column, or none at all."""

@@ -76,7 +76,7 @@ def is_comment(line: str) -> bool:
     return line.lstrip().startswith(COMMENTS)
 
 
-def told_separator(lines: Sequence[str]) -> tuple[str, int] | None:
+def stated_separator(lines: Sequence[str]) -> tuple[str, int] | None:
     """The separator of a first line such as `sep=;`, and that line's index."""
     for at, line in enumerate(lines[:3]):
         if sep_line := _SEP_LINE.fullmatch(line):
@@ -94,7 +94,7 @@ def layout_of(
 
     `skip`: how many lines are none of it.
     """
-    stated = told_separator(lines)
+    stated = stated_separator(lines)
     best: _Run | None = None
     separator = ""
     for candidate in [stated[0]] if stated else separators:

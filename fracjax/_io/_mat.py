@@ -64,7 +64,7 @@ def write_mat(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> N
 
 
 def _fault(name: str, kind: str) -> tuple[str, str]:
-    """What is said of an object, and how its samples are saved."""
+    """The message on a MATLAB object: what it is, and how its samples are saved."""
     samples = f"t = {name}.Time; y = {name}.Data"
     if kind == "timetable":
         samples = f"t = seconds({name}.Time); y = {name}{{:,1}}"
@@ -103,7 +103,7 @@ def _check(source: str) -> dict[str, str]:
     """
     with open(source, "rb") as file:
         head = file.read(128)
-        # As SciPy tells version and byte order, also where the head is damaged.
+        # As SciPy reads version and byte order, also where the head is damaged.
         if len(head) < 128 or 0 in head[:4] or head[125 if head[126] == ord("I") else 124] != 1:
             return {}
         order = "<" if head[126:] == b"IM" else ">"

@@ -90,7 +90,7 @@ def _is_code(shown: str) -> bool:
 def notes_on(
     table: Table, columns: dict[str, int], bad: dict[str, np.ndarray], times: np.ndarray
 ) -> list[str]:
-    """What is said of samples that are left out."""
+    """The note on samples that are left out."""
     notes = []
     for role, column in columns.items():
         lost = bad[role]

@@ -69,7 +69,7 @@ def recordings_of(signals: list[Signals]) -> list[Recording]:
     ]
 
 
-class Found(NamedTuple):
+class Segments(NamedTuple):
     """The segments of a file."""
 
     signals: list[Signals]
@@ -93,7 +93,7 @@ def the_one(
     return signals[0]
 
 
-def signals_of(tables: Mapping[str, Table], request: Request) -> Found:
+def signals_of(tables: Mapping[str, Table], request: Request) -> Segments:
     """The signals by segment, the segments' lengths [s] and the gaps [s] between them.
 
     `tables`: by role, the same one for drive and response or one for each.
@@ -153,7 +153,7 @@ def signals_of(tables: Mapping[str, Table], request: Request) -> Found:
             f"{first.source}: it holds {in_words(lengths, apart)}; each is a recording of its own."
         )
         segments[0] = segments[0]._replace(notes=(said, *segments[0].notes))
-    return Found(segments, lengths, apart)
+    return Segments(segments, lengths, apart)
 
 
 def _groups(tables: Mapping[str, Table], roles: list[str]) -> list[tuple[Table, list[str]]]:
@@ -251,7 +251,7 @@ def _signals(
 
 
 def notes_on_parts(parts: dict[str, Part], bad: dict[str, np.ndarray]) -> list[str]:
-    """What is said of samples that are left out."""
+    """The note on samples that are left out."""
     notes: list[str] = []
     for role, part in parts.items():
         times = part.clock.times - part.clock.times[0]

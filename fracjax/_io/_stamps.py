@@ -78,7 +78,7 @@ def _unwrapped(seconds: np.ndarray) -> np.ndarray:
 
 
 def _of_dates(texts: pd.Series) -> np.ndarray | None:
-    """Dates with or without clock times; None where day and month cannot be told apart and it
+    """Dates with or without clock times; None where day and month cannot be distinguished and it
     matters."""
     plain = texts.str.replace(r"[年月]", "-", regex=True).str.replace("日", " ", regex=False)
     plain = plain.str.replace(r"(\d:\d{1,2}:\d{1,2})[,:](\d)", r"\1.\2", regex=True)

@@ -52,7 +52,7 @@ def write_tdms(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> 
 
 
 def _checked(file: BinaryIO) -> BinaryIO:
-    """The file, once its segments are known to end where it does; npTDMS drops what is cut short.
+    """The file, once it was checked that its segments end where it does; npTDMS drops what is cut short.
 
     Each begins with 28 bytes: mark, flags, version, length of the rest, and of its description.
     """

@@ -230,7 +230,7 @@ def _parsed(rows: Sequence[Sequence[str]], at: int, layout: Layout) -> tuple[_Va
 def _about(
     header: Header, layout: Layout, at: int, count: int, values: _Values | None, unit: str
 ) -> Column:
-    """What is known of a column; one of days alone tells no time."""
+    """Unit and faults of a column; one of days alone is no time."""
     title = header.names[at] if header.names else ""
     fault = _TEXT_FAULT.get(layout.kinds[at], "")
     is_stamp = layout.kinds[at] == "stamp"

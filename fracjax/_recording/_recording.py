@@ -20,7 +20,7 @@ class Recording:
     **Arguments:** `drive` and `response`, shape (N,), in `drive_unit` and `response_unit`;
     `dt`, the step [s]; `source`, named in messages; `warnings`, what the reader had to assume.
 
-    A constant drive is a rest: it tells the noise and what drifts, beside recordings that move.
+    A constant drive is a rest: it shows noise and drift next to recordings that move.
 
     **Raises:** `InputError` unless both are finite, one-dimensional, of equal length, at least
     32 samples long and the response not constant, `dt` is positive and the units are known.

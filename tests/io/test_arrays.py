@@ -45,7 +45,7 @@ def test_hdf5_groups_attributes_and_records(tmp_path):
         read(path, **columns)
     told = read(path, **columns, input_unit="V", time_unit="s")
     np.testing.assert_allclose(told.drive, 1000 * DRIVE)
-    assert any("converted from kV to V as told." in warning for warning in told.warnings)
+    assert any("converted from kV to V as given." in warning for warning in told.warnings)
 
 
 def test_hdf5_rate_of_the_nearest_scope(tmp_path):

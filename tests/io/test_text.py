@@ -156,7 +156,7 @@ def test_a_unit_told_is_what_the_numbers_are_converted_to_aloud(put):
     assert recording.response_unit == "nm"
     np.testing.assert_allclose(recording.response, 1000 * RESPONSE, rtol=1e-12)
     (warning,) = recording.warnings
-    assert "converted from um to nm as told" in warning
+    assert "converted from um to nm as given" in warning
     with pytest.raises(InputError, match=r'of the same kind as "um".*found --output-unit "V"'):
         read(path, output_unit="V")
     with pytest.raises(InputError, match=r'a unit of what "displacement" speaks of, found "N"'):

@@ -42,7 +42,7 @@ class Trajectory:
     def in_unit(self, name: str) -> Trajectory:
         """The same motion in another unit.
 
-        **Raises:** `InputError` for a unit that is unknown or of another kind.
+        Raises InputError for a unit that is unknown or of another kind.
         """
         scale = parse_quantity(f"1 {self.response_unit}", name, f"{self.source}, response")
         return replace(self, response=scale * self.response, response_unit=name)

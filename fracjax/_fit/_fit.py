@@ -111,7 +111,7 @@ def fit(
         starts: the number of starts.
         seed: of the random starts.
         progress: called with a sentence at each stage.
-        options: by parameter name, in the parameters' units: `fixed` holds parameters at values,
+        **options: by parameter name, in the parameters' units: `fixed` holds parameters at values,
             `bounds` narrows their range, `priors` gives prior knowledge, `tied` sets one equal to
             another, `{"second.mu": "first.alpha"}`, or to a multiple of it, `("first.alpha", 2.0)`.
             `own` names parameters of which each recording has its own value, reported as `name@1`,

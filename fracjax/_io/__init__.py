@@ -95,22 +95,29 @@ def read(
     or by the end of it; of an array with more axes, each index across its longest axis, which is
     that of the samples, such as `data.3` or `u.0.2`.
 
-    **Arguments:** `response`: the response's file, where `path` holds the drive alone, each with
-    its clock; `time`, `input` and `output`: a column's name or its index from 0, where the names
-    do not tell; `rate`: samples per second ("200Hz", or a number in Hz), needed without a time
-    column, unless the file states a rate or a step; `input_unit` and `output_unit`: what the
-    numbers come out in, converted where the file states another unit, and `time_unit`, what the
-    file leaves unsaid; `resample`: the rate to interpolate to where the times are not uniform, or
-    drive and response have clocks of their own; `mask`: times [s] such as `[(3, 4)]` or
-    ["3 s..4 s"] in which samples may be missing, or "bad" for whatever is no number, clipped or a
-    spike, which no fit then counts; `segment`: which one, from 1, of a file with several;
-    `skip_rows`, `names_row`, `units_row`: how many lines of a text or sheet to pass over, and the
-    lines from 1 of names and units, where they are not found.
+    Args:
+        path: The file, or that of the drive alone where `response` is given.
+        response: The file of the response, each file with its own clock.
+        **options: `time`, `input` and `output`, each the name of a column or its index from 0, where
+            the names in the file do not say it.
+            `rate`, samples per second ("200Hz", or a number [Hz]), needed where there is neither a
+            time column nor a rate or step in the file.
+            `input_unit` and `output_unit`, the units of the result, to which the file's own are
+            converted; `time_unit`, the unit of a time column that has none.
+            `resample`, the rate to interpolate to where the times are not uniform, or drive and
+            response have clocks of their own.
+            `mask`, times [s] such as `[(3, 4)]` or `["3 s..4 s"]` in which samples may be missing,
+            or "bad" for all samples that are no number, clipped or a spike; no fit counts them.
+            `segment`, which one, from 1, of a file with several.
+            `skip_rows`, the number of lines of a text or sheet to pass over; `names_row` and
+            `units_row`, the lines, from 1, of names and units.
 
-    **Returns:** drive and response in the file's own units, time in seconds; what had to be
-    assumed stands in `Recording.warnings`.
+    Returns:
+        Drive (N,) and response (N,) in the file's own units, unless given, and the step [s]; what
+        had to be assumed stands in `Recording.warnings`.
 
-    **Raises:** `InputError` with file, place and column for a file that cannot be used.
+    Raises:
+        InputError: The file cannot be used; with file, place and column.
     """
     return read_with_columns(path, response=response, **options)[0]
 
@@ -145,7 +152,7 @@ def read_drive(
 ) -> tuple[np.ndarray, float, str]:
     """The drive in a file, its step [s] and its unit; there need be no response.
 
-    **Arguments** and **raises:** as `read`.
+    Options and errors are those of `read`.
     """
     return _alone(path, "input", options)
 
@@ -155,7 +162,7 @@ def read_response(
 ) -> tuple[np.ndarray, float, str]:
     """The response in a file, its step [s] and its unit; there need be no drive.
 
-    **Arguments** and **raises:** as `read`.
+    Options and errors are those of `read`.
     """
     return _alone(path, "output", options)
 
@@ -172,15 +179,18 @@ def column_name(role: str, unit: str) -> str:
 
 
 def write(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
-    """Write columns to a file of the format that its suffix tells; `read` gives the same numbers.
+    """Write columns to a file of the format that its suffix names; `read` gives the same numbers.
 
     The file appears whole or not at all.
 
-    **Arguments:** `columns`, real numbers of shape (N,) by name, such as "voltage_V", which `read`
-    finds by name and unit.
+    Args:
+        path: The file to write.
+        columns: Real numbers (N,) by name, such as "voltage_V", which `read` finds by name and
+            unit.
 
-    **Raises:** `InputError` for columns that are no such numbers, names that do not begin with a
-    letter, a suffix of no known format, or a file that cannot be written.
+    Raises:
+        InputError: The columns are no such numbers, a name does not begin with a letter, the suffix
+            is of no known format, or the file cannot be written.
     """
     target = fspath(path)
     form = _FORMATS.get(Path(target).suffix.lower())

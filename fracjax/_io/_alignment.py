@@ -45,7 +45,7 @@ def aligned(
 ) -> tuple[dict[str, Part], dict[str, slice], list[str]]:
     """The signals over the time they have in common, where one grid of samples serves them all.
 
-    **Raises:** `InputError` where none does.
+    Raises InputError where none does.
     """
     everything = {role: slice(0, len(part.values)) for role, part in parts.items()}
     if len(parts) < 2:

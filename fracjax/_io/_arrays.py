@@ -134,7 +134,7 @@ def array_table(
 
     A vector or matrix at the path "", which is that of a file of one array, has no names.
 
-    **Raises:** `InputError` where there is no array but of single values.
+    Raises InputError where there is no array but of single values.
     """
     columns = [
         (plain(path), field, index)

@@ -35,7 +35,7 @@ def unit_of(table: Table, role: str, column: int, stated: str | None) -> Unit:
     What the call states is what the numbers come out in: they are converted where the file states
     another unit of the same kind.
 
-    **Raises:** `InputError` for a unit that is not understood, cannot be that of what the name
+    Raises InputError for a unit that is not understood, cannot be that of what the name
     speaks of, or contradicts the call; and where none is written for what is no voltage or
     displacement.
     """

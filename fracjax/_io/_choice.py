@@ -38,10 +38,10 @@ def choose(
 ) -> Chosen:
     """The columns of each role: as given, else by name and unit, else by position.
 
-    **Arguments:** `columns`, name or index by role where the call gives it; `has_rate`, whether it
+    `columns`: name or index by role where the call gives it; `has_rate`, whether it
     gives a rate, so that a column may count samples; `stated`, the roles whose unit it gives.
 
-    **Raises:** `InputError` for a column that is missing, ambiguous or holds no numbers.
+    Raises InputError for a column that is missing, ambiguous or holds no numbers.
     """
     chosen = {role: _given(table, role, key) for role, key in columns.items() if key is not None}
     signals = [role for role in columns if role != "time"]

@@ -45,7 +45,7 @@ def rate_of(text: str | float, where: str) -> float:
 def clock_of_rate(table: Table, column: int, rate: float | None, listing: str) -> Clock:
     """The clock of a column without times.
 
-    **Arguments:** `rate` [Hz], which the call gives; without it, what the file states counts.
+    `rate`: [Hz], which the call gives; without it, what the file states counts.
     """
     about = table.about(column)
     counted = np.arange(about.length)
@@ -114,7 +114,7 @@ def clock_of_time(
 ) -> Clock:
     """The clock of a stretch of a time column, which must increase.
 
-    **Arguments:** `written`, the column's unit; `rate` [Hz], with which it must agree, and which
+    `written`: the column's unit; `rate` [Hz], with which it must agree, and which
     counts where the stamps are rounded; `uniform`, whether it must run in uniform steps, but for
     its rounding; `facts`, steps that the file states beside it, with which it must agree where
     its unit `is_assumed`.
@@ -161,7 +161,7 @@ def clock_of_time(
 def _agreement(label: str, step: float, facts: Sequence[Fact], is_assumed: bool) -> tuple[str, ...]:
     """Notes on whether the step [s] of a column is the one that the file states beside it.
 
-    **Raises:** `InputError` where it is not, and no unit is written.
+    Raises InputError where it is not, and no unit is written.
     """
     stated = {fact.name: step_of(fact, label) for fact in facts}
     other = next((name for name, s in stated.items() if abs(s - step) > _STATED * step), None)

@@ -39,7 +39,7 @@ def text_of(source: str) -> Text:
     """The text of a file: UTF-8, UTF-16 with or without its mark, or one of the encodings of a
     country.
 
-    **Raises:** `InputError` for a file that cannot be read, or is no text.
+    Raises InputError for a file that cannot be read, or is no text.
     """
     with opened(source):
         raw = Path(source).read_bytes()

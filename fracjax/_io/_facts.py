@@ -117,7 +117,7 @@ def _other(default: str, flip: bool) -> str:
 def step_of(clock: Fact, where: str) -> float:
     """The step [s] that a file states as a step or a rate.
 
-    **Raises:** `InputError` for one that is not above zero.
+    Raises InputError for one that is not above zero.
     """
     parts = re.fullmatch(r"\s*(\S+)\s+(.*\S)\s*", clock.value)
     written = readable(parts[2]) if parts else None

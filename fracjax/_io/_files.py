@@ -136,7 +136,7 @@ def opened(source: str) -> Iterator[None]:
 def reading(source: str, kind: str) -> Iterator[None]:
     """Within this, a library reads a file of a kind, such as "an HDF5 file", silently.
 
-    **Raises:** `InputError` where the library is missing, or the file is missing, empty, of another
+    Raises InputError where the library is missing, or the file is missing, empty, of another
     kind or damaged: libraries raise nearly anything over a damaged file.
     """
     with opened(source), open(source, "rb") as file:
@@ -158,7 +158,7 @@ def reading(source: str, kind: str) -> Iterator[None]:
 def whole(path: str | PathLike[str]) -> Iterator[Path]:
     """Within this, the file given is written; it becomes `path` whole or not at all.
 
-    **Raises:** `InputError` where it cannot be written.
+    Raises InputError where it cannot be written.
     """
     target = Path(path)
     part = target.parent / f".{target.name}.{secrets.token_hex(4)}"
@@ -178,7 +178,7 @@ def whole(path: str | PathLike[str]) -> Iterator[Path]:
 def writing(path: str | PathLike[str], kind: str) -> Iterator[Path]:
     """Within this, a library writes a file of a kind, silently, whole or not at all.
 
-    **Raises:** `InputError` where the library is missing, cannot hold the columns, or the file
+    Raises InputError where the library is missing, cannot hold the columns, or the file
     cannot be written.
     """
     with whole(path) as part, _silence():

@@ -17,7 +17,7 @@ def read_hdf5(path: str | PathLike[str]) -> ArrayTable:
 
     Links, soft or to other files, are not followed: what they point to has a path of its own.
 
-    **Raises:** `InputError` for a file that is no whole HDF5 file, or without h5py.
+    Raises InputError for a file that is no whole HDF5 file, or without h5py.
     """
     source = fspath(path)
     arrays: dict[str, Array] = {}
@@ -45,7 +45,7 @@ def read_hdf5(path: str | PathLike[str]) -> ArrayTable:
 def write_hdf5(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
     """Write columns, each of shape (N,), as datasets; a name with a slash is a path.
 
-    **Raises:** `InputError` where the file cannot be written, or without h5py.
+    Raises InputError where the file cannot be written, or without h5py.
     """
     with writing(path, _KIND) as part:
         import h5py

@@ -42,7 +42,7 @@ def header_of(source: str, lines: Sequence[str], layout: Layout, hints: Hints) -
     The rows next above the table that are as wide as it are its names, its units, and remarks; all
     lines above and all text beside it may state units, names, steps and rates.
 
-    **Raises:** `InputError` where a row of names has too few or too many.
+    Raises InputError where a row of names has too few or too many.
     """
     width = layout.width
     names_row, units_row = _stated_rows(source, lines, layout, hints)

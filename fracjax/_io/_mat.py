@@ -23,7 +23,7 @@ _NAME = re.compile(r"[A-Za-z]\w{0,62}", re.ASCII)
 def read_mat(path: str | PathLike[str]) -> ArrayTable:
     """The arrays of a MAT file: variables, fields of structures as `run1/voltage`, cells by index.
 
-    **Raises:** `InputError` for a file that is no whole MAT file, or without pymatreader or h5py.
+    Raises InputError for a file that is no whole MAT file, or without pymatreader or h5py.
     """
     source = fspath(path)
     with reading(source, _KIND):
@@ -48,7 +48,7 @@ def read_mat(path: str | PathLike[str]) -> ArrayTable:
 def write_mat(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
     """Write columns, each of shape (N,), as variables of a MAT file of version 5.
 
-    **Raises:** `InputError` for a name that MATLAB does not take, or where the file cannot be
+    Raises InputError for a name that MATLAB does not take, or where the file cannot be
     written.
     """
     for name in columns:

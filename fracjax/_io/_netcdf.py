@@ -14,7 +14,7 @@ _KIND = "a NetCDF file"
 def read_netcdf(path: str | PathLike[str]) -> ArrayTable:
     """The variables of a NetCDF file, with what their attributes say.
 
-    **Raises:** `InputError` for a file that is no whole NetCDF file.
+    Raises InputError for a file that is no whole NetCDF file.
     """
     source = fspath(path)
     with opened(source), open(source, "rb") as file:

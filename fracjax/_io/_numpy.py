@@ -18,7 +18,7 @@ def read_npy(path: str | PathLike[str]) -> ArrayTable:
 
     Beyond two axes a column is called by its indices across the samples, such as `0.2`.
 
-    **Raises:** `InputError` for a file that is no whole NPY file.
+    Raises InputError for a file that is no whole NPY file.
     """
     source = fspath(path)
     with reading(source, _NPY), open(source, "rb") as file:
@@ -29,7 +29,7 @@ def read_npy(path: str | PathLike[str]) -> ArrayTable:
 def read_npz(path: str | PathLike[str]) -> ArrayTable:
     """The arrays of an NPZ file by name.
 
-    **Raises:** `InputError` for a file that is no whole NPZ file.
+    Raises InputError for a file that is no whole NPZ file.
     """
     source = fspath(path)
     content = {}
@@ -44,7 +44,7 @@ def read_npz(path: str | PathLike[str]) -> ArrayTable:
 def write_npy(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
     """Write columns, each of shape (N,), as one array of records, which keeps their names.
 
-    **Raises:** `InputError` where the file cannot be written.
+    Raises InputError where the file cannot be written.
     """
     with writing(path, _NPY) as part:
         length = len(next(iter(columns.values())))
@@ -58,7 +58,7 @@ def write_npy(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> N
 def write_npz(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
     """Write columns, each of shape (N,), as arrays by name.
 
-    **Raises:** `InputError` where the file cannot be written.
+    Raises InputError where the file cannot be written.
     """
     # Not np.savez, for which some names are arguments.
     with writing(path, _NPZ) as part, zipfile.ZipFile(part, "w") as archive:

@@ -14,7 +14,7 @@ _KIND = "a Parquet file"
 def read_parquet(path: str | PathLike[str]) -> ArrayTable:
     """The columns of a Parquet file; an absent number reads as no number.
 
-    **Raises:** `InputError` for a file that is no whole Parquet file, or without PyArrow.
+    Raises InputError for a file that is no whole Parquet file, or without PyArrow.
     """
     source = fspath(path)
     with reading(source, _KIND):
@@ -32,7 +32,7 @@ def read_parquet(path: str | PathLike[str]) -> ArrayTable:
 def write_parquet(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
     """Write columns, each of shape (N,), that read back to the same numbers.
 
-    **Raises:** `InputError` where the file cannot be written, or without PyArrow.
+    Raises InputError where the file cannot be written, or without PyArrow.
     """
     with writing(path, _KIND) as part:
         import pyarrow

@@ -44,7 +44,7 @@ class Timing(NamedTuple):
 def parts_of(table: Table, column: int, time: int | None, timing: Timing) -> list[Part]:
     """The segments of a signal, by its time column `time` or without one.
 
-    **Raises:** `InputError` for a clock that goes wrong, or samples that are missing.
+    Raises InputError for a clock that goes wrong, or samples that are missing.
     """
     values = table.numbers(column)
     require_samples(len(values), table.source)

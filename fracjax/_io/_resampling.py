@@ -39,7 +39,7 @@ def resampled(channels: dict[str, Channel], rate: float, source: str) -> Resampl
     recorded, as a spline would invent. Of a smooth signal they are off by up to |y''| h²/8 for
     a gap h [s] where it turns, as straight lines are, and by less elsewhere.
 
-    **Raises:** `InputError` for a rate that leaves too few samples or invents too many.
+    Raises InputError for a rate that leaves too few samples or invents too many.
     """
     from scipy.interpolate import PchipInterpolator
 

@@ -27,7 +27,7 @@ def rows_of(source: str, lines: Sequence[str], layout: Layout, repeated: Sequenc
     `repeated` stand again, or text that is followed by as many rows as a recording needs, a new
     block begins; blank lines part blocks where each is as long as that.
 
-    **Raises:** `InputError` for a line that is no row.
+    Raises InputError for a line that is no row.
     """
     cells: list[list[str]] = []
     numbers: list[int] = []

@@ -98,7 +98,7 @@ def signals_of(tables: Mapping[str, Table], request: Request) -> Segments:
 
     `tables`: by role, the same one for drive and response or one for each.
 
-    **Raises:** `InputError` for whatever is missing, ambiguous or contradictory.
+    Raises InputError for whatever is missing, ambiguous or contradictory.
     """
     first = next(iter(tables.values()))
     hertz = None if request.rate is None else rate_of(request.rate, f"{first.source}, --rate")

@@ -18,7 +18,7 @@ _BIG_ENDIAN = 1 << 6
 def read_tdms(path: str | PathLike[str]) -> ArrayTable:
     """The channels of a TDMS file as `group/channel`, with unit and step from their properties.
 
-    **Raises:** `InputError` for a file that is no whole TDMS file, or without npTDMS.
+    Raises InputError for a file that is no whole TDMS file, or without npTDMS.
     """
     source = fspath(path)
     arrays: dict[str, Array] = {}
@@ -40,7 +40,7 @@ def read_tdms(path: str | PathLike[str]) -> ArrayTable:
 def write_tdms(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
     """Write columns, each of shape (N,), as channels of the group "recording".
 
-    **Raises:** `InputError` where the file cannot be written, or without npTDMS.
+    Raises InputError where the file cannot be written, or without npTDMS.
     """
     with writing(path, _KIND) as part:
         from nptdms import ChannelObject, TdmsWriter
@@ -52,7 +52,7 @@ def write_tdms(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> 
 
 
 def _checked(file: BinaryIO) -> BinaryIO:
-    """The file, once it was checked that its segments end where it does; npTDMS drops what is cut short.
+    """The file, checked to end where its segments do; npTDMS drops what is cut short.
 
     Each begins with 28 bytes: mark, flags, version, length of the rest, and of its description.
     """

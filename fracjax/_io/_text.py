@@ -78,7 +78,7 @@ class TextTable:
 def read_text(path: str | PathLike[str], hints: Hints = NO_HINTS) -> TextTable:
     """The table in a text file: the longest run of rows of numbers, its names and units above it.
 
-    **Raises:** `InputError` for a file that cannot be read, is no text, holds no such rows, or has
+    Raises InputError for a file that cannot be read, is no text, holds no such rows, or has
     a row of another width among them.
     """
     source = fspath(path)
@@ -114,7 +114,7 @@ def write_text(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> 
     It reads back to the same numbers. The file appears whole or not at all, also when the run is
     killed.
 
-    **Raises:** `InputError` where it cannot be written.
+    Raises InputError where it cannot be written.
     """
     separator = "\t" if Path(path).suffix.lower() == ".tsv" else ","
     with whole(path) as part, part.open("w", encoding="utf-8", newline="") as file:

@@ -124,7 +124,7 @@ class SheetTable:
 def read_xlsx(path: str | PathLike[str], hints: Hints = NO_HINTS) -> SheetTable:
     """The columns of all sheets of a workbook; of formulas the values last computed.
 
-    **Raises:** `InputError` for a file that is no whole XLSX file, or without openpyxl.
+    Raises InputError for a file that is no whole XLSX file, or without openpyxl.
     """
     source = fspath(path)
     with reading(source, _KIND):
@@ -156,7 +156,7 @@ def read_xlsx(path: str | PathLike[str], hints: Hints = NO_HINTS) -> SheetTable:
 def write_xlsx(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
     """Write columns, each of shape (N,), below their names on one sheet.
 
-    **Raises:** `InputError` for what a sheet cannot hold, where the file cannot be written, or
+    Raises InputError for what a sheet cannot hold, where the file cannot be written, or
     without openpyxl.
     """
     values = np.column_stack(list(columns.values()))

@@ -17,14 +17,22 @@ from fracjax._recording._warnings import warnings_about
 class Recording:
     """Uniform samples of a drive u and the response y it caused.
 
-    **Arguments:** `drive` and `response`, shape (N,), in `drive_unit` and `response_unit`;
-    `dt`, the step [s]; `source`, named in messages; `warnings`, what the reader had to assume.
-
     A constant drive is a rest: it shows noise and drift next to recordings that move.
 
-    **Raises:** `InputError` unless both are finite, one-dimensional, of equal length, at least
-    32 samples long and the response not constant, `dt` is positive and the units are known.
-    Where `masked`, shape (N,), is true a sample need be no number; no fit counts it.
+    Attributes:
+        drive: Samples (N,) in `drive_unit`.
+        response: Samples (N,) in `response_unit`.
+        dt: The step [s].
+        drive_unit: Unit of the drive.
+        response_unit: Unit of the response.
+        source: The name in messages.
+        warnings: What the reader had to assume.
+        masked: True (N,) where a sample need be no number, which no fit counts; None where all
+            count.
+
+    Raises:
+        InputError: Unless drive and response are finite, one-dimensional, of equal length, at least
+            32 samples long and the response not constant, `dt` is positive and the units are known.
     """
 
     drive: np.ndarray
@@ -79,7 +87,7 @@ class Recording:
     def window(self, start: int, stop: int) -> "Recording":
         """Samples `[start, stop)` as a recording of its own, its time again from 0.
 
-        **Raises:** `InputError` outside the recording, or where the window is no valid recording.
+        Raises InputError outside the recording, or where the window is no valid recording.
         """
         if not 0 <= start < stop <= len(self):
             raise InputError.at(

@@ -22,7 +22,7 @@ _ONE_AT_A_TIME = threading.Lock()
 def unit(text: str, where: str = "unit") -> pint.Unit:
     """The unit called `text`, such as "um", "µm", "V", "kHz" or "V/um".
 
-    **Raises:** `InputError`, placed at `where`, for a unit that pint does not know.
+    Raises InputError, placed at `where`, for a unit that pint does not know.
     """
     name = text.strip()
     for spelling in (name, name.lower()):
@@ -40,7 +40,7 @@ def unit(text: str, where: str = "unit") -> pint.Unit:
 def parse_quantity(text: str | float, default: str, where: str = "quantity") -> float:
     """The value of "200 Hz" or "0.07um" in the unit `default`; a plain number is already in it.
 
-    **Raises:** `InputError`, placed at `where`: no finite number, unknown unit, wrong dimension.
+    Raises InputError, placed at `where`: no finite number, unknown unit, wrong dimension.
     """
     parts = _NUMBER.fullmatch(str(text))
     if parts is None:

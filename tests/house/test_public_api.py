@@ -85,6 +85,19 @@ def test_no_exception_is_out_of_date(name):
     assert not UNIT.search(inspect.getdoc(found) or "")
 
 
+FUNCTIONS = [(m, n) for m, n in CALLABLES if inspect.isfunction(getattr(m, n)) and m is not blocks]
+
+
+@pytest.mark.parametrize(("module", "name"), FUNCTIONS, ids=lambda it: getattr(it, "__name__", it))
+def test_every_argument_and_result_is_described(module, name):
+    function = getattr(module, name)
+    _, _, sections = (inspect.getdoc(function) or "").partition("Args:")
+    parameters = inspect.signature(function).parameters
+    described = set(re.findall(r"^    (?:\*\*)?(\w+):", sections, re.MULTILINE))
+    assert set(parameters) <= described
+    assert inspect.signature(function).return_annotation in ("None", None) or "Returns:" in sections
+
+
 @pytest.mark.parametrize("law", LAWS, ids=lambda law: law.__name__)
 def test_every_law_has_a_source(law):
     assert SOURCE.search(inspect.getdoc(law) or "")

@@ -98,7 +98,7 @@ def read(
     Args:
         path: The file, or that of the drive alone where `response` is given.
         response: The file of the response, each file with its own clock.
-        **options: `time`, `input` and `output`, each the name of a column or its index from 0, where
+        **options: `time`, `input` and `output`, the name of a column or its index from 0, where
             the names in the file do not say it.
             `rate`, samples per second ("200Hz", or a number [Hz]), needed where there is neither a
             time column nor a rate or step in the file.

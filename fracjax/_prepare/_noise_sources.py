@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import fftconvolve, lfilter
 
-from .._recording import InputError, Recording
+from .._recording import InputError, Recording, spikes
 from ._noise import NONE, Noise
 from ._noise_stretches import PIECES, Stretch, level_from_differences, noise_in
 from ._setting import resolution
@@ -157,9 +157,10 @@ def measured_noise(
 ) -> Noise | None:
     """The noise from repeated periods, a repeat recording, or a rest.
 
-    Periods and rests where the weights `counts` (N,) are 0 are ignored.  None where the recording
-    has no such source.
+    Periods and rests where the weights `counts` (N,) are 0 are ignored, and spikes are bridged by
+    straight lines.  None where the recording has no such source.
     """
+    recording = _without_spikes(recording)
     unit = recording.response_unit
     if repeat is not None:
         if not _has_same_drive(repeat, recording):
@@ -172,6 +173,16 @@ def measured_noise(
     if series := _from_static(recording, counts, step):
         return noise_in(series, unit, "static", resolution=step)
     return None
+
+
+def _without_spikes(recording: Recording) -> Recording:
+    """The recording with straight lines over its spikes: five of them can be all of its rms."""
+    alone = spikes(recording.response)
+    if not alone.any():
+        return recording
+    kept = np.flatnonzero(~alone)
+    bridged = np.interp(np.arange(alone.size), kept, recording.response[kept])
+    return replace(recording, response=bridged)
 
 
 def measured_noises(

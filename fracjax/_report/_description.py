@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 
 from .._prepare import Noise, measured_noise, top_frequency
-from .._recording import Recording, spikes
+from .._recording import Recording
 from ._doubts import doubts_about
 from ._drive_kind import kind_of_drive
 
@@ -73,11 +73,8 @@ def describe(
 
 
 def _noise_of(recording: Recording) -> Noise | None:
-    """The noise beside spikes and what is masked, of a long recording that of as many periods, or
-    of as much of a rest, as tell it to a few per mille."""
-    bad = spikes(recording.response)
-    if recording.masked is not None:
-        bad |= recording.masked
+    """The noise of a recording; of a long one that of as many periods, or of as much of a rest, as
+    determine it to a few per mille."""
     stretch = slice(0, len(recording))
     if len(recording) > 2 * _ENOUGH:
         repeats, rests = recording.drive_period(), recording.static_stretches()
@@ -92,7 +89,8 @@ def _noise_of(recording: Recording) -> Noise | None:
     if not np.ptp(recording.response[stretch]):
         stretch = slice(0, len(recording))
     part = recording.window(stretch.start, stretch.stop)
-    counts = (~bad[stretch]).astype(float) if bad[stretch].any() else None
+    masked = recording.masked
+    counts = None if masked is None else (~masked[stretch]).astype(float)
     return measured_noise(part, counts=counts)
 
 

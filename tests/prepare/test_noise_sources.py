@@ -36,6 +36,20 @@ def test_repeats_show_the_noise_under_a_slow_decay():
     assert noise.sigma == pytest.approx(0.01, rel=0.05)
 
 
+def test_spikes_are_no_noise():
+    """Five in eight thousand samples would be a floor fifty times as high."""
+    generator = np.random.default_rng(2)
+    time = np.arange(8000) / 200
+    drive = np.sin(2 * np.pi * time)
+    response = 5 * drive + 0.01 * generator.standard_normal(8000)
+    for at in (700, 1803, 3010, 4507, 6404):
+        response[at] += generator.choice([-1, 1]) * 20
+    noise = measured_noise(Recording(drive, response, 0.005))
+    assert noise is not None
+    assert noise.method == "repeats"
+    assert noise.sigma == pytest.approx(0.01, rel=0.05)
+
+
 def test_a_noise_floor_above_what_a_fit_leaves_is_not_believed():
     """What differs between the periods is a motion of the model's own, not noise."""
     drive = TONE * (1 + 0.02 * np.floor(TIMES))

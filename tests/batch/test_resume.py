@@ -142,7 +142,8 @@ def test_an_interrupt_keeps_what_is_finished(data, quick):
     assert len(kept) >= 3
     quick.clear()
     assert len(batch(data)) == 7
-    assert sources(quick) == sorted({f"{k}.csv" for k in range(7)} - kept)
+    # A fit that ran when the first call was interrupted may end, for nobody, beside the second's.
+    assert set(sources(quick)) == {f"{k}.csv" for k in range(7)} - kept
 
 
 def test_an_interrupt_while_writing_leaves_whole_parts(data, quick, monkeypatch):

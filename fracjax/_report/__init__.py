@@ -1,21 +1,61 @@
-"""The report: one self-contained HTML file."""
+"""The report: one self-contained HTML file, and what of it other outputs share."""
 
-from ._compensation_page import compensation_figures as compensation_figures
-from ._compensation_page import compensation_sentence as compensation_sentence
-from ._compensation_page import compensation_warnings as compensation_warnings
-from ._description import describe as describe
-from ._effect_picture import draw_effect as draw_effect
-from ._posterior_page import posterior_row as posterior_row
-from ._recording_picture import draw_recordings as draw_recordings
-from ._report import write_report as write_report
-from ._text import crosscheck_figures as crosscheck_figures
-from ._text import crosscheck_sentence as crosscheck_sentence
-from ._text import figure as figure
-from ._text import file_name as file_name
-from ._text import fit_sentence as fit_sentence
-from ._text import frequency_figures as frequency_figures
-from ._text import frequency_sentence as frequency_sentence
-from ._text import key_figures as key_figures
-from ._text import parameter_rows as parameter_rows
-from ._text import pretty_unit as pretty_unit
-from ._text import quantity as quantity
+from importlib import import_module
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from ._compensation_page import compensation_figures as compensation_figures
+    from ._compensation_page import compensation_sentence as compensation_sentence
+    from ._compensation_page import compensation_warnings as compensation_warnings
+    from ._description import describe as describe
+    from ._effect_picture import draw_effect as draw_effect
+    from ._numbers import figure as figure
+    from ._numbers import pretty_unit as pretty_unit
+    from ._numbers import quantity as quantity
+    from ._posterior_page import posterior_row as posterior_row
+    from ._recording_picture import draw_recordings as draw_recordings
+    from ._report import write_report as write_report
+    from ._text import crosscheck_figures as crosscheck_figures
+    from ._text import crosscheck_sentence as crosscheck_sentence
+    from ._text import file_name as file_name
+    from ._text import fit_sentence as fit_sentence
+    from ._text import frequency_figures as frequency_figures
+    from ._text import frequency_sentence as frequency_sentence
+    from ._text import key_figures as key_figures
+    from ._text import parameter_rows as parameter_rows
+
+# Loaded on first use, so that `fracjax info` need not wait for matplotlib (PEP 562).
+_HOMES = {
+    "_compensation_page": (
+        "compensation_figures",
+        "compensation_sentence",
+        "compensation_warnings",
+    ),
+    "_description": ("describe",),
+    "_effect_picture": ("draw_effect",),
+    "_numbers": (
+        "figure",
+        "pretty_unit",
+        "quantity",
+    ),
+    "_posterior_page": ("posterior_row",),
+    "_recording_picture": ("draw_recordings",),
+    "_report": ("write_report",),
+    "_text": (
+        "crosscheck_figures",
+        "crosscheck_sentence",
+        "file_name",
+        "fit_sentence",
+        "frequency_figures",
+        "frequency_sentence",
+        "key_figures",
+        "parameter_rows",
+    ),
+}
+_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
+
+
+def __getattr__(name: str) -> object:
+    if name not in _HOME_OF:
+        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
+    return getattr(import_module(f".{_HOME_OF[name]}", __name__), name)

@@ -11,7 +11,8 @@ from markupsafe import Markup
 
 from .._compensate import Compensation, Stretch
 from ._figures import _BAND, _STYLE, COLOURS, MEASURED, _canvas, _svg, _thinned
-from ._text import download, figure, pretty_unit, quantity
+from ._numbers import figure, pretty_unit, quantity
+from ._text import download
 
 _BADGES = {
     "followed": "followed",

@@ -14,7 +14,7 @@ from .._operators import Grid
 from .._prepare import prepare
 from .._recording import Recording
 from ._figures import _STYLE, COLOURS, MEASURED, _canvas
-from ._text import figure
+from ._numbers import figure
 
 _STEP = 5e-4
 """Time step of the picture's drive [s]."""

@@ -17,7 +17,7 @@ from numpy.lib.stride_tricks import sliding_window_view
 from .._diagnose import Axis, Candidate, Drive, HeldOut
 from .._fit import Fit
 from .._prepare import Noise
-from ._text import figure, p_value, percent, pretty_unit, quantity
+from ._numbers import figure, p_value, percent, pretty_unit, quantity
 
 # Okabe & Ito's palette, which colour-blind readers can distinguish.
 MEASURED = "#444444"

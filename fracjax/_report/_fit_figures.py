@@ -13,7 +13,7 @@ from scipy.stats import norm
 from .._fit import Profile, ResidualAnalysis
 from .._frequency import FrequencyFit
 from ._figures import _BAND, _STYLE, COLOURS, MEASURED, _canvas, _svg
-from ._text import pretty_unit
+from ._numbers import pretty_unit
 
 _BINS = 41
 """Edges of the histogram's bins."""

@@ -10,7 +10,7 @@ from matplotlib.figure import Figure
 
 from .._posterior import Band, Posterior, Row
 from ._figures import _BAND, _STYLE, _WIDTH, COLOURS, MEASURED, _canvas, _svg, _thinned
-from ._text import pretty_unit
+from ._numbers import pretty_unit
 
 _MOST_DRAWS = 5000
 """Most draws in the corner plot."""

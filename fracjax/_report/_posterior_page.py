@@ -7,7 +7,8 @@ from typing import Any
 
 from .._posterior import Posterior, Row
 from . import _posterior_figures as figures
-from ._text import download, figure, pretty_unit, rounded
+from ._numbers import figure, pretty_unit
+from ._text import download, rounded
 
 _MOST_RECORDINGS = 3
 

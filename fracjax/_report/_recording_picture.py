@@ -14,7 +14,7 @@ from matplotlib.figure import Figure
 from .._recording import Recording
 from ._description import describe
 from ._figures import _STYLE, COLOURS, MEASURED
-from ._text import pretty_unit, quantity
+from ._numbers import pretty_unit, quantity
 
 _MOST = 4
 """Segments that are drawn."""

@@ -21,13 +21,13 @@ from .._posterior import Posterior
 from .._recording import InputError, found_in
 from . import _figures, _fit_figures
 from ._compensation_page import compensation_content
+from ._numbers import figure, p_value, percent, quantity
 from ._posterior_page import posterior_content
 from ._text import (
     crosscheck_figures,
     crosscheck_sentence,
     download,
     estimate_row,
-    figure,
     file_name,
     fit_sentence,
     frequency_figures,
@@ -36,10 +36,7 @@ from ._text import (
     noise_of,
     noise_text,
     opening,
-    p_value,
     parameter_rows,
-    percent,
-    quantity,
     rank_fits,
     sources,
 )

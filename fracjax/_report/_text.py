@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import base64
 import json
-import re
 from collections.abc import Sequence
 from math import floor, isfinite, log10
 from pathlib import Path
@@ -17,6 +16,7 @@ from .._diagnose import Diagnosis
 from .._fit import Combination, Comparison, Estimate, Fit, rank_fits
 from .._frequency import FrequencyFit
 from .._prepare import Noise
+from ._numbers import figure, pretty_unit, quantity
 
 _METHODS = {
     "repeats": "from repeats",
@@ -26,40 +26,9 @@ _METHODS = {
 }
 
 
-def figure(value: float | None, digits: int = 3) -> str:
-    """A number to this many significant digits; a dash for None."""
-    if value is None:
-        return "–"
-    return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.{digits}g}"
-
-
-def p_value(p: float) -> str:
-    """A p-value, with a lower limit of 1e-12."""
-    return "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"
-
-
 def opening(sentence: str) -> str:
     """A sentence with its first letter in upper case."""
     return sentence[:1].upper() + sentence[1:]
-
-
-def percent(share: float | None) -> str:
-    """A share in per cent; 100 % only if it is exactly 1."""
-    if share is None:
-        return "–"
-    return "> 99.9 %" if 0.9995 <= share < 1 else f"{100 * share:.3g} %"
-
-
-def pretty_unit(unit: str) -> str:
-    """A unit as it is printed: µm for um, V·s for V*s, nothing for 1."""
-    spelt = re.sub(r"\bu(?=[mVANs]\b)", "µ", unit).replace("**", "^").replace("^2", "²")
-    spelt = spelt.replace("*", "·")
-    return "" if spelt == "1" else spelt
-
-
-def quantity(value: float | None, unit: str) -> str:
-    """A number with its unit."""
-    return f"{figure(value)} {pretty_unit(unit)}".strip()
 
 
 def noise_of(fit: Fit) -> Noise:

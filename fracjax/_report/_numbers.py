@@ -1,0 +1,36 @@
+"""Numbers, shares and units as they are printed."""
+
+from __future__ import annotations
+
+import re
+
+
+def figure(value: float | None, digits: int = 3) -> str:
+    """A number to this many significant digits; a dash for None."""
+    if value is None:
+        return "–"
+    return f"{value:.0f}" if 1e3 <= abs(value) < 1e6 else f"{value:.{digits}g}"
+
+
+def p_value(p: float) -> str:
+    """A p-value, with a lower limit of 1e-12."""
+    return "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"
+
+
+def percent(share: float | None) -> str:
+    """A share in per cent; 100 % only if it is exactly 1."""
+    if share is None:
+        return "–"
+    return "> 99.9 %" if 0.9995 <= share < 1 else f"{100 * share:.3g} %"
+
+
+def pretty_unit(unit: str) -> str:
+    """A unit as it is printed: µm for um, V·s for V*s, nothing for 1."""
+    spelt = re.sub(r"\bu(?=[mVANs]\b)", "µ", unit).replace("**", "^").replace("^2", "²")
+    spelt = spelt.replace("*", "·")
+    return "" if spelt == "1" else spelt
+
+
+def quantity(value: float | None, unit: str) -> str:
+    """A number with its unit."""
+    return f"{figure(value)} {pretty_unit(unit)}".strip()

@@ -73,7 +73,7 @@ def batch() -> Any:
         for k in range(20):
             drive = 50 + 40 * np.sin(2 * np.pi * (1 + 0.1 * k) * time + 0.3 * k)
             block = fj.blocks.FOH(alpha=0.05 + 0.01 * k)
-            response = np.asarray(fj.simulate(block, drive, 1 / 500).response)
+            response = np.asarray(fj.simulate(fj.Model(block), drive, 1 / 500).response)
             response = response + np.ptp(response) * 1e-3 * generator.standard_normal(time.size)
             table = np.column_stack([time, drive, response])
             header = "time_s,voltage_V,displacement_um"

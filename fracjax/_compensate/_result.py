@@ -11,7 +11,7 @@ import numpy as np
 
 from .._io import column_name, write
 from .._operators import History
-from .._recording import InputError, _runs
+from .._recording import InputError, runs_of
 from ._unbounded import TOLERANCE
 
 SCHEMA = "fracjax.compensation/1"
@@ -146,7 +146,7 @@ class Compensation:
                 float(stop * self.dt),
                 float(np.abs(self.error[start:stop]).max()) if level is None else level,
             )
-            for start, stop in _runs(mask)
+            for start, stop in runs_of(mask)
         ]
 
     @property

@@ -6,9 +6,6 @@ from ._border import model_of as model_of
 from ._border import recordings_of as recordings_of
 from ._border import require_recording as require_recording
 from ._border import require_whole_number as require_whole_number
-from ._border import settling_of as settling_of
-from ._border import sigma_of as sigma_of
-from ._conditions import PLAIN as PLAIN
 from ._conditions import Conditions as Conditions
 from ._conditions import FreeParameter as FreeParameter
 from ._conditions import FreeParameters as FreeParameters
@@ -16,7 +13,6 @@ from ._conditions import free_parameters_of as free_parameters_of
 from ._conditions import prior_rows as prior_rows
 from ._keywords import FitOptions as FitOptions
 from ._keywords import ModelOptions as ModelOptions
-from ._keywords import ParameterOptions as ParameterOptions
 from ._keywords import SearchOptions as SearchOptions
 from ._keywords import apply_options as apply_options
 from ._layout import Layout as Layout
@@ -28,7 +24,6 @@ from ._layout import with_gains as with_gains
 from ._layout import with_shapes_at as with_shapes_at
 from ._noise import Noise as Noise
 from ._noise_sources import measured_noise as measured_noise
-from ._noise_sources import measured_noises as measured_noises
 from ._noise_sources import read_from_residual as read_from_residual
 from ._noise_sources import refine_noise as refine_noise
 from ._noise_sources import residual_noise as residual_noise
@@ -43,7 +38,6 @@ from ._preparation import Preparation as Preparation
 from ._preparation import Take as Take
 from ._preparation import alternative_history as alternative_history
 from ._preparation import begins_in_motion as begins_in_motion
-from ._preparation import coarse_oversampling as coarse_oversampling
 from ._preparation import settling_samples as settling_samples
 from ._preparation import steady_of as steady_of
 from ._preparation import take_of as take_of
@@ -56,5 +50,3 @@ from ._setting import top_frequency as top_frequency
 from ._spelling import options_for as options_for
 from ._spelling import options_of as options_of
 from ._weights import Mask as Mask
-from ._weights import Weights as Weights
-from ._weights import weights_of as weights_of

@@ -8,7 +8,7 @@ from dataclasses import replace
 import numpy as np
 from scipy.signal import fftconvolve, lfilter
 
-from .._recording import InputError, Recording, spikes
+from .._recording import InputError, Recording, bridged, spikes
 from ._noise import NONE, Noise
 from ._noise_stretches import PIECES, Stretch, level_from_differences, noise_in
 from ._setting import resolution
@@ -178,11 +178,11 @@ def measured_noise(
 def _without_spikes(recording: Recording) -> Recording:
     """The recording with straight lines over its spikes: five of them can be all of its rms."""
     alone = spikes(recording.response)
-    if not alone.any():
-        return recording
-    kept = np.flatnonzero(~alone)
-    bridged = np.interp(np.arange(alone.size), kept, recording.response[kept])
-    return replace(recording, response=bridged)
+    return (
+        replace(recording, response=bridged(recording.response, alone))
+        if alone.any()
+        else recording
+    )
 
 
 def measured_noises(

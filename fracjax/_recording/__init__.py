@@ -1,11 +1,12 @@
 """The recording, validated once at the border, and the units it is written in."""
 
 from fracjax._recording._errors import InputError, found_in, pair_of, require_kind
-from fracjax._recording._periods import Repeats, _runs
+from fracjax._recording._periods import Repeats, runs_of
 from fracjax._recording._recording import Recording, require_units_of
 from fracjax._recording._signals import (
     LARGEST,
     MINIMUM_SAMPLES,
+    bridged,
     require_samples,
     spikes,
     varying,
@@ -18,13 +19,14 @@ __all__ = [
     "InputError",
     "Recording",
     "Repeats",
-    "_runs",
+    "bridged",
     "found_in",
     "pair_of",
     "parse_quantity",
     "require_kind",
     "require_samples",
     "require_units_of",
+    "runs_of",
     "spikes",
     "unit",
     "varying",

@@ -33,7 +33,7 @@ def unit_range(signal: np.ndarray) -> np.ndarray:
     return shifted / (shifted.max() or 1.0)
 
 
-def _runs(mask: np.ndarray) -> np.ndarray:
+def runs_of(mask: np.ndarray) -> np.ndarray:
     """Where a mask, shape (N,), is true: its runs `[start, stop)`, shape (runs, 2)."""
     edges = np.flatnonzero(np.diff(np.concatenate(([0], mask.astype(np.int8), [0]))))
     return edges.reshape(-1, 2)
@@ -68,7 +68,7 @@ def _keeps(u: np.ndarray, period: int) -> bool:
 
 def _stretch(u: np.ndarray, period: int) -> Repeats | None:
     """The longest stretch of u, shape (N,), that keeps `period`."""
-    runs = _runs(np.abs(u[period:] - u[:-period]) <= _POINT)
+    runs = runs_of(np.abs(u[period:] - u[:-period]) <= _POINT)
     lengths = runs[:, 1] - runs[:, 0] + period
     for run in np.argsort(-lengths, kind="stable"):
         if lengths[run] < max(3 * period, MINIMUM_SAMPLES, len(u) / 10):
@@ -110,7 +110,7 @@ def stretches_at_rest(u: np.ndarray, minimum: int) -> list[tuple[int, int]]:
 
     variance = means(centred**2, minimum) - means(centred, minimum) ** 2
     noise = means(np.diff(u) ** 2, minimum - 1) / 2
-    runs = _runs(quiet(variance, noise)) + np.array([0, minimum - 1])
+    runs = runs_of(quiet(variance, noise)) + np.array([0, minimum - 1])
     return [
         (int(start), int(stop))
         for start, stop in runs

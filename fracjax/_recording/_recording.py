@@ -8,7 +8,7 @@ import numpy as np
 
 from fracjax._recording._errors import InputError
 from fracjax._recording._periods import Repeats, repeats_in, stretches_at_rest, unit_range
-from fracjax._recording._signals import LARGEST, bridged, signal_of, varying
+from fracjax._recording._signals import LARGEST, signal_of, varying, without_missing
 from fracjax._recording._units import parse_quantity, unit
 from fracjax._recording._warnings import warnings_about
 
@@ -57,7 +57,7 @@ class Recording:
             masked = np.array(self.masked, dtype=bool)
             masked.setflags(write=False)
             object.__setattr__(self, "masked", masked)
-            drive, response = bridged(drive, masked), bridged(response, masked)
+            drive, response = (without_missing(each, masked) for each in (drive, response))
         drive = signal_of(drive, f"{self.source}, drive")
         response = varying(response, f"{self.source}, response")
         if len(drive) != len(response):

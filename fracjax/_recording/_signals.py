@@ -39,14 +39,18 @@ def signal_of(samples, where: str) -> np.ndarray:
     return signal
 
 
-def bridged(samples, masked: np.ndarray) -> np.ndarray:
-    """A signal (N,) with straight lines over the samples that are masked and no numbers."""
-    signal = np.asarray(samples, dtype=np.float64)
-    lost = masked & ~(np.abs(signal) < LARGEST)
+def bridged(signal: np.ndarray, lost: np.ndarray) -> np.ndarray:
+    """A signal (N,) with straight lines over lost samples (N,); itself where none or all are."""
     if not lost.any() or lost.all():
         return signal
     kept = np.flatnonzero(~lost)
     return np.interp(np.arange(len(signal)), kept, signal[kept])
+
+
+def without_missing(samples, masked: np.ndarray) -> np.ndarray:
+    """A signal (N,) with straight lines over the samples that are masked and no numbers."""
+    signal = np.asarray(samples, dtype=np.float64)
+    return bridged(signal, masked & ~(np.abs(signal) < LARGEST))
 
 
 def varying(samples, where: str) -> np.ndarray:

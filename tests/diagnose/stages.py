@@ -8,13 +8,13 @@ import numpy as np
 
 import fracjax as fj
 from fracjax._blocks import EFFECTS
-from fracjax._diagnose._held_out import Gain
 from fracjax._diagnose._judgement import Judged
 from fracjax._diagnose._refit import Refit
 from fracjax._diagnose._stage import Layer, Stage, wrapped
 from fracjax._parameters import set_values
 from fracjax._prepare import prepare
 from fracjax._solve import solve_from
+from tests.diagnose.helpers import CONVINCING
 from tests.helpers import specified
 
 STEP = 5e-3
@@ -48,15 +48,7 @@ JUDGED = Judged(
     conceded=0.0,
     explained=1.0,
     numerics=0.0,
-    gain=Gain(
-        100.0,
-        1.0,
-        1.0,
-        predicted_folds=(True,),
-        base_rmse=2.0,
-        extended_rmse=1.0,
-        chi_square_per_sample=1.0,
-    ),
+    gain=CONVINCING,
     predicts_worse=False,
     prediction=NOTHING,
     predict=NOTHING,

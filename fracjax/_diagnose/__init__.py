@@ -10,3 +10,5 @@ from ._result import Diagnosis as Diagnosis
 from ._result import HeldOut as HeldOut
 from ._result import NamedEffect as NamedEffect
 from ._result import NextExperiment as NextExperiment
+from ._result import Shape as Shape
+from ._shape import entry_of as entry_of

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 from functools import partial
 
 from .._computing import computing
@@ -21,24 +22,19 @@ from .._prepare import (
     steady_of,
     take_of,
 )
-from .._recording import Recording, require_units_of
-from .._solve import Progress, refine_until_accurate, silent, solve_from
-from ._conclusion import Conclusion
-from ._held_out import (
-    predict_recording,
-    predict_stretches,
-)
-from ._next_experiment import Limits, parse_limits, recorded_limits
-from ._procedure import run, with_noise_profile, with_noise_without_mismatch
-from ._result import (
-    Diagnosis,
-)
-from ._stage import Stage
+from .._recording import InputError, Recording, require_units_of
+from .._solve import Progress, discretisation_warnings, silent
+from ._drive import thinned, unrounded, wrong_way
+from ._findings import Findings
+from ._fitted import fitted
+from ._held_out import predict_recording, predict_stretches
+from ._inquiry import Clock, inquire
+from ._next_experiment import Limits, parse_limits, propose, recorded_limits
+from ._result import Diagnosis, NextExperiment
+from ._sentence import next_experiment, sentence_of, where_of
 
 _STARTS = 8
-"""Starts of the base fit; chosen by judgement."""
-_MOST_READINGS = 2
-"""How often the noise may be estimated anew, without the mismatch; chosen by judgement."""
+MAX_TIME = 120.0
 
 
 def diagnose(
@@ -54,35 +50,20 @@ def diagnose(
     mask: Mask = (),
     seed: int = 0,
     progress: Progress = silent,
+    max_time: float = MAX_TIME,
 ) -> Diagnosis:
-    """State whether, where and why a model and recordings differ by more than the noise.
+    """Say whether, where and why a model, or that of a name, and recordings differ beyond noise.
 
-    Args:
-        model: the base model, or the name of one.
-        recordings: one recording or several, each with a drive (N,) and a response (N,) in its
-            units.
-        holdout: a recording that no fit uses; without one, and for effects that it does not show,
-            stretches of the recordings are held out in turn.
-        repeat: a recording with the same drive as one of `recordings`, or several, from which the
-            noise floor is estimated.  A recording whose noise neither a repeat, nor periods, nor
-            rests show, has the noise of another with the same sampling rate.
-        noise: the sensor's specification, rms, a number in the response's unit or a text such as
-            "0.07 um", used if no recording shows the noise.
-        history: the prior history of the drive, such as "constant"; None if the data decide.
-        settling: the start that is left out, a number of samples or a time such as "1 s"; None if
-            the data decide.
-        limits: of the drive in the next experiment, such as "0..100 V, 50 V/ms"; by default the
-            recorded range and ten times its fastest change.
-        mask: times [s] from the first sample, ends included, that are left out of every recording
-            except `holdout` and `repeat`.
-        seed: of the random starts, a whole number ≥ 0.
-        progress: is called with a text at every step.
-
-    Returns:
-        The diagnosis; its results state their units.
-
-    Raises:
-        InputError: if the recordings have different units, or an option is unusable.
+    `holdout` is a recording that no fit sees; without one stretches are set aside in turn.
+    `repeat` holds the drive of a recording a second time, for the noise floor, or several do those
+    of several; what shows no noise of its own, in periods or rests, has that of another with the
+    same rate.  `noise` is the sensor's specification, rms, a number in the response's unit or a
+    text such as "0.07 um", used where nothing of this shows the noise.
+    `limits` of the drive, "0..100 V, 50 V/ms", bound the next experiment; without them the range
+    that was recorded and ten times its fastest change do.  `mask` leaves out times [s] from the
+    first sample, ends included, of every recording but those two.  After `max_time` [s], or where
+    it is interrupted, the verdict is what it has come to, and says so.
+    Raises InputError where the recordings do not fit together.
     """
     listed = recordings_of(recordings)
     model = model_of(model, listed)
@@ -94,8 +75,16 @@ def diagnose(
     if isinstance(limits, str):
         limits = parse_limits(limits, listed)
     seed = require_whole_number(seed, "seed", 0)
+    if not max_time > 0:
+        raise InputError.at("max_time", "seconds above 0", f"{max_time}", "give more")
+    clock = Clock(max_time)
+    changed: list[str] = []
+    for change in (thinned, unrounded) if not mask and settling is None else (unrounded,):
+        pairs = [change(recording) for recording in listed]
+        listed = [recording for recording, _ in pairs]
+        changed += [said for _, said in pairs if said]
     with computing():
-        progress("estimating the noise floor")
+        progress("reading the noise floor")
         preparation = prepare(
             listed,
             repeats=repeats,
@@ -106,40 +95,90 @@ def diagnose(
         )
         progress(f"fitting {model.name} from {_STARTS} starts")
         solved = settle(model.block, preparation, history=history, starts=_STARTS, seed=seed)
-        remaining_readings, earlier = _MOST_READINGS, []
-        while True:
-            solved, numerics = refine_until_accurate(solved, progress)
-            base = Stage(model.name, model.block, (), solved)
-            unseen = None if holdout is None else held_out_take(base.preparation.takes[0], holdout)
-            predict = (
-                predict_stretches if unseen is None else partial(predict_recording, take=unseen)
-            )
-            course = run(
-                base,
-                numerics,
-                predict,
-                seed,
-                progress,
-                earlier,
-                may_read_again=remaining_readings > 0,
-            )
-            clearer = with_noise_without_mismatch(base, course) if remaining_readings else None
-            if clearer is None:
-                break
-            progress("estimating the noise again, without the mismatch")
-            solved = solve_from([solved.block, model.block], clearer)
-            remaining_readings, earlier = remaining_readings - 1, course.opening
-        base, course = with_noise_profile(base, course, seed, progress) or (base, course)
+        preparation = solved.preparation
+        progress("correcting for the grid")
+        base = fitted([solved.block], preparation)
+        unseen = None if holdout is None else held_out_take(preparation.takes[0], holdout)
+        predict = predict_stretches if unseen is None else partial(predict_recording, take=unseen)
+        doubts = [said for said in map(wrong_way, listed) if said]
+        inquiry = inquire(base, model.block, progress, clock)
+        findings = Findings(model, inquiry, unseen, predict)
+        if findings.foretells_worse:
+            unnamed = replace(inquiry, names=(), explanation=None, rivals=())
+            findings = Findings(model, unnamed, unseen, predict)
         limits = limits or recorded_limits(listed)
-        conclusion = Conclusion(model, base, numerics, unseen, predict, course)
-        return conclusion.diagnosis(limits, progress)
+        return _concluded(findings, limits, (*changed, *doubts), progress, clock)
 
 
 def held_out_take(first: Take, holdout: Recording) -> Take:
-    """The held-out recording, with the history and the noise of the first training recording."""
+    """The held-out recording under the assumptions of the first training recording."""
     require_units_of(first.recording, holdout)
     noise = measured_noise(holdout) or first.noise
     if first.history != "periodic":
         return take_of(holdout, noise, first.history, None)
     take = take_of(holdout, noise, None, None)
     return steady_of(take) or take
+
+
+def _concluded(
+    findings: Findings,
+    limits: Limits,
+    doubts: Sequence[str],
+    progress: Progress,
+    clock: Clock,
+) -> Diagnosis:
+    """The verdict and everything that supports it."""
+    progress("writing the verdict")
+    verdict, effects, axes = findings.verdict, findings.effects, findings.axes
+    named = [name.effect for name in findings.inquiry.names]
+    most_like = None if verdict == "none" else findings.inquiry.judge.most_like(named)
+    return Diagnosis(
+        verdict=verdict,
+        sentence=sentence_of(findings, most_like),
+        base=findings.base_fit,
+        extended=findings.extended_fit,
+        effects=effects,
+        candidates=findings.candidates,
+        axes=axes,
+        where=where_of(axes, verdict, named, findings.left_in_each),
+        noise=findings.noise,
+        numerics=findings.base.numerics,
+        p_value=findings.p_value,
+        held_out=findings.held_out,
+        next_experiment=_next_experiment(findings, limits, progress, clock),
+        warnings=(*_warnings(findings), *doubts),
+        shape=findings.shape,
+        complete=not clock.stopped,
+    )
+
+
+def _next_experiment(
+    findings: Findings, limits: Limits, progress: Progress, clock: Clock
+) -> NextExperiment | None:
+    """The drive that tells apart what this recording cannot."""
+    rivals = max(findings.inquiry.rivals, key=len, default=())
+    if len(rivals) < 2 or clock.is_over:
+        return None
+    blocks = [e.fitted.solved.block for e in rivals]
+    common = set.intersection(*(set(e.names) for e in rivals))
+    names = [next(n for n in e.names if n not in common) for e in rivals]
+    proposal = propose(blocks, findings.base.preparation, limits, progress)
+    return next_experiment(names, proposal)
+
+
+def _warnings(findings: Findings) -> tuple[str, ...]:
+    base = findings.base
+    found = [
+        warning
+        for take in base.preparation.takes
+        for warning in (*take.recording.warnings, *take.recording.checks())
+    ]
+    if findings.noise.method == "residual":
+        found.append(
+            "The noise floor was taken from the residual itself, for want of repeats, rests or "
+            "a specification: mismatch that looks like noise cannot be excluded."
+        )
+    found += discretisation_warnings(base.numerics)
+    if not base.solved.converged:
+        found.append("The base fit did not converge; its figures are those of its best point.")
+    return (*found, *findings.tones, *findings.displaced)

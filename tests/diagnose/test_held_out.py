@@ -15,17 +15,16 @@ from fracjax._blocks import EFFECTS
 from fracjax._diagnose._diagnose import held_out_take
 from fracjax._diagnose._held_out import (
     Prediction,
+    foretells_worse,
     gain,
     predict_recording,
     predict_stretches,
-    predicts_worse,
 )
-from fracjax._fit import settle
+from fracjax._prepare import Noise, Preparation, take_of
+from fracjax._solve import Solved, solve_from
+from fracjax._fit import prepare, settle
 from fracjax._operators._grid import History
 from fracjax._parameters import set_values
-from fracjax._prepare import Noise, Preparation, prepare, take_of
-from fracjax._solve import Solved, solve_from
-from tests.helpers import specified
 
 STEP, SAMPLES = 1e-3, 2000
 TIMES = STEP * np.arange(SAMPLES)
@@ -46,12 +45,16 @@ def response(drive: np.ndarray) -> np.ndarray:
     return np.asarray(fj.simulate(CREEP.with_values(values), drive, STEP, "constant").response)
 
 
+def white(sigma: float = SIGMA) -> Noise:
+    return Noise(sigma, "um", "specification", np.ones(1), sigma)
+
+
 def fitted(
     block: Any, drive: np.ndarray, clean: np.ndarray, noise: Noise, error: np.ndarray
-) -> Solved:
+) -> tuple[Solved, Preparation]:
     recording = fj.Recording(drive, clean + error, STEP, "V", "um")
     preparation = prepare([recording], history="constant", settling=0, noise=noise)
-    return solve_from([block], preparation)
+    return solve_from([block], preparation), preparation
 
 
 def hum(phase: float, size: float) -> np.ndarray:
@@ -64,11 +67,11 @@ def test_lines_of_another_phase_and_size_are_read_from_the_recording_that_has_th
     layered = EFFECTS["mains_interference"]
     block = layered.insert(CREEP.block, layered.trials(prepare_alone(DRIVE).setting)[0])
     block = set_values(block, {"second.frequency": 50.0})
-    base = fitted(CREEP.block, DRIVE, response(DRIVE), specified(SIGMA), error)
-    extended = fitted(block, DRIVE, response(DRIVE), specified(SIGMA), error)
+    base, preparation = fitted(CREEP.block, DRIVE, response(DRIVE), white(), error)
+    extended, _ = fitted(block, DRIVE, response(DRIVE), white(), error)
     other = response(OTHER) + hum(2.9, 0.08) + SIGMA * generator.standard_normal(SAMPLES)
-    take = take_of(fj.Recording(OTHER, other, STEP, "V", "um"), specified(SIGMA), "constant", 0)
-    before, after = (predict_recording(s, take) for s in (base, extended))
+    take = take_of(fj.Recording(OTHER, other, STEP, "V", "um"), white(), "constant", 0)
+    before, after = (predict_recording(s, preparation, take) for s in (base, extended))
     found = gain(before, after)
     assert found.convincing
     assert found.extended_rmse == pytest.approx(SIGMA, rel=0.1)
@@ -80,18 +83,18 @@ def test_what_looks_like_the_offset_in_another_recording_is_read_with_it():
     layered = EFFECTS["mains_interference"]
     block = layered.insert(CREEP.block, layered.trials(prepare_alone(DRIVE).setting)[0])
     error = hum(0.3, 0.05) + SIGMA * generator.standard_normal(SAMPLES)
-    solved = fitted(block, DRIVE, response(DRIVE), specified(SIGMA), error)
+    solved, preparation = fitted(block, DRIVE, response(DRIVE), white(), error)
     # One of its two columns is constant to 1e-9 of itself.
     slow = replace(solved, block=set_values(solved.block, {"second.frequency": 1e-6}))
     other = response(OTHER) + 0.4 + SIGMA * generator.standard_normal(SAMPLES)
-    take = take_of(fj.Recording(OTHER, other, STEP, "V", "um"), specified(SIGMA), "constant", 0)
-    found = predict_recording(slow, take)
+    take = take_of(fj.Recording(OTHER, other, STEP, "V", "um"), white(), "constant", 0)
+    found = predict_recording(slow, preparation, take)
     assert found.rmse == pytest.approx(SIGMA, rel=0.1)
     assert np.isfinite(found.spread).all()
 
 
 def prepare_alone(drive: np.ndarray) -> Preparation:
-    return prepare([fj.Recording(drive, 0.1 * drive, STEP, "V", "um")], noise=specified(SIGMA))
+    return prepare([fj.Recording(drive, 0.1 * drive, STEP, "V", "um")], noise=white())
 
 
 def test_the_errors_of_another_recording_are_whitened_and_their_offset_is_known_from_all_of_it():
@@ -99,12 +102,12 @@ def test_the_errors_of_another_recording_are_whitened_and_their_offset_is_known_
     generator, pole = np.random.default_rng(2), 0.95
     sigma = SIGMA / np.sqrt(1 - pole**2)
     noise = Noise(sigma, "um", "specification", np.array([1, -pole]), SIGMA)
-    solved = fitted(CREEP.block, DRIVE, response(DRIVE), noise, coloured(generator))
+    solved, preparation = fitted(CREEP.block, DRIVE, response(DRIVE), noise, coloured(generator))
     z = []
     for _ in range(20):
         measured = response(OTHER) + 3.0 + coloured(generator)
         recording = fj.Recording(OTHER, measured, STEP, "V", "um")
-        found = predict_recording(solved, take_of(recording, noise, "constant", 0))
+        found = predict_recording(solved, preparation, take_of(recording, noise, "constant", 0))
         z.append(found.whitened)
     errors = np.stack(z)
     assert np.std(errors) == pytest.approx(1, abs=0.02)
@@ -117,7 +120,9 @@ def test_the_zero_of_another_recording_costs_little_of_its_rmse(pole):
     generator = np.random.default_rng(3)
     sigma = SIGMA / np.sqrt(1 - pole**2)
     noise = Noise(sigma, "um", "specification", np.array([1, -pole]), SIGMA)
-    solved = fitted(CREEP.block, DRIVE, response(DRIVE), noise, coloured(generator, pole))
+    solved, preparation = fitted(
+        CREEP.block, DRIVE, response(DRIVE), noise, coloured(generator, pole)
+    )
     takes = [
         take_of(
             fj.Recording(OTHER, response(OTHER) + 3.0 + coloured(generator, pole), STEP, "V", "um"),
@@ -127,7 +132,7 @@ def test_the_zero_of_another_recording_costs_little_of_its_rmse(pole):
         )
         for _ in range(40)
     ]
-    rmse = [predict_recording(solved, take).rmse for take in takes]
+    rmse = [predict_recording(solved, preparation, take).rmse for take in takes]
     assert np.mean(np.square(rmse)) < 1.05 * sigma**2
     assert takes[0].baseline == slice(0, 100 if pole == 0 else 200)
 
@@ -146,9 +151,9 @@ def test_stretches_whose_refit_is_too_far_for_a_first_order_are_predicted_to_the
     layered = EFFECTS["thermal_drift"]
     block = layered.insert(CREEP.block, layered.trials(prepare_alone(DRIVE).setting)[0])
     clean = response(DRIVE) + 0.02 * TIMES
-    base = fitted(CREEP.block, DRIVE, clean, specified(SIGMA), error)
-    extended = fitted(block, DRIVE, clean, specified(SIGMA), error)
-    before, after = (predict_stretches(s) for s in (base, extended))
+    base, preparation = fitted(CREEP.block, DRIVE, clean, white(), error)
+    extended, _ = fitted(block, DRIVE, clean, white(), error)
+    before, after = (predict_stretches(s, preparation) for s in (base, extended))
     assert after.folds == pytest.approx((SIGMA,) * 5, rel=0.15)
     assert gain(before, after).convincing
 
@@ -161,18 +166,18 @@ def test_held_out_stretches_agree_with_refits_of_a_linear_model():
     fixed = {"alpha": 0.3, "beta": 0.2, "k_h": 0.0, "k_p": 0.0}
     fit = fj.fit(fj.parse_model("foh"), recording, fixed=fixed)
     preparation = prepare([recording])
-    solved = settle(fit.model.block, preparation, history="constant", starts=1, seed=0)
-    prediction = predict_stretches(solved)
+    solved, preparation = settle(fit.model.block, preparation, history="constant", starts=1, seed=0)
+    prediction = predict_stretches(solved, preparation)
     design = np.stack([drive, np.ones(2000)], axis=1)
     fold = (np.arange(2000) / (2000 / 22)).astype(int) % 5
-    counted = np.asarray(solved.preparation.problems()[0].weights)[:2000] > 0
+    counted = np.asarray(preparation.problems()[0].weights)[:2000] > 0
     errors = np.zeros(2000)
     for k in range(5):
         kept = counted & (fold != k)
         gains = np.linalg.lstsq(design[kept], recording.response[kept], rcond=None)[0]
         errors[fold == k] = (recording.response - design @ gains)[fold == k]
     # Only the noise's colour, found from the residual, makes the two differ.
-    noise = solved.preparation.takes[0].noise
+    noise = preparation.takes[0].noise
     assert noise is not None
     gains = np.linalg.lstsq(design, recording.response, rcond=None)[0]
     seen, unseen = (
@@ -188,10 +193,10 @@ def test_stretches_are_whole_periods_as_many_as_make_a_twentysecond():
     white = np.random.default_rng(9).standard_normal(2000)
     recording = fj.Recording(drive, 3 * drive + 0.1 * white, 0.01)
     preparation = prepare([recording], history="constant", settling=0)
-    solved = settle(
+    solved, preparation = settle(
         fj.parse_model("creep").block, preparation, history="constant", starts=1, seed=0
     )
-    folds = predict_stretches(solved).fold_of_sample
+    folds = predict_stretches(solved, preparation).fold_of_sample
     # 2000 / 22 samples are rather five periods of 20 than four.
     assert np.array_equal(folds, (np.arange(2000) // 100 % 5)[-folds.size :])
 
@@ -286,11 +291,11 @@ def test_what_training_leaves_open_excuses_no_worse_prediction_of_a_recording():
     line, cubic = predicted([1]), predicted([1, 3, 5, 7, 9])
     assert cubic.rmse > 10 * line.rmse
     assert gain(line, cubic).convincing  # for what it claims to know
-    assert predicts_worse(predict_another, line, cubic)
-    assert not predicts_worse(predict_another, cubic, line)
-    assert not predicts_worse(predict_another, line, replace(line, rmse=1.9 * line.rmse))
+    assert foretells_worse(predict_another, line, cubic)
+    assert not foretells_worse(predict_another, cubic, line)
+    assert not foretells_worse(predict_another, line, replace(line, rmse=1.9 * line.rmse))
     # Between stretches no model is worse for what its neighbours do not tell.
-    assert not predicts_worse(predict_stretches, line, cubic)
+    assert not foretells_worse(predict_stretches, line, cubic)
 
 
 def predict_another(*_: Any) -> Any:
@@ -320,7 +325,7 @@ def test_a_stretch_that_the_others_do_not_foretell_does_not_count_in_the_rmse():
     wild = Prediction(9.0, (1.0, 1.0, 1e3, 1.0, 1.0), noise + spread[:, 0], fold, spread)
     base = Prediction(2.0, (2.0,) * 5, 3 * noise, fold, np.zeros((1000, 0)))
     found = gain(base, wild)
-    assert found.predicted_folds == (True, True, False, True, True)
+    assert found.foretold == (True, True, False, True, True)
     assert found.convincing
     assert found.extended_rmse == pytest.approx(1.0)
     assert found.share_of_rmse == pytest.approx(0.5)
@@ -344,9 +349,9 @@ def test_a_drift_that_two_recordings_have_each_for_itself_is_named():
 
 def test_a_drive_of_few_periods_is_set_aside_in_as_many_stretches_as_any():
     drive = 50 + 30 * np.sin(2 * np.pi * 2.5 * TIMES)
-    solved = fitted(CREEP.block, drive, response(drive), specified(SIGMA), np.zeros(SAMPLES))
-    assert solved.preparation.takes[0].recording.drive_period() is not None
-    folds = predict_stretches(solved).fold_of_sample
+    solved, preparation = fitted(CREEP.block, drive, response(drive), white(), np.zeros(SAMPLES))
+    assert preparation.takes[0].recording.drive_period() is not None
+    folds = predict_stretches(solved, preparation).fold_of_sample
     # Its period is exactly a fifth of the record.
     assert np.count_nonzero(np.diff(folds)) == 21
 
@@ -357,9 +362,7 @@ def test_what_is_held_out_of_steady_motion_is_itself_steady_where_it_ends_as_it_
         answer = fj.simulate(CREEP.with_values({"k_c": 0.1, "mu": 0.3}), drive, STEP, history)
         return fj.Recording(drive, answer.response, STEP)
 
-    preparation = prepare(
-        [one_period([1, 2, 5], "periodic")], history="periodic", noise=specified(SIGMA)
-    )
+    preparation = prepare([one_period([1, 2, 5], "periodic")], history="periodic", noise=white())
     steady = held_out_take(preparation.takes[0], one_period([1, 3, 4], "periodic"))
     begun = held_out_take(preparation.takes[0], one_period([1, 3, 4], "constant"))
     assert (steady.history, begun.history) == ("periodic", "constant")

@@ -9,7 +9,7 @@ import pytest
 
 import fracjax as fj
 from fracjax._diagnose._next_experiment import Drive, Proposal
-from fracjax._diagnose._result import Axis, Candidate, HeldOut, NamedEffect
+from fracjax._diagnose._result import Axis, Candidate, HeldOut, NamedEffect, Shape
 from fracjax._diagnose._sentence import advice, next_experiment, sentence_of, where_of
 
 STEP = 0.01
@@ -25,19 +25,12 @@ AXES = [
     axis("time", "s", 0.2, (0.0, 1.0)),
     axis("harmonics", "1", 1e-3, (1.5, 2.5)),
 ]
-
-
-def fit_over(response_span: float) -> Any:
-    """A fit of foh to a response of a span [um]."""
-    setting = SimpleNamespace(response_span=response_span)
-    return SimpleNamespace(
-        model=SimpleNamespace(name="foh"),
-        preparation=SimpleNamespace(setting=setting, takes=[None]),
-        scores=SimpleNamespace(rmse=2.5),
-    )
-
-
-BASE = fit_over(8.0)
+SETTING = SimpleNamespace(response_span=8.0)
+BASE: Any = SimpleNamespace(
+    model=SimpleNamespace(name="foh"),
+    preparation=SimpleNamespace(setting=SETTING, takes=[None]),
+    scores=SimpleNamespace(rmse=2.5),
+)
 HELD_OUT = HeldOut("stretches", 0.3, 0.1, (0.3,), (0.1,), "a.csv")
 
 
@@ -51,139 +44,122 @@ def test_the_first_place_that_stands_out_is_told():
     assert where_of([axis("frequency", "Hz", 1e-4)], "missing") == (
         "The mismatch stands out along frequency as a whole."
     )
-    nowhere = "The residual does not exceed the noise anywhere."
+    nowhere = "Nowhere does the residual stand out from the noise."
     assert where_of(AXES, "none") == nowhere
     assert where_of(AXES[1:2], "unexplained") == "The mismatch stands out along no axis."
     # Where none does by itself, what a named effect changes still has a place.
     assert where_of(AXES[1:2], "missing", ["creep"]) == (
-        "The mismatch stands out along no axis; the changes by creep lie along time, at 0 to 1 s."
+        "The mismatch stands out along no axis; what creep changes lies along time, at 0 to 1 s."
     )
     assert where_of([*AXES[1:2], AXES[2]], "missing", ["creep", "delay"]) == (
-        "The mismatch stands out along harmonics, at 1.5 to 2.5; the changes by creep and delay "
-        "lie "
+        "The mismatch stands out along harmonics, at 1.5 to 2.5; what creep and delay changes lies "
         "along time, at 0 to 1 s."
     )
 
 
 def test_of_several_recordings_each_is_told_first_where_most_is_left():
     left = [("a.csv", 1.02), ("b.csv", 4.16), ("c.csv", 2.5)]
-    assert where_of(AXES[2:], "missing", residuals=left) == (
+    assert where_of(AXES[2:], "missing", left=left) == (
         "The mismatch stands out along harmonics, at 1.5 to 2.5. "
-        "The residual is 4.2 times the noise in b.csv, 2.5 in c.csv, 1 in a.csv."
+        "What is left is 4.2 times the noise in b.csv, 2.5 in c.csv, 1 in a.csv."
     )
     many = [*left, ("d.csv", 1.1), ("e.csv", 1.0), ("f.csv", 0.9)]
-    assert where_of(AXES[2:], "missing", residuals=many).endswith(
+    assert where_of(AXES[2:], "missing", left=many).endswith(
         "in b.csv, 2.5 in c.csv, 1.1 in d.csv, 1 in a.csv, at most 1 elsewhere."
     )
-    assert "times" not in where_of(AXES[2:], "missing", residuals=left[:1])
-    assert "times" not in where_of(AXES, "none", residuals=left)
+    assert "times" not in where_of(AXES[2:], "missing", left=left[:1])
+    assert "times" not in where_of(AXES, "none", left=left)
 
 
-def said(
-    verdict,
-    effects=(),
-    adopted=(),
-    axes=AXES,
-    noise=KNOWN,
-    held_out=HELD_OUT,
-    too_small=None,
-    empirical=None,
-    in_the_noise=None,
-    exceeds=False,
-    base=BASE,
-) -> str:
+def said(verdict, effects=(), most_like=None, **others) -> str:
     candidates = [
         Candidate("creep", "series", 1.0, 0.0, 0.25, 0.9, ""),
         Candidate("resonance", "series", 1.0, 0.0, 0.5, 0.3, ""),
     ]
-    return sentence_of(
-        verdict,
-        effects,
-        adopted,
-        candidates,
-        axes,
-        base,
-        noise,
-        held_out,
-        too_small,
-        empirical,
-        in_the_noise,
-        exceeds,
+    findings: Any = SimpleNamespace(
+        verdict=verdict,
+        effects=tuple(effects),
+        base_fit=BASE,
+        candidates=candidates,
+        axes=AXES,
+        noise=KNOWN,
+        held_out=HELD_OUT,
+        shape=None,
+        excess=0.0,
+        doubt=0.1,
     )
+    for name, value in others.items():
+        setattr(findings, name, value)
+    return sentence_of(findings, most_like)
 
 
-def named(*confusable_with: str) -> NamedEffect:
-    return NamedEffect("creep", "series", 0.9, 0.95, (), confusable_with)
+def named(*confusable_with: str, name: str = "creep") -> NamedEffect:
+    return NamedEffect(name, "series", 0.9, 0.95, (), confusable_with)
 
 
-def test_a_verdict_of_none_names_what_could_be_hidden():
+def test_a_verdict_of_none_names_what_could_be_hidden(monkeypatch):
     assert said("none") == (
-        "foh and the recording agree within the noise floor of 1 um (specification); the effect "
-        "that "
-        "could hide best is creep, detectable only if it changes the response by more than 0.25 "
-        "um rms."
+        "foh and the recording agree within the noise floor of 1 um (specification); best hidden "
+        "would be creep, seen only if it changes the response by more than 0.25 um rms."
     )
     elsewhere = replace(HELD_OUT, method="recording", base_rmse=40.0)
     assert said("none", held_out=elsewhere) == said("none") + (
-        " But its error on the held-out recording is 40 um, 40 times the noise: that recording "
-        "shows an "
-        "effect that this one does not, or this one determines the parameters too loosely to "
-        "predict it; diagnose both "
+        " But it is 40 um off on the recording held out, 40 times the noise: that shows what this "
+        "one does not, or this one leaves the numbers too open to predict it; diagnose both "
         "together."
     )
     assert said("none", held_out=replace(elsewhere, base_rmse=1.9)) == said("none")
     assert said("none", held_out=replace(elsewhere, method="stretches")) == said("none")
-    assert said("none", in_the_noise="it jumps.") == said("none") + " But it jumps."
-    small = fit_over(0.2)
-    assert said("none", base=small).endswith("creep, which foh absorbs completely on such a drive.")
+    monkeypatch.setattr(SETTING, "response_span", 0.2)
+    assert said("none").endswith("creep, which foh takes up whole on such a drive.")
     residual = fj.Noise(1.0, "um", "residual", np.ones(1), 1.0)
-    assert "a mismatch cannot be excluded" in said("none", noise=residual, base=small)
-    jumping = said("none", noise=residual, in_the_noise="it jumps.", base=small)
-    assert jumping.endswith(" But it jumps.")
+    assert "a mismatch cannot be excluded" in said("none", noise=residual)
 
 
 def test_an_error_above_the_noise_is_not_called_agreement():
-    assert said("none", exceeds=True).startswith(
-        "No effect is significant in the residual of foh, but the residual is 2.5 um, more than "
-        "the noise floor of 1 um "
-        "(specification)."
+    assert said("none", excess=0.5).startswith(
+        "Nothing stands out from what foh leaves; yet that is 2.5 um where the noise floor of 1 um "
+        "(specification) would be left."
     )
 
 
 def test_what_is_missing_is_told_with_what_it_brings():
     law = fj.EFFECTS["creep"].sentence
-    falls = " With it the error on held-out data falls from 0.3 to 0.1 um (noise floor 1 um)."
+    falls = " With it the error on data held out falls from 0.3 to 0.1 um (noise floor 1 um)."
     assert said("missing", [named()]) == f"foh leaves out creep ({law}).{falls}"
     assert said("confusable", [named("resonance", "delay")]) == (
-        f"foh leaves out creep ({law}), or an effect that this drive cannot distinguish from it: "
-        f"delay, resonance."
+        f"foh leaves out creep ({law}), or what this drive cannot tell from it: delay, resonance."
         f"{falls}"
     )
-    beyond = "foh and the recording differ by more than the noise"
+    beyond = "foh and the recording differ beyond noise"
     unknown = "and no effect of the catalogue explains it."
     place = "along level, at 1 to 2, 4 to 5.5 V; it also shows along harmonics"
     assert said("unexplained") == f"{beyond} {place}, {unknown}"
-    assert said("unexplained", adopted=("creep",)) == (
-        f"{beyond} {place}, {unknown} It is partly creep-like.{falls}"
-    )
-    jumps = "It looks like a jump of the response: +1 um at 2 s."
-    assert said("unexplained", adopted=("creep",), empirical=jumps) == (
-        f"{beyond}, {unknown} {jumps}"
-    )
     assert said("unexplained", axes=AXES[1:2]) == (
-        f"{beyond} along no axis in particular, {unknown}"
+        f"{beyond} all over, nowhere in particular, {unknown}"
     )
 
 
-def test_what_is_left_and_too_small_for_a_name_is_told_with_its_doubt():
+def test_what_has_no_name_is_told_as_what_it_is_most_like():
     plain = said("missing", [named()])
-    assert said("missing", [named()], too_small="backlash") == plain + (
-        " A smaller residual remains, most similar to backlash; it may only be the difference "
-        "between the "
-        "actuator and the catalogue's model."
+    assert said("missing", [named()], most_like="backlash") == plain + (
+        " Something smaller is left, most like backlash, too small a share to name."
     )
-    assert "the catalogue's models." in said("missing", [named(), named()], too_small="backlash")
-    assert said("none", too_small="backlash") == said("none")
+    assert said("unexplained", most_like="backlash").endswith(" It is most like backlash.")
+    assert said("none", most_like="backlash") == said("none")
+
+
+def test_the_loop_s_shape_is_told_with_its_size():
+    shape = Shape(0.31, "um", 0.97, "foh")
+    falls = " With it the error on data held out falls from 0.3 to 0.1 um (noise floor 1 um)."
+    size = " The loop's shape differs from foh's by 0.31 um rms, 97 % of the mismatch."
+    assert said("missing", [named(name="hysteresis_shape")], shape=shape) == (
+        "foh's loop is not the actuator's, and no other physics stands out beside that."
+        f"{size}{falls}"
+    )
+    both = said("missing", [named(), named(name="hysteresis_shape")], shape=shape)
+    assert both.startswith("foh leaves out creep (")
+    assert size in both
 
 
 def test_an_error_on_held_out_data_far_above_the_noise_is_remarked_on():
@@ -193,7 +169,7 @@ def test_an_error_on_held_out_data_far_above_the_noise_is_remarked_on():
 
 def test_an_error_on_held_out_data_that_rises_is_not_said_to_fall():
     worse = HeldOut("recording", 0.3, 0.31, (0.3,), (0.31,), "b.csv")
-    assert "on held-out data rises from 0.3 to 0.31 um" in said(
+    assert "on data held out rises from 0.3 to 0.31 um" in said(
         "missing", [named()], held_out=worse
     )
 
@@ -202,33 +178,25 @@ def test_an_error_on_held_out_data_that_rises_is_not_said_to_fall():
     ("names", "told", "all_apart", "chance", "said"),
     [
         (("creep", "thermal_drift"), (1,), True, 0.5,
-         "Record a sine of 3 Hz: it distinguishes creep from thermal_drift with a probability of "
-         "0.50."),
+         "Record a sine of 3 Hz: it tells creep from thermal_drift with a probability of 0.50."),
         (("creep", "thermal_drift"), (1,), True, 0.49,
-         "No drive within the limits is likely to distinguish creep from thermal_drift: the best "
-         "of them, "
+         "No drive within the limits is likely to tell creep from thermal_drift: the best of them, "
          "a sine of 3 Hz, does so with a probability of 0.49. Better would be {advice}."),
         (("creep", "backlash"), (1,), True, 1e-9,
-         "No drive within the limits is likely to distinguish creep from backlash: the best of "
-         "them, "
+         "No drive within the limits is likely to tell creep from backlash: the best of them, "
          "a sine of 3 Hz, does so with a probability of less than 0.01. Wider limits, less noise "
          "or a longer recording may help."),
         (("creep", "thermal_drift", "backlash"), (2,), False, 0.9,
-         "Record a sine of 3 Hz: it distinguishes creep from backlash with a probability of "
-         "0.90. No single "
-         "drive within the limits is likely to distinguish it from thermal_drift as well; better "
-         "for that "
+         "Record a sine of 3 Hz: it tells creep from backlash with a probability of 0.90. No one "
+         "drive within the limits is likely to tell it from thermal_drift too; better for that "
          "would be {advice}."),
         (("creep", "thermal_drift", "backlash"), (1,), False, 0.9,
-         "Record a sine of 3 Hz: it distinguishes creep from thermal_drift with a probability of "
-         "0.90. No single "
-         "drive within the limits is likely to distinguish it from backlash as well."),
+         "Record a sine of 3 Hz: it tells creep from thermal_drift with a probability of 0.90. No "
+         "one drive within the limits is likely to tell it from backlash too."),
         (("creep", "thermal_drift", "backlash"), (1, 2), False, 0.9,
-         "Record a sine of 3 Hz: it distinguishes creep from thermal_drift and backlash with a "
-         "probability "
-         "of 0.90. None of the drives within the limits also distinguishes thermal_drift and "
-         "backlash from each "
-         "other."),
+         "Record a sine of 3 Hz: it tells creep from thermal_drift and backlash with a probability "
+         "of 0.90. What tells thermal_drift and backlash apart too is not among the drives within "
+         "the limits."),
     ],
 )  # fmt: skip
 def test_the_next_experiment_promises_no_more_than_its_chance(names, told, all_apart, chance, said):

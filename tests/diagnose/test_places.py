@@ -1,7 +1,5 @@
 """Where a mismatch is: planted at one place, it is found there; noise is nowhere."""
 
-from dataclasses import replace
-from types import SimpleNamespace
 from typing import Any
 
 import jax
@@ -10,19 +8,12 @@ import pytest
 from scipy.stats import kstest, norm
 
 import fracjax as fj
-from fracjax._diagnose._conclusion import Conclusion
-from fracjax._diagnose._detect import detect
-from fracjax._diagnose._held_out import predict_stretches
-from fracjax._diagnose._judgement import SIGNIFICANCE
-from fracjax._diagnose._locate import _map, frequency, locate
-from fracjax._diagnose._procedure import Course, Round
-from fracjax._diagnose._residual import residual_of
+from fracjax._diagnose._held_out import errors_of
+from fracjax._diagnose._places import Residual, _map, acting_at, locate
 from fracjax._diagnose._result import Axis
-from fracjax._diagnose._score import Residual
-from fracjax._diagnose._stage import Stage
-from fracjax._prepare import prepare
-from fracjax._solve import silent, solve_from
-from tests.helpers import specified
+from fracjax._prepare import Preparation
+from fracjax._solve import Solved, solve_from
+from fracjax._fit import prepare
 
 STEP = 0.01
 PERIOD = 250
@@ -108,16 +99,22 @@ TONE_DRIVE = 50 + TONES @ np.array([14.0, 9.0, 6.0, 4.0, 3.0])
 NOISE = 0.01
 
 
+def residual_of(solved: Solved, preparation: Preparation) -> Residual:
+    """What a fit leaves, without what it could absorb."""
+    known = solved.on(preparation).sensitivity()
+    return Residual.beside(errors_of(solved, preparation)[1], known.whitened)
+
+
 def axes_of_a_fit(extra: np.ndarray, seed: int = 0) -> dict:
     """Axes of a creep law's fit to itself, noise and something more (N,) [um]."""
     law = fj.simulate(fj.parse_model("creep"), TONE_DRIVE, TONE_STEP, "constant").response
     noise = NOISE * np.random.default_rng(seed).standard_normal(TONE_TIMES.size)
     recording = fj.Recording(TONE_DRIVE, law + noise + extra, TONE_STEP, "V", "um")
-    told = specified(NOISE)
+    told = fj.Noise(NOISE, "um", "specification", np.ones(1), NOISE)
     with jax.enable_x64(True):
         preparation = prepare([recording], history="constant", noise=told)
         solved = solve_from([fj.parse_model("creep").block], preparation)
-        residual = residual_of(solved)
+        residual = residual_of(solved, preparation)
         found = locate(preparation, preparation.problems(), residual, 1e6)
     return {axis.axis: axis for axis in found}
 
@@ -144,6 +141,11 @@ def test_a_knock_stands_out_along_the_time():
     assert low <= 4.0 <= high
 
 
+def frequency(preparation: Preparation, problems: Any, residual: Residual) -> Axis:
+    found = locate(preparation, problems, residual, 1e6)
+    return next(axis for axis in found if axis.axis == "frequency")
+
+
 def test_a_line_that_the_noise_was_read_with_shows_where_the_noise_is_taken_without_it():
     """A hum in a recording and in its repeat, at another phase."""
     law = fj.simulate(fj.parse_model("creep"), TONE_DRIVE, TONE_STEP, "constant").response
@@ -161,12 +163,12 @@ def test_a_line_that_the_noise_was_read_with_shows_where_the_noise_is_taken_with
     with jax.enable_x64(True):
         preparation = prepare([once], history="constant", repeats=[again])
         solved = solve_from([fj.parse_model("creep").block], preparation)
-        residual, problems = residual_of(solved), preparation.problems()
-        hidden = frequency(preparation, problems, residual, 1e6)
+        residual, problems = residual_of(solved, preparation), preparation.problems()
+        hidden = frequency(preparation, problems, residual)
         bare = preparation.with_noises(
             [t.noise.without_lines() for t in preparation.takes if t.noise]
         )
-        shown = frequency(bare, problems, residual, 1e6)
+        shown = frequency(bare, problems, residual)
     assert hidden.p_value > 0.01 > 1e-6 > shown.p_value
     ((low, high),) = shown.intervals
     assert low <= 50.02 <= high
@@ -221,28 +223,11 @@ def test_a_stretch_stands_out_that_is_half_as_strong_as_the_strongest():
 
 
 def test_an_effect_too_weak_for_any_place_to_stand_out_has_one_where_it_acts():
-    """A saturation from 95 V on is named beside noise that shows nothing anywhere."""
-    with jax.enable_x64(True):
-        model = fj.parse_model("lfdh")
-        plain = fj.simulate(model, DRIVE, STEP, "constant").response
-        cut = fj.simulate(model, np.minimum(DRIVE, 95.0), STEP, "constant").response
-        noise = fj.Noise(1e-3, "um", "specification", np.ones(1), 1e-3)
-        seen = fj.Recording(DRIVE, plain + 1e-3 * white(1), STEP, "V", "um")
-        preparation = prepare([seen], noise=noise, history="constant")
-        solved = solve_from([model.block], preparation)
-        base = Stage("lfdh", model.block, (), solved)
-        changed = replace(solved, simulations=[solved.simulations[0] + 0.01 * (cut - plain)])
-        stage = replace(base, solved=changed)
-        first = detect(base, 0, silent)
-        winner: Any = SimpleNamespace(name="saturation", predicts_a_recording=True)
-        course = Course(first, True, [], first, [Round(winner, [])], {}, stage, None)
-        conclusion = Conclusion(model, base, 0.0, None, predict_stretches, course)
-        named: Any = (SimpleNamespace(name="saturation"),)
-        leading = conclusion._axes(named)[0]
-        (unnamed,) = (axis for axis in conclusion._axes(()) if axis.axis == "level")
-    assert unnamed.p_value > SIGNIFICANCE
-    assert unnamed.intervals == ()
-    assert leading.axis == "level"
-    assert leading.p_value == unnamed.p_value
-    (interval,) = leading.intervals
+    """A saturation from 95 V on, beside noise that shows nothing anywhere."""
+    (level,) = (axis for axis in axes_of(white(1)).values() if axis.axis == "level")
+    cut = np.minimum(DRIVE, 95.0) - DRIVE
+    acting = acting_at(level, list(axes_of(cut).values()))
+    assert level.intervals == ()
+    assert acting.p_value == level.p_value
+    (interval,) = acting.intervals
     assert interval == pytest.approx((100 / 12 * 11, 100.0))

@@ -1,0 +1,98 @@
+"""A drive that was recorded coarsely: the smooth course that its codes leave open."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+from scipy.ndimage import gaussian_filter1d
+
+from .._operators import interpolate
+from .._prepare import top_frequency
+from .._recording import Recording
+
+_WIDTHS = (48, 32, 24, 16, 12, 8, 6, 4, 3, 2)
+_WITHIN = 0.75
+_COARSE = 1e-3
+_MOST_SAMPLES, _PER_PERIOD, _LEAST_RATE = 12_000, 32, 1000.0
+_STRONG, _EVEN, _LEAD = 0.3, 0.6, np.radians(2.0)
+
+
+def drive_step(drive: np.ndarray) -> float:
+    """The step between the codes that a drive (N,) is written in, where that is coarse; else 0."""
+    span = float(np.ptp(drive))
+    gaps = np.diff(np.unique(drive))
+    step = float(gaps.min()) if gaps.size else 0.0
+    codes = np.round(gaps / step) if step else gaps
+    on_grid = bool(step) and np.all(np.abs(gaps / step - codes) < 0.1)
+    return step if on_grid and step > _COARSE * span else 0.0
+
+
+def unrounded(recording: Recording) -> tuple[Recording, str]:
+    """A recording whose rounded drive follows the smoothest course that its codes leave open, and
+    what is to be said of that; one that is held in steps stays as it is.
+
+    A rounded drive moves in jumps that the actuator has never seen: what it does not answer to
+    looks like a lag or a mode.
+    """
+    drive, step = recording.drive, drive_step(recording.drive)
+    if step == 0 or interpolate(drive, 1)[1] == "hold":
+        return recording, ""
+    for width in _WIDTHS:
+        smooth = gaussian_filter1d(drive, width, mode="nearest")
+        if np.abs(smooth - drive).max() <= _WITHIN * step:
+            said = (
+                f"{recording.source}: the drive is written in steps of {step:.3g} "
+                f"{recording.drive_unit}; it was smoothed within them over {width} samples. Record "
+                "it with more digits."
+            )
+            return replace(recording, drive=smooth), said
+    return recording, ""
+
+
+def thinned(recording: Recording) -> tuple[Recording, str]:
+    """A long recording at the rate that the drive's band needs, and what is to be said of that."""
+    needed = max(_PER_PERIOD * top_frequency(recording), _LEAST_RATE)
+    every = int(min(len(recording) / _MOST_SAMPLES, recording.rate / needed))
+    if every < 2:
+        return recording, ""
+    said = (
+        f"{recording.source}: every {every}th of {len(recording)} samples was used, as many as the "
+        f"drive's band up to {top_frequency(recording):.3g} Hz needs."
+    )
+    fewer = replace(
+        recording,
+        drive=recording.drive[::every],
+        response=recording.response[::every],
+        dt=every * recording.dt,
+    )
+    return fewer, said
+
+
+def wrong_way(recording: Recording) -> str:
+    """What is to be said of a loop that no actuator runs through: a response that leads its drive,
+    or that is even in it; nothing of others."""
+    drive = recording.drive - recording.drive.mean()
+    response = recording.response - recording.response.mean()
+    lines, answer = np.fft.rfft(drive), np.fft.rfft(response)
+    strong = np.abs(lines) > _STRONG * np.abs(lines).max()
+    strong[0] = False
+    coherent = np.sum(np.conj(lines[strong]) * answer[strong])
+    size = np.sqrt(np.sum(np.abs(lines[strong]) ** 2) * np.sum(np.abs(answer[strong]) ** 2))
+    lead = float(np.angle(coherent * np.sign(coherent.real or 1.0)))
+    centred = 2 * drive / np.ptp(drive)
+    even = centred**2 - np.mean(centred**2)
+    by_even = float(np.corrcoef(even, response)[0, 1] ** 2) if even.any() else 0.0
+    by_odd = float(np.corrcoef(drive, response)[0, 1] ** 2) if drive.any() else 0.0
+    if by_even > _EVEN and by_odd < 1 - _EVEN:
+        return (
+            f"{recording.source}: the response is even in the drive, a butterfly loop, which no "
+            "model here gives; diagnose one branch, or measure a quantity that keeps the sign."
+        )
+    if lead > _LEAD and abs(coherent) > _EVEN * size:
+        return (
+            f"{recording.source}: the response leads the drive by {np.degrees(lead):.2g} degrees, "
+            "and its loop runs the wrong way: the channels are skewed in time or swapped; correct "
+            "that first."
+        )
+    return ""

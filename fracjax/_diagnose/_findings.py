@@ -1,0 +1,367 @@
+"""What an inquiry amounts to: named effects, candidates, places, held-out scores, the shape."""
+
+from __future__ import annotations
+
+import itertools
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+from scipy.stats import norm
+
+from .._blocks import AbstractBlock
+from .._fit import Estimate, Fit, fit_of
+from .._models import Model
+from .._parameters import named_parameters
+from .._prepare import Conditions, Noise, Normal, Preparation, Take, layout_of
+from ._fitted import Fitted, fitted
+from ._held_out import Predict, Prediction, gain
+from ._inquiry import Inquiry
+from ._layers import Layer, path_of, wrapped, written
+from ._places import Residual, acting_at, freedom_of, locate
+from ._result import Axis, Candidate, HeldOut, NamedEffect, Shape, Verdict
+from ._shape import HYSTERESIS_SHAPE, entry_of
+from ._thresholds import APART, DETECTED, EXPLAINED, FORETOLD, SIGNIFICANCE
+
+_MEMORY = "minor_loop_memory"
+_SUREST = 0.96
+_USUAL_PLAY = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Findings:
+    """An inquiry into a model, with the recording held out, if any, and how it is predicted."""
+
+    model: Model
+    inquiry: Inquiry
+    unseen: Take | None
+    predict: Predict
+
+    @property
+    def base(self) -> Fitted:
+        return self.inquiry.base
+
+    @property
+    def noise(self) -> Noise:
+        """The noise of the first recording."""
+        noise = self.base.preparation.takes[0].noise
+        assert noise is not None  # settle() leaves none unknown
+        return noise
+
+    @property
+    def left_in_each(self) -> list[tuple[str, float]]:
+        """What the base leaves in each recording, by its name, in its noise floors, rms."""
+        left, takes = [], self.base.preparation.takes
+        for take, simulation in zip(takes, self.base.simulations, strict=True):
+            assert take.noise is not None  # settle() leaves none unknown
+            error = (take.recording.response - simulation)[take.used]
+            left.append((take.recording.source, float(error.std()) / take.noise.sigma))
+        return left
+
+    @property
+    def tones(self) -> list[str]:
+        """Tones that count as noise, for no drive causes them, if they are not of the mains."""
+        if "mains_interference" in self.names:
+            return []
+        said = []
+        for take in self.base.preparation.takes:
+            tone, recording = take.noise and take.noise.tone, take.recording
+            if tone:
+                said.append(
+                    f"{recording.source}: the noise floor holds a tone near "
+                    f"{tone.frequency * recording.rate:.4g} Hz of about {tone.rms:.2g} "
+                    f"{recording.response_unit} rms, such as interference or a vibration. It "
+                    "counts as noise and hides what is smaller; keep it out of the recording."
+                )
+        return said
+
+    @property
+    def displaced(self) -> list[str]:
+        """Base parameters outside their usual range: what is missing may hide in them."""
+        block, said = self.base.solved.block, []
+        parameters = named_parameters(block)
+        for name, _ in layout_of(block).shapes:
+            p = parameters[name]
+            if not p.is_plausible:
+                low, high = p.plausible
+                ends = f"{float(np.min(low)):.3g} to {float(np.max(high)):.3g}"
+                said.append(
+                    f"{name} of {self.model.name} ended at {float(np.ravel(p.value)[0]):.3g}, "
+                    f"outside its usual range of {ends}: it may stand in for physics that the "
+                    "model lacks."
+                )
+        return said
+
+    @cached_property
+    def base_fit(self) -> Fit:
+        return _fit_of(self.model, self.base)
+
+    @cached_property
+    def shape(self) -> Shape | None:
+        """How far the loop's shape is from the model's, where it surely is."""
+        inquiry = self.inquiry
+        if not inquiry.is_shape:
+            return None
+        counted = np.concatenate([problem.weights for problem in self.base.problems]) > 0
+        added = inquiry.taken_by_shape[counted]
+        excess = inquiry.first.gram.square - inquiry.first.gram.count
+        share = (inquiry.first.gram.square - inquiry.judge.inner.square) / max(excess, 1e-300)
+        unit = self.base.preparation.takes[0].recording.response_unit
+        rms = float(np.sqrt(np.mean((added - added.mean()) ** 2)))
+        return Shape(rms, unit, float(np.clip(share, 0.0, 1.0)), self.model.name)
+
+    @cached_property
+    def extended(self) -> Fitted | None:
+        """The model fitted together with what is named; for the loop's shape stands a sum of
+        plays."""
+        if not self.layers:
+            return None
+        explanation = self.inquiry.explanation
+        block = self.base.solved.block if explanation is None else explanation.fitted.solved.block
+        if self.inquiry.is_shape:
+            inside = [layer for layer in self.layers if layer.effect.name == _MEMORY]
+            start = _inserted(self.base.solved.block, explanation, inside[0])
+            return fitted([start], self._with_usual_plays(start))
+        return fitted([block], self.base.preparation)
+
+    def _with_usual_plays(self, block: AbstractBlock) -> Preparation:
+        """The preparation in which the plays' weights are expected to be shares of the slope:
+        thresholds that the drive hardly tells apart would else take any."""
+        setting = self.base.preparation.setting
+        (name,) = (n for n in named_parameters(block) if n.endswith("weights"))
+        usual = Normal(0.0, _USUAL_PLAY * setting.response_span / setting.drive_span)
+        return replace(self.base.preparation, conditions=Conditions(priors={name: usual}))
+
+    @cached_property
+    def layers(self) -> tuple[Layer, ...]:
+        """What the extended model adds, the first innermost."""
+        explanation = self.inquiry.explanation
+        named = () if explanation is None else explanation.layers
+        if not self.inquiry.is_shape or not (named or self._shape_is_named):
+            return named
+        effect = entry_of(_MEMORY)
+        return (Layer(effect, effect.trials(self.base.preparation.setting)[0]), *named)
+
+    @cached_property
+    def _shape_is_named(self) -> bool:
+        """Whether loop shapes carry the mismatch."""
+        return self.shape is not None and self.shape.share >= EXPLAINED
+
+    @cached_property
+    def extended_fit(self) -> Fit | None:
+        if self.extended is None:
+            return None
+        name = written(self.model.name, self.layers)
+        return _fit_of(Model(self.extended.solved.block, name), self.extended)
+
+    @cached_property
+    def effects(self) -> tuple[NamedEffect, ...]:
+        """The named effects, what takes most first, and the loop's shape after them."""
+        found = []
+        if self.extended_fit is not None:
+            offset = len(self.layers) - len(self.inquiry.names)
+            for k, name in enumerate(self.inquiry.names):
+                path = path_of(self.layers, k + offset)
+                found.append(
+                    NamedEffect(
+                        name=name.effect,
+                        site=self.layers[k + offset].site,
+                        probability=min(_SUREST, name.probability) / (1 + 0.5 * len(name.alike)),
+                        explained_fraction=float(np.clip(name.share, 0.0, 1.0)),
+                        parameters=_own(self.extended_fit, path),
+                        confusable_with=name.alike,
+                    )
+                )
+        found.sort(key=lambda effect: -effect.explained_fraction)
+        if self._shape_is_named and self.shape is not None:
+            found.append(
+                NamedEffect(
+                    name=HYSTERESIS_SHAPE.name,
+                    site=HYSTERESIS_SHAPE.site,
+                    probability=min(_SUREST, self.inquiry.seen.posterior.shape),
+                    explained_fraction=self.shape.share,
+                    parameters=(),
+                    confusable_with=(),
+                )
+            )
+        return tuple(found)
+
+    @property
+    def verdict(self) -> Verdict:
+        if self.effects:
+            return "confusable" if any(e.confusable_with for e in self.effects) else "missing"
+        return "unexplained" if self.is_beyond_noise else "none"
+
+    @cached_property
+    def is_beyond_noise(self) -> bool:
+        """Whether the base surely leaves more than noise."""
+        return self.p_value < SIGNIFICANCE and self.excess > self.doubt
+
+    @property
+    def excess(self) -> float:
+        """χ² per sample of the base, beyond the noise."""
+        gram = self.inquiry.first.gram
+        return gram.square / gram.count - 1
+
+    @property
+    def doubt(self) -> float:
+        """Three standard errors of that, by the χ² distribution and the noise level's own."""
+        freedom = freedom_of(self.base.preparation, self.base.solved.kurtosis)
+        return float(3 * np.sqrt(2 / self.inquiry.first.gram.count + 2 / freedom))
+
+    @cached_property
+    def p_value(self) -> float:
+        """That of a recording the base model explains: of places and columns, by Holm."""
+        largest = max(candidate.score for candidate in self.candidates)
+        of_columns = min(1.0, 2 * self.inquiry.first.gram.width * float(norm.sf(largest)))
+        tests = [of_columns, *(axis.p_value for axis in self.axes)]
+        return min(1.0, min(tests) * len(tests))
+
+    @cached_property
+    def candidates(self) -> tuple[Candidate, ...]:
+        """Every effect of the catalogue, by the evidence for it."""
+        names = dict.fromkeys(kind.name for kind in self.inquiry.first.kinds)
+        found = [self._candidate(name) for name in names]
+        return tuple(sorted(found, key=lambda c: -c.log_evidence))
+
+    def _candidate(self, name: str) -> Candidate:
+        inquiry = self.inquiry
+        first, inner = inquiry.first, inquiry.judge.inner
+        columns = np.concatenate(
+            [np.arange(k.start, k.stop) for k in first.kinds if k.name == name]
+        )
+        lengths = np.sqrt(np.diag(inner.columns)[columns])
+        scores = np.abs(inner.along[columns]) / np.maximum(lengths, 1e-300)
+        best = int(np.argmax(np.where(lengths > 0, scores, -1.0)))
+        column = inquiry.first.columns.matrix[:, columns[best]]
+        counted = np.concatenate([problem.weights for problem in self.base.problems]) > 0
+        size = float(np.sqrt(np.mean(column[counted] ** 2)))
+        refits = {e.names: e for rivals in inquiry.rivals for e in rivals}
+        own = [e for names, e in refits.items() if name in names]
+        return Candidate(
+            name=name,
+            site=entry_of(name).site,
+            score=float(scores[best]) if lengths[best] > 0 else 0.0,
+            log_evidence=self._log_evidence(name),
+            detectable_amplitude=DETECTED * size / max(float(lengths[best]), 1e-6),
+            concealment=float(np.clip(first.gram.concealments[columns[best]], 0.0, 1.0)),
+            reason=self._reason(name),
+            delta_bic=self.base.solved.bic - own[0].cost if own and not inquiry.is_shape else None,
+            explained_fraction=inquiry.judge.fall((name,)) / inquiry.judge.excess,
+        )
+
+    def _log_evidence(self, name: str) -> float:
+        """The logarithm of the Bayes factor for the effect alone, whatever the loop's shape."""
+        hypotheses = self.inquiry.seen.posterior.hypotheses
+        alone = float(np.logaddexp.reduce([h.log_posterior for h in hypotheses if not h.names]))
+        own = [h.log_posterior for h in hypotheses if h.names == (name,)]
+        return float(np.logaddexp.reduce(own)) - alone if own else float("-inf")
+
+    def _reason(self, name: str) -> str:
+        inquiry = self.inquiry
+        for named in inquiry.names:
+            if name == named.effect:
+                return f"named: there with probability {named.probability:.2f}"
+            if name in named.alike:
+                return f"cannot be told from {named.effect} on this drive"
+        judge = inquiry.judge
+        if judge.is_inexact and next(k for k in inquiry.first.kinds if k.name == name).is_shape:
+            return "part of what the loop's shape may be"
+        if judge.fall((name,)) < APART:
+            return "nothing in the residual beyond noise"
+        return "takes too small a share of what is left to be told from misfit"
+
+    @cached_property
+    def axes(self) -> tuple[Axis, ...]:
+        """The axes, those first along which a named effect's signature is known to stand out, then
+        those whose places take most of the residual."""
+        natural = entry_of(self.names[0]).axes if self.names else ()
+        # Of lines that it was read with, the floor hides the place.
+        axes = self._maps(self.base.error, with_lines=natural != ("frequency",))
+
+        def order(axis: Axis) -> tuple[bool, int, float, float]:
+            silent = axis.p_value >= SIGNIFICANCE
+            known = axis.axis in natural and not (silent and self.layers)
+            place = natural.index(axis.axis) if known else len(natural)
+            return silent and not known, place, -axis.excess, axis.p_value
+
+        axes = sorted(axes, key=order)
+        own = next((axis for name in natural for axis in axes if axis.axis == name), None)
+        if own is None or own.intervals or self.extended is None:
+            return tuple(axes)
+        acting = acting_at(own, self._maps(self.base.error - self.extended.error))
+        return (acting, *(axis for axis in axes if axis is not own))
+
+    @property
+    def names(self) -> list[str]:
+        """What is named, without look-alikes."""
+        named = [name.effect for name in self.inquiry.names]
+        return named or ([HYSTERESIS_SHAPE.name] if self._shape_is_named else [])
+
+    def _maps(self, error: np.ndarray, *, with_lines: bool = True) -> list[Axis]:
+        base, preparation = self.base, self.base.preparation
+        if not with_lines:
+            noises = [take.noise for take in preparation.takes if take.noise is not None]
+            preparation = preparation.with_noises([noise.without_lines() for noise in noises])
+        residual = Residual.beside(base.whitened(error), base.whitened(base.tangent))
+        freedom = freedom_of(base.preparation, base.solved.kurtosis)
+        return locate(preparation, base.problems, residual, freedom)
+
+    @cached_property
+    def predicted(self) -> tuple[Prediction, Prediction | None]:
+        """What the base and the extended model make of data held out."""
+        before = self.predict(self.base.solved, self.base.preparation)
+        if self.extended is None:
+            return before, None
+        return before, self.predict(self.extended.solved, self.extended.preparation)
+
+    @property
+    def foretells_worse(self) -> bool:
+        """Whether a recording that was held out is clearly further from the model with what is
+        named than from the base: then that has followed something else."""
+        before, after = self.predicted
+        if self.unseen is None or after is None or not self.inquiry.names:
+            return False
+        return after.rmse > FORETOLD * before.rmse
+
+    @cached_property
+    def held_out(self) -> HeldOut:
+        """The scores on data held out."""
+        take, (base, extended) = self.unseen, self.predicted
+        source = "" if take is None else take.recording.source
+        method = "stretches set aside in turn" if take is None else "recording"
+        if extended is None:
+            return HeldOut(method, base.rmse, None, base.folds, (), source)
+        found = gain(base, extended)
+        if take is not None or not any(found.foretold):
+            return HeldOut(method, base.rmse, extended.rmse, base.folds, extended.folds, source)
+        # A stretch that the others do not foretell says nothing of either model.
+        before, after = (
+            tuple(itertools.compress(prediction.folds, found.foretold))
+            for prediction in (base, extended)
+        )
+        return HeldOut(method, found.base_rmse, found.extended_rmse, before, after, source)
+
+
+def _fit_of(model: Model, found: Fitted) -> Fit:
+    """The result of a fit, its simulations those of the fine grid."""
+    fit = fit_of(model, found.solved.on(found.preparation))
+    return replace(fit, simulations=found.simulations)
+
+
+def _inserted(base, explanation, memory: Layer):
+    """The base with plays beside it and the effects of an explanation round both, as fitted."""
+    if explanation is None:
+        return memory.effect.insert(base, memory.trial)
+    block, parts = explanation.fitted.solved.block, []
+    for layer in reversed(explanation.layers):
+        parts.append(Layer(layer.effect, getattr(block, layer.place)))
+        block = getattr(block, layer.inside)
+    return wrapped(memory.effect.insert(block, memory.trial), parts[::-1])
+
+
+def _own(fit: Fit, path: str) -> tuple[Estimate, ...]:
+    """The estimates of one layer, by its own names."""
+    own: Sequence[Estimate] = [e for e in fit.estimates if e.name.startswith(path)]
+    return tuple(replace(e, name=e.name.removeprefix(path)) for e in own)

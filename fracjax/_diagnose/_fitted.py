@@ -1,0 +1,169 @@
+"""A block fitted to recordings: on a coarse grid, with what a fine one changes made up for.
+
+Here and in `_held_out.py` the diagnosis meets the fitting.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, field, replace
+from functools import cached_property
+
+import numpy as np
+
+from .._blocks import AbstractBlock
+from .._prepare import Preparation, Problem
+from .._solve import Solved, orthonormal_basis, simulate, solve_from
+
+_FINEST, _MOST_SAMPLES = 32, 2**18
+_RENEWALS, _ENOUGH = 2, 0.25
+
+
+class Shaped(Problem):
+    """A problem whose residual may follow loop shapes: what lies along the `directions` (L, k),
+    whitened and orthonormal, counts less by the factors `kept` (k,), as (1 + τ² DDᵀ)^(-1/2) has
+    it."""
+
+    directions: np.ndarray
+    kept: np.ndarray
+
+    def whiten(self, signals: np.ndarray) -> np.ndarray:
+        white = super().whiten(signals)
+        return white - self.directions @ ((1 - self.kept) * (self.directions.T @ white).T).T
+
+
+@dataclass(frozen=True)
+class Corrected(Preparation):
+    """A preparation on a coarse grid whose responses make up for it.
+
+    `defects` (L,), one per recording: what a fine grid changes of the simulation, taken off the
+    response.  `shapes`: the directions and factors of a `Shaped` problem; none where the loop's
+    shape is taken for the model's.
+    """
+
+    defects: tuple[np.ndarray, ...] = ()
+    shapes: tuple[tuple[np.ndarray, np.ndarray], ...] = field(default=(), repr=False)
+
+    def problems(self, oversampling: int | None = None) -> tuple[Problem, ...]:
+        if oversampling not in (None, self.oversampling):
+            return super().problems(oversampling)
+        return self._corrected
+
+    @cached_property
+    def _corrected(self) -> tuple[Problem, ...]:
+        found = []
+        for k, problem in enumerate(super().problems()):
+            parts = {name: getattr(problem, name) for name in Problem.__dataclass_fields__}
+            parts["response"] = problem.response - self.defects[k]
+            found.append(
+                Shaped(**parts, directions=self.shapes[k][0], kept=self.shapes[k][1])
+                if self.shapes
+                else Problem(**parts)
+            )
+        return tuple(found)
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A block at its optimum, the preparation that it was fitted under, and the error of the finest
+    grid (ΣL,) beside it, in the response's unit."""
+
+    solved: Solved
+    preparation: Corrected
+    finest_error: np.ndarray
+
+    @property
+    def problems(self) -> tuple[Problem, ...]:
+        return self.preparation.problems()
+
+    @cached_property
+    def error(self) -> np.ndarray:
+        """What it leaves (ΣL,) at the padded recordings' samples, in the response's unit."""
+        found = []
+        pairs = zip(self.preparation.takes, self.simulations, self.problems, strict=True)
+        for take, simulation, problem in pairs:
+            error = np.zeros(len(problem.response))
+            error[: len(take.recording)] = take.recording.response - simulation
+            found.append(error)
+        return np.concatenate(found)
+
+    @cached_property
+    def simulations(self) -> tuple[np.ndarray, ...]:
+        """The simulations (N,) of the fine grid."""
+        pairs = zip(self.solved.simulations, self.preparation.defects, strict=True)
+        return tuple(simulation + defect[: simulation.size] for simulation, defect in pairs)
+
+    @cached_property
+    def tangent(self) -> np.ndarray:
+        """Derivative (ΣL, P) of the simulations in everything that was fitted."""
+        return self.solved.on(self.preparation).sensitivity().raw
+
+    def whitened(self, signals: np.ndarray) -> np.ndarray:
+        """Signals (ΣL, …) through each recording's whitening filter, loop shapes or not."""
+        ends = np.cumsum([len(problem.response) for problem in self.problems])
+        parts = np.split(signals, ends[:-1])
+        pairs = zip(self.problems, parts, strict=True)
+        return np.concatenate([Problem.whiten(problem, part) for problem, part in pairs])
+
+    @property
+    def numerics(self) -> float:
+        """√λ_num: the finest grid's error beyond what the fit can absorb, in noise units."""
+        error, basis = (
+            self.whitened(self.finest_error),
+            orthonormal_basis(self.whitened(self.tangent)),
+        )
+        return float(np.linalg.norm(error - basis @ (basis.T @ error)))
+
+
+def fitted(
+    starts: Sequence[AbstractBlock],
+    preparation: Preparation,
+    shapes: tuple[tuple[np.ndarray, np.ndarray], ...] = (),
+) -> Fitted:
+    """Fit from the starts on the coarse grid; what a fine one changes about that fit is taken off
+    the responses, and the fit renewed, until that changes no more beside the noise.
+
+    Source: Stetter, Numer. Math. 29 (1978) 425 (defect correction).
+    """
+    longest = max(len(take.recording) for take in preparation.takes)
+    finest = preparation.oversampling
+    while 2 * finest <= _FINEST and 2 * finest * longest <= _MOST_SAMPLES:
+        finest *= 2
+    own = {name: getattr(preparation, name) for name in Preparation.__dataclass_fields__}
+    nothing = tuple(np.zeros(len(p.response)) for p in preparation.problems())
+    coarse = Corrected(**own, defects=nothing, shapes=shapes)
+    if isinstance(preparation, Corrected):
+        coarse = replace(coarse, defects=preparation.defects)
+    solved = solve_from(list(starts), coarse)
+    exact, coarse, change = _renewed(solved, coarse, finest)
+    for _ in range(_RENEWALS):
+        if change <= _ENOUGH:
+            break
+        solved = solve_from([solved.block], coarse)
+        exact, coarse, change = _renewed(solved, coarse, finest)
+    between = _simulated(solved, coarse, max(finest // 2, coarse.oversampling))
+    finest_error = np.concatenate([a - b for a, b in zip(exact, between, strict=True)])
+    return Fitted(solved, coarse, finest_error)
+
+
+def _renewed(
+    solved: Solved, coarse: Corrected, finest: int
+) -> tuple[list[np.ndarray], Corrected, float]:
+    """Simulations (L,) on the finest grid, the preparation with their defects, and by how much
+    these have changed, in noise units."""
+    exact, problems = _simulated(solved, coarse, finest), coarse.problems()
+    defects = [
+        fine - simulate(block, problem)
+        for fine, block, problem in zip(exact, solved.blocks, problems, strict=True)
+    ]
+    changes = [
+        p.whiten(new - old) for p, new, old in zip(problems, defects, coarse.defects, strict=True)
+    ]
+    change = float(np.linalg.norm(np.concatenate(changes)))
+    return exact, replace(coarse, defects=tuple(defects)), change
+
+
+def _simulated(solved: Solved, preparation: Preparation, oversampling: int) -> list[np.ndarray]:
+    """Simulations (L,) of the solved blocks on a finer grid."""
+    problems = Preparation.problems(preparation, oversampling)
+    return [simulate(block, p) for block, p in zip(solved.blocks, problems, strict=True)]

@@ -1,0 +1,66 @@
+"""Effects round a model, and its name with them."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .._blocks import AbstractBlock, Effect, Site
+from .._parameters import Parameter, named_parameters
+from .._prepare import layout_of
+
+
+@dataclass(frozen=True)
+class Layer:
+    """An effect round a model, with the shape it was first tried at."""
+
+    effect: Effect
+    trial: AbstractBlock
+
+    @property
+    def site(self) -> Site:
+        """Where it is inserted."""
+        return self.effect.site_of(self.trial)
+
+    @property
+    def place(self) -> str:
+        """The effect's own part of the block that `Effect.insert` makes."""
+        return "first" if self.site == "drive" else "second"
+
+    @property
+    def inside(self) -> str:
+        """The part of that block that holds the model."""
+        return "second" if self.site == "drive" else "first"
+
+    def own(self, block: AbstractBlock) -> dict[str, Parameter]:
+        """The effect's own parameters in a block that it is the outermost layer of, by their paths,
+        in the order of the block's layout."""
+        parameters, layout = named_parameters(block), layout_of(block)
+        names = [name for name, _ in layout.shapes + layout.gains]
+        return {n: parameters[n] for n in names if n.startswith(f"{self.place}.")}
+
+
+def wrapped(block: AbstractBlock, layers: Sequence[Layer]) -> AbstractBlock:
+    """A block with effects round it, the first innermost."""
+    for layer in layers:
+        block = layer.effect.insert(block, layer.trial)
+    return block
+
+
+def path_of(layers: Sequence[Layer], k: int) -> str:
+    """Dotted path of layer k's own block within the whole."""
+    inward = "".join(f"{layer.inside}." for layer in reversed(layers[k + 1 :]))
+    return f"{inward}{layers[k].place}."
+
+
+def written(base: str, layers: Sequence[Layer]) -> str:
+    """The model as one would write it."""
+    name = base
+    for layer in layers:
+        grouped = f"({name})" if " " in name else name
+        if layer.site == "drive":
+            name = f"{layer.effect.name} >> {grouped}"
+        else:
+            sign = "+" if layer.site == "additive" else ">>"
+            name = f"{grouped} {sign} {layer.effect.name}"
+    return name

@@ -1,0 +1,153 @@
+"""Which effects a view names, and which of them it cannot tell apart."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+from functools import cache, partial
+
+import numpy as np
+
+from ._gram import Inner
+from ._selection import Hypothesis
+from ._thresholds import ALIKE, APART, APART_SHARE, DOUBT, SECOND, SHARE, SURE
+from ._view import View
+
+_RIDGE = 1e-9
+_MOST_ALIKE = 4
+
+
+@dataclass(frozen=True)
+class Name:
+    """An effect that is there with this probability, those that may stand in its place, and its
+    share of what it was asked to explain."""
+
+    effect: str
+    alike: tuple[str, ...]
+    probability: float
+    share: float
+
+
+class Judge:
+    """Names from the posterior about a fit: `first` in units of the noise alone, `seen` with what
+    is left over counted as noise."""
+
+    def __init__(self, first: View, seen: View, small: float):
+        self.first, self.seen = first, seen
+        best = seen.posterior.best
+        self.is_inexact = best.tau > small
+        alone = [h for h in first.posterior.hypotheses if not h.names]
+        self.alone: Hypothesis = alone[0]
+        tau = self.alone.tau if self.is_inexact else 0.0
+        self.inner, self._coloured = first.gram.under(tau), seen.gram.under(tau)
+        doubt = DOUBT if self.is_inexact else 0.0
+        self.excess = max(self.inner.square - first.gram.count, doubt * first.gram.count, 1.0)
+        self.fall = cache(partial(self._fall, self.inner))
+        self._coloured_fall = cache(partial(self._fall, self._coloured))
+
+    def without_shapes(self) -> Judge:
+        """The same, the model's loop taken for the actuator's."""
+        return Judge(self.first, self.seen, np.inf)
+
+    def leading(self, count: int) -> list[str]:
+        """The effects that take most from χ², each alone."""
+        names = dict.fromkeys(kind.name for kind in self.first.kinds)
+        return sorted(names, key=lambda name: -self.fall((name,)))[:count]
+
+    def names(self) -> tuple[Name, ...]:
+        """What is named: of the likeliest set those that take a real share, and that are surely
+        there, or something like them."""
+        kept = list(self.seen.posterior.best.names)
+        while kept:
+            reach = {name: self._reach(name, kept) for name in kept}
+            least = min(reach, key=lambda name: reach[name])
+            if reach[least] >= 1:
+                break
+            kept.remove(least)
+        found = [self._named(name, kept) for name in kept]
+        return tuple(name for name in found if name.probability >= SURE)
+
+    def most_like(self, named: Iterable[str]) -> str | None:
+        """What takes most of what is left, without a name."""
+        known = tuple(named)
+        remaining = self.inner.square - self.first.gram.count - self.fall(known)
+        if remaining < DOUBT * self.first.gram.count:
+            return None
+        others = {kind.name for kind in self.first.kinds if not self._is_barred(kind.name)}
+        gains = {n: self.fall((*known, n)) - self.fall(known) for n in others - set(known)}
+        best = max(gains, key=lambda name: gains[name], default=None)
+        least = max(APART, 0.5 * SHARE * self.excess)
+        return best if best is not None and gains[best] > least else None
+
+    def _named(self, name: str, kept: list[str]) -> Name:
+        rest = [other for other in kept if other != name]
+        posterior = self.seen.posterior
+        nothing = sum(p for names, p in posterior.sets.items() if names <= frozenset(rest))
+        return Name(name, self._alike(name, rest), 1 - nothing, self._share(name, kept))
+
+    def _reach(self, name: str, kept: list[str]) -> float:
+        """How many times what a name needs an effect takes: of what shape alone leaves, or of what
+        that leaves where its colour counts as noise, in which one that is far from the misfit in
+        frequency stands out."""
+        if not self.is_inexact:
+            return self._share(name, kept) / (SECOND if len(kept) > 1 else 1e-9)
+        rest = tuple(other for other in kept if other != name)
+        coloured = self._coloured_fall(tuple(kept)) - self._coloured_fall(rest)
+        apart = coloured / (APART_SHARE * self.seen.gram.count)
+        return max(self._share(name, kept) / SHARE, apart)
+
+    def _share(self, name: str, kept: list[str]) -> float:
+        rest = tuple(other for other in kept if other != name)
+        return (self.fall(tuple(kept)) - self.fall(rest)) / self.excess
+
+    def _alike(self, name: str, rest: list[str]) -> tuple[str, ...]:
+        """The effects that take nearly as much in its place, or that the posterior holds as
+        likely."""
+        posterior = self.seen.posterior
+        whole, without = self.fall((*rest, name)), self.fall(tuple(rest))
+        margin = max(APART, ALIKE * (whole - without)) if self.is_inexact else APART
+        own = posterior.probability_of(name)
+        found = []
+        for other in dict.fromkeys(kind.name for kind in self.first.kinds):
+            if other == name or other in rest or self._is_barred(other):
+                continue
+            behind = whole - self.fall((*rest, other))
+            instead = sum(
+                p for names, p in posterior.sets.items() if other in names and name not in names
+            )
+            if behind < margin and (self.is_inexact or instead > (1 - SURE) * own):
+                found.append((behind, other))
+        return tuple(other for _, other in sorted(found)[:_MOST_ALIKE])
+
+    def _is_barred(self, name: str) -> bool:
+        """Whether an effect is of the loop's shape, where that is not the model's anyway."""
+        kinds = [kind for kind in self.first.kinds if kind.name == name]
+        return self.is_inexact and kinds[0].is_shape
+
+    def _fall(self, inner: Inner, names: tuple[str, ...]) -> float:
+        """What effects take from χ² together, each at the kind that takes most after those before
+        it."""
+        chosen, taken = np.zeros(0, dtype=int), 0.0
+        for name in names:
+            options = [k for k in self.first.kinds if k.name == name]
+            falls = []
+            for kind in options:
+                columns = np.concatenate([chosen, np.arange(kind.start, kind.stop)])
+                falls.append((_taken(inner, columns), columns))
+            taken, chosen = max(falls, key=lambda pair: pair[0])
+        return taken
+
+    def taken(self, columns: np.ndarray) -> float:
+        """What columns take from χ² with free gains."""
+        return _taken(self.inner, columns)
+
+
+def _taken(inner: Inner, columns: np.ndarray) -> float:
+    gram = inner.columns[np.ix_(columns, columns)]
+    sizes = np.sqrt(np.diag(gram))
+    seen = sizes > 0
+    if not seen.any():
+        return 0.0
+    scaled = gram[np.ix_(seen, seen)] / np.outer(sizes[seen], sizes[seen])
+    along = inner.along[columns][seen] / sizes[seen]
+    return float(along @ np.linalg.solve(scaled + _RIDGE * np.eye(along.size), along))

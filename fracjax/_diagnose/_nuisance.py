@@ -1,0 +1,98 @@
+r"""Loop shapes that no law of the model has: the span of rate-independent hysteresis.
+
+A Preisach operator of any density is a sum over plays of functions of their states alone,
+
+    y(t) = ∫ g(r, p_r(t)) dr,      p_r the play of the drive with radius r,  p_0 the drive itself
+
+so that Chebyshev polynomials T_k of the states of plays with many radii span, to a grid's
+resolution, every such loop: static curves (r = 0), Prandtl–Ishlinskii sums, asymmetric and bent
+ones.  Their coefficients are normal about 0, of sd τ · span · k^-2: a discrepancy that is added to
+the noise's covariance, Σ + τ² D Dᵀ.
+Source: Brokate & Sprekels, Hysteresis and Phase Transitions (1996), chapter 2 (Preisach operators
+by plays); Kennedy & O'Hagan, J. R. Stat. Soc. B 63 (2001) 425 (discrepancy).
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+from numpy.polynomial import chebyshev
+
+from .._prepare import Preparation
+
+_RADII = np.geomspace(0.004, 0.5, 20)
+_BEGUN = np.geomspace(0.02, 0.5, 7)
+_ORDERS, _STATIC_ORDERS, _BEGUN_ORDERS = 10, 12, 4
+_PATHS = np.geomspace(0.25, 4.0, 5)
+
+
+def loop_shapes(preparation: Preparation) -> np.ndarray:
+    """Columns (ΣL, K) of the shapes that loops may have beside the model's, each of its prior sd
+    for τ = 1, in the response's unit."""
+    setting = preparation.setting
+    parts = []
+    for take, problem in zip(preparation.takes, preparation.problems(), strict=True):
+        drive = (take.recording.drive - setting.drive_low) / setting.drive_span
+        rest = -setting.drive_low / setting.drive_span
+        shapes = _shapes_of(drive, take.history, rest) * setting.response_span
+        parts.append(np.pad(shapes, ((0, len(problem.response) - len(shapes)), (0, 0))))
+    return np.concatenate(parts)
+
+
+def _shapes_of(drive: np.ndarray, history: str, rest: float) -> np.ndarray:
+    """Columns (N, K) for a drive (N,) scaled to 0 … 1, `rest` where 0 lies on that scale."""
+    start = rest if history == "rest" else drive[0]
+    states = plays(drive, _RADII, np.full(_RADII.size, start), again=history == "periodic")
+    beside = _polynomials(drive[:, None], _ORDERS)
+    inner = _polynomials(states, _ORDERS).reshape(drive.size, _RADII.size, _ORDERS)
+    inner = (inner - beside[:, None, :]).reshape(drive.size, -1) / np.sqrt(_RADII.size)
+    parts = [_polynomials(drive[:, None], _STATIC_ORDERS), inner]
+    if history != "periodic":
+        # What the actuator had been through before the record shows until it is wiped out, or
+        # forgotten along the path of the drive.
+        virgin = _polynomials(plays(drive, _BEGUN, np.full(_BEGUN.size, start)), _BEGUN_ORDERS)
+        for sign in (-1, 1):
+            states = plays(drive, _BEGUN, start + sign * _BEGUN)
+            parts.append((_polynomials(states, _BEGUN_ORDERS) - virgin) / np.sqrt(_BEGUN.size))
+        path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
+        fading = np.exp(-path[:, None] / _PATHS) / np.sqrt(_PATHS.size)
+        parts += [fading, fading * (2 * drive - 1)[:, None]]
+    return np.concatenate(parts, axis=1)
+
+
+def _polynomials(states: np.ndarray, orders: int) -> np.ndarray:
+    """Chebyshev polynomials (N, R · orders) of states (N, R) within 0 … 1, smaller as k^-2."""
+    found = chebyshev.chebvander(2 * states - 1, orders)[:, :, 1:] / np.arange(1, orders + 1) ** 2
+    return found.reshape(len(states), -1)
+
+
+def plays(
+    drive: np.ndarray,
+    radii: np.ndarray,
+    start: Sequence[float] | np.ndarray,
+    *,
+    again: bool = False,
+) -> np.ndarray:
+    """Play operators (N, R) of a drive (N,) from states `start` (R,), or from those that one pass
+    ends in; over each stretch between turning points at once."""
+    states = np.empty((drive.size, radii.size))
+    states[0] = np.clip(start, drive[0] - radii, drive[0] + radii)
+    for first, last in _stretches(drive):
+        inside = drive[first + 1 : last + 1, None]
+        states[first + 1 : last + 1] = (
+            np.maximum(states[first], inside - radii)
+            if drive[last] >= drive[first]
+            else np.minimum(states[first], inside + radii)
+        )
+    return plays(drive, radii, states[-1]) if again else states
+
+
+def _stretches(drive: np.ndarray) -> list[tuple[int, int]]:
+    """Where a drive (N,) does not turn: first and last sample of each stretch."""
+    way = np.sign(np.diff(drive))
+    last_moved = np.maximum.accumulate(np.where(way != 0, np.arange(way.size), 0))
+    way = way[last_moved]
+    turns = np.flatnonzero(way[1:] * way[:-1] < 0) + 1
+    ends = np.concatenate([[0], turns, [drive.size - 1]])
+    return list(zip(ends[:-1].tolist(), ends[1:].tolist(), strict=True))

@@ -1,0 +1,125 @@
+"""The nonlinear refit of what is named, and of what it cannot be told from."""
+
+from __future__ import annotations
+
+from collections.abc import Hashable, Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from .._blocks import EFFECTS, AbstractBlock
+from .._prepare import Preparation, Problem
+from ._columns import kind_of
+from ._fitted import Fitted, fitted
+from ._layers import Layer, wrapped, written
+from ._names import Judge
+from ._view import View
+
+_CLEAR = 0.1
+_TRIALS, _LAWS = 2, 2
+
+
+@dataclass(frozen=True, eq=False)
+class Explanation:
+    """Effects fitted together with the model, the first innermost."""
+
+    layers: tuple[Layer, ...]
+    fitted: Fitted
+
+    @property
+    def names(self) -> tuple[str, ...]:
+        return tuple(layer.effect.name for layer in self.layers)
+
+    @property
+    def cost(self) -> float:
+        """χ² with what its numbers cost by BIC."""
+        return self.fitted.solved.bic
+
+    def written(self, base: str) -> str:
+        """The model as one would write it."""
+        return written(base, self.layers)
+
+    def is_within_bounds(self) -> bool:
+        """Whether no parameter of an effect ended on its physical bound."""
+        block = self.fitted.solved.block
+        for layer in reversed(self.layers):
+            for parameter in layer.own(block).values():
+                share = np.asarray(parameter.to_share(parameter.value))
+                if parameter.bounded and np.any((share < 1e-6) | (share > 1 - 1e-6)):
+                    return False
+            block = getattr(block, layer.inside)
+        return True
+
+
+def explained_by(
+    names: Sequence[str], judge: Judge, nominal: AbstractBlock, preparation: Preparation, tau: float
+) -> Explanation:
+    """The model fitted together with effects, loop shapes of size τ beside it, from the trials that
+    the residual resembles most, about the fit and about the model's nominal point; of an effect
+    alone each of its laws is tried."""
+    view, options = judge.first, [_trials(name, judge) for name in names]
+    base = view.fitted.solved.block
+    shapes = directions(view, preparation, tau) if tau > 0 else ()
+    if len(names) == 1:
+        laws = [[trials] for trials in options[0]]
+    else:
+        laws = [[of_effect[0] for of_effect in options]]
+    fits = []
+    for law in laws:
+        best = tuple(Layer(EFFECTS[n], trials[0]) for n, trials in zip(names, law, strict=True))
+        starts = [wrapped(base, best), wrapped(nominal, best)]
+        for k, trials in enumerate(law):
+            for trial in trials[1:]:
+                layers = [*best[:k], Layer(EFFECTS[names[k]], trial), *best[k + 1 :]]
+                starts.append(wrapped(base, layers))
+        fits.append(Explanation(best, fitted(starts, preparation, shapes)))
+    return min(fits, key=lambda e: e.cost)
+
+
+def beside(other: Explanation, of: Explanation, preparation: Preparation) -> Explanation:
+    """An explanation fitted again from the model's part of another: two effects are compared where
+    the model itself is in the same basin."""
+    inside = of.fitted.solved.block
+    for layer in reversed(of.layers):
+        inside = getattr(inside, layer.inside)
+    block, parts = other.fitted.solved.block, []
+    for layer in reversed(other.layers):
+        parts.append(Layer(layer.effect, getattr(block, layer.place)))
+        block = getattr(block, layer.inside)
+    start = wrapped(inside, parts[::-1])
+    again = fitted([start], preparation, other.fitted.preparation.shapes)
+    better = again.solved.cost < other.fitted.solved.cost
+    return Explanation(other.layers, again) if better else other
+
+
+def _trials(name: str, judge: Judge) -> list[list[AbstractBlock]]:
+    """An effect's trials that take most from the residual, by law, the strongest law first."""
+    view, inner = judge.first, judge.inner
+    falls = []
+    for kind, group in zip(view.kinds, view.columns.groups, strict=True):
+        if kind.name == name:
+            columns = np.arange(kind.start, kind.stop)
+            along = inner.along[columns] / np.sqrt(np.diag(inner.columns)[columns] + 1e-300)
+            strongest = int(np.argmax(np.abs(along)))
+            falls.append((judge.taken(columns), group.trials[strongest]))
+    falls.sort(key=lambda pair: -pair[0])
+    laws: dict[Hashable, list[AbstractBlock]] = {}
+    for _, trial in falls:
+        laws.setdefault(kind_of(trial), []).append(trial)
+    return [trials[:_TRIALS] for trials in laws.values()][:_LAWS]
+
+
+def directions(
+    view: View, preparation: Preparation, tau: float
+) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
+    """Each recording's directions of loop shapes of size τ, whitened, and the factors that they
+    keep beside the noise."""
+    found, at = [], 0
+    for problem in preparation.problems():
+        length = len(problem.response)
+        white = Problem.whiten(problem, tau * view.columns.shapes[at : at + length])
+        at += length
+        left, sizes, _ = np.linalg.svd(white, full_matrices=False)
+        clear = sizes > _CLEAR
+        found.append((left[:, clear], 1 / np.sqrt(1 + sizes[clear] ** 2)))
+    return tuple(found)

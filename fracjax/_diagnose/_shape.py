@@ -1,0 +1,23 @@
+"""The loop's shape as a finding: what stands for it where no effect does."""
+
+from __future__ import annotations
+
+from .._blocks import EFFECTS, Effect
+
+HYSTERESIS_SHAPE = Effect(
+    name="hysteresis_shape",
+    site="additive",
+    sentence="the loop itself has another shape than the model's: rate-independent hysteresis that "
+    "no law of the catalogue carries with few numbers",
+    equation="sum over plays of functions of their states, y = ∫ g(r, p_r) dr",
+    source="Brokate & Sprekels, Hysteresis and Phase Transitions (1996), chapter 2",
+    trials=lambda setting: (),
+    separated_by={},
+    concealed_by="the model's own loop",
+    axes=("reversal", "level", "phase", "harmonics"),
+)
+
+
+def entry_of(name: str) -> Effect:
+    """The catalogue's entry of what a diagnosis names."""
+    return HYSTERESIS_SHAPE if name == HYSTERESIS_SHAPE.name else EFFECTS[name]

@@ -103,7 +103,7 @@ def diagnose(
         doubts = [said for said in map(wrong_way, listed) if said]
         inquiry = inquire(base, model.block, progress, clock)
         findings = Findings(model, inquiry, unseen, predict)
-        if findings.foretells_worse:
+        if findings.predicts_worse:
             unnamed = replace(inquiry, names=(), explanation=None, rivals=())
             findings = Findings(model, unnamed, unseen, predict)
         limits = limits or recorded_limits(listed)

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import itertools
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
@@ -16,13 +15,13 @@ from .._models import Model
 from .._parameters import named_parameters
 from .._prepare import Conditions, Noise, Normal, Preparation, Take, layout_of
 from ._fitted import Fitted, fitted
-from ._held_out import Predict, Prediction, gain
+from ._held_out import Predict, Prediction
 from ._inquiry import Inquiry
 from ._layers import Layer, path_of, wrapped, written
 from ._places import Residual, acting_at, freedom_of, locate
 from ._result import Axis, Candidate, HeldOut, NamedEffect, Shape, Verdict
 from ._shape import HYSTERESIS_SHAPE, entry_of
-from ._thresholds import APART, DETECTED, EXPLAINED, FORETOLD, SIGNIFICANCE
+from ._thresholds import APART, DETECTED, EXPLAINED, REFUTED, SIGNIFICANCE
 
 _MEMORY = "minor_loop_memory"
 _SUREST = 0.96
@@ -247,7 +246,9 @@ class Findings:
             detectable_amplitude=DETECTED * size / max(float(lengths[best]), 1e-6),
             concealment=float(np.clip(first.gram.concealments[columns[best]], 0.0, 1.0)),
             reason=self._reason(name),
-            delta_bic=self.base.solved.bic - own[0].cost if own and not inquiry.is_shape else None,
+            delta_bic=self.base.solved.bic - own[0].fitted.solved.bic
+            if own and not inquiry.is_shape
+            else None,
             explained_fraction=inquiry.judge.fall((name,)) / inquiry.judge.excess,
         )
 
@@ -311,37 +312,30 @@ class Findings:
     @cached_property
     def predicted(self) -> tuple[Prediction, Prediction | None]:
         """What the base and the extended model make of data held out."""
-        before = self.predict(self.base.solved, self.base.preparation)
-        if self.extended is None:
-            return before, None
-        return before, self.predict(self.extended.solved, self.extended.preparation)
+        before = self.predict(self.base)
+        return before, None if self.extended is None else self.predict(self.extended)
 
     @property
-    def foretells_worse(self) -> bool:
+    def predicts_worse(self) -> bool:
         """Whether a recording that was held out is clearly further from the model with what is
         named than from the base: then that has followed something else."""
         before, after = self.predicted
         if self.unseen is None or after is None or not self.inquiry.names:
             return False
-        return after.rmse > FORETOLD * before.rmse
+        return after.rmse > REFUTED * before.rmse
 
-    @cached_property
+    @property
     def held_out(self) -> HeldOut:
         """The scores on data held out."""
         take, (base, extended) = self.unseen, self.predicted
-        source = "" if take is None else take.recording.source
-        method = "stretches set aside in turn" if take is None else "recording"
+        method, source = (
+            ("stretches set aside in turn", "")
+            if take is None
+            else ("recording", take.recording.source)
+        )
         if extended is None:
             return HeldOut(method, base.rmse, None, base.folds, (), source)
-        found = gain(base, extended)
-        if take is not None or not any(found.foretold):
-            return HeldOut(method, base.rmse, extended.rmse, base.folds, extended.folds, source)
-        # A stretch that the others do not foretell says nothing of either model.
-        before, after = (
-            tuple(itertools.compress(prediction.folds, found.foretold))
-            for prediction in (base, extended)
-        )
-        return HeldOut(method, found.base_rmse, found.extended_rmse, before, after, source)
+        return HeldOut(method, base.rmse, extended.rmse, base.folds, extended.folds, source)
 
 
 def _fit_of(model: Model, found: Fitted) -> Fit:

@@ -150,7 +150,9 @@ def _refitted(found: Inquiry, nominal: AbstractBlock, progress: Progress, clock:
     for k, name in enumerate(found.names[:_MOST_NAMES]):
         rest = [other for other in kept if other != name.effect]
         gain = _gain(found, best, rest)
+        special = EFFECTS[name.effect].special_case
         near, larger = [], [e.name for e in EFFECTS.values() if e.special_case == name.effect]
+        larger += [special] if special else []
         if not judge.is_inexact and len(kept) == 1:
             larger += judge.leading(_MOST_TRIED)
         for other in dict.fromkeys([*larger, *name.alike[:_MOST_RIVALS]]):
@@ -161,8 +163,8 @@ def _refitted(found: Inquiry, nominal: AbstractBlock, progress: Progress, clock:
         margin = max(APART, (ALIKE if judge.is_inexact else _ALIKE_EXACT) * gain)
         leading = min([best, *near], key=lambda e: e.cost)
         near = [e if e is leading else beside(e, leading, preparation) for e in near]
-        together = sorted([best, *near], key=lambda e: (not e.is_within_bounds(), e.cost))
-        winner = together[0]
+        winner = _simplest([best, *near], margin)
+        together = sorted([best, *near], key=lambda e: (e is not winner, e.standing))
         together = [e for e in together if e.cost - winner.cost < margin]
         if len(kept) == 1:
             best = winner
@@ -171,6 +173,16 @@ def _refitted(found: Inquiry, nominal: AbstractBlock, progress: Progress, clock:
         names.append(replace(name, effect=first, alike=tuple(n for n in listed if n != first)))
         rivals.append(tuple(together))
     return replace(found, names=tuple(names), explanation=best, rivals=tuple(rivals))
+
+
+def _simplest(explanations: Sequence[Explanation], margin: float) -> Explanation:
+    """The best of some explanations, or of those that are as good the special case of it."""
+    best = min(explanations, key=lambda e: e.standing)
+    special = {EFFECTS[name].special_case for name in best.names}
+    simpler = [
+        e for e in explanations if special & set(e.names) and e.standing < best.standing + margin
+    ]
+    return min(simpler, key=lambda e: e.standing, default=best)
 
 
 def _carried(
@@ -189,7 +201,7 @@ def _carried(
             return None
         progress(f"refitting with {name}")
         fits.append(explained_by([name], judge, nominal, base.preparation, 0.0))
-    best = min(fits, key=lambda e: (not e.is_within_bounds(), e.cost), default=None)
+    best = min(fits, key=lambda e: e.standing, default=None)
     if best is None or best.fitted.solved.cost > enough:
         return None
     fall = base.solved.cost - best.fitted.solved.cost

@@ -8,8 +8,9 @@ from functools import cache, partial
 
 import numpy as np
 
+from .._blocks import EFFECTS
 from ._gram import Inner
-from ._selection import Hypothesis
+from ._selection import Hypothesis, occam_factor
 from ._thresholds import ALIKE, APART, APART_SHARE, DOUBT, SECOND, SHARE, SURE
 from ._view import View
 
@@ -47,7 +48,15 @@ class Judge:
 
     def without_shapes(self) -> Judge:
         """The same, the model's loop taken for the actuator's."""
-        return Judge(self.first, self.seen, np.inf)
+        return Judge(self.first, self.first, np.inf)
+
+    def price(self, name: str) -> float:
+        """What an effect costs: twice the logarithm by which its evidence, the mean over its shapes
+        and sizes, is below the likelihood of the best of them (Occam's factor)."""
+        own, count = [k for k in self.seen.kinds if k.name == name], self.seen.gram.count
+        fall = self._coloured_fall((name,))
+        scale = max(1.0, (self._coloured.square - fall) / count)
+        return occam_factor(own, self._coloured, fall, scale, count)
 
     def leading(self, count: int) -> list[str]:
         """The effects that take most from χ², each alone."""
@@ -57,7 +66,9 @@ class Judge:
     def names(self) -> tuple[Name, ...]:
         """What is named: of the likeliest set those that take a real share, and that are surely
         there, or something like them."""
-        kept = list(self.seen.posterior.best.names)
+        likeliest = self.seen.posterior.best.names
+        special = {EFFECTS[name].special_case for name in likeliest}
+        kept = [name for name in likeliest if name not in special]
         while kept:
             reach = {name: self._reach(name, kept) for name in kept}
             least = min(reach, key=lambda name: reach[name])

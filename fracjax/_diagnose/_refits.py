@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Hashable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -13,6 +13,7 @@ from ._columns import kind_of
 from ._fitted import Fitted, fitted
 from ._layers import Layer, wrapped, written
 from ._names import Judge
+from ._thresholds import APART
 from ._view import View
 
 _CLEAR = 0.1
@@ -21,10 +22,12 @@ _TRIALS, _LAWS = 2, 2
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """Effects fitted together with the model, the first innermost."""
+    """Effects fitted together with the model, the first innermost; `price` is what they cost by
+    Occam's factor."""
 
     layers: tuple[Layer, ...]
     fitted: Fitted
+    price: float
 
     @property
     def names(self) -> tuple[str, ...]:
@@ -32,8 +35,13 @@ class Explanation:
 
     @property
     def cost(self) -> float:
-        """χ² with what its numbers cost by BIC."""
-        return self.fitted.solved.bic
+        """χ² with the price: minus twice the logarithm of the evidence, up to what all share."""
+        return self.fitted.solved.cost + self.price
+
+    @property
+    def standing(self) -> float:
+        """Its cost among rivals: one that ended on a physical bound has to be clearly better."""
+        return self.cost + (0.0 if self.is_within_bounds() else APART)
 
     def written(self, base: str) -> str:
         """The model as one would write it."""
@@ -58,7 +66,7 @@ def explained_by(
     the residual resembles most, about the fit and about the model's nominal point; of an effect
     alone each of its laws is tried."""
     view, options = judge.first, [_trials(name, judge) for name in names]
-    base = view.fitted.solved.block
+    base, price = view.fitted.solved.block, sum(map(judge.price, names))
     shapes = directions(view, preparation, tau) if tau > 0 else ()
     if len(names) == 1:
         laws = [[trials] for trials in options[0]]
@@ -72,7 +80,7 @@ def explained_by(
             for trial in trials[1:]:
                 layers = [*best[:k], Layer(EFFECTS[names[k]], trial), *best[k + 1 :]]
                 starts.append(wrapped(base, layers))
-        fits.append(Explanation(best, fitted(starts, preparation, shapes)))
+        fits.append(Explanation(best, fitted(starts, preparation, shapes), price))
     return min(fits, key=lambda e: e.cost)
 
 
@@ -89,7 +97,7 @@ def beside(other: Explanation, of: Explanation, preparation: Preparation) -> Exp
     start = wrapped(inside, parts[::-1])
     again = fitted([start], preparation, other.fitted.preparation.shapes)
     better = again.solved.cost < other.fitted.solved.cost
-    return Explanation(other.layers, again) if better else other
+    return replace(other, fitted=again) if better else other
 
 
 def _trials(name: str, judge: Judge) -> list[list[AbstractBlock]]:

@@ -41,5 +41,5 @@ EXPLAINED = 0.9
 DETECTED = 5.0
 """The score at which an amplitude counts as detectable: 1 % over hundreds of columns."""
 
-FORETOLD = 2.0
+REFUTED = 2.0
 """How many times the base's error on a recording held out what is named may not make of it."""

@@ -14,12 +14,13 @@ from .._solve import Progress, tolerated_error
 from ._fitted import Fitted, fitted
 from ._names import Judge, Name
 from ._refits import Explanation, beside, explained_by
-from ._thresholds import ALIKE, APART, DOUBT, MISFIT, NUMERICS, SURE
+from ._thresholds import ALIKE, APART, MISFIT, NUMERICS, SURE
 from ._view import View, columns_of, view_of, with_misfit_as_noise
 
 _MOST_RIVALS, _MOST_NAMES, _MOST_TRIED = 4, 3, 4
 _ALIKE_EXACT = 0.01
 _MINOR = 0.1
+_HALF = 0.5
 _LEAST_FLOOR = 1e-6
 _SMALL = 1.0
 
@@ -188,26 +189,24 @@ def _simplest(explanations: Sequence[Explanation], margin: float) -> Explanation
 def _carried(
     found: Inquiry, nominal: AbstractBlock, progress: Progress, clock: Clock
 ) -> Inquiry | None:
-    """The inquiry where one effect, refitted without loop shapes, comes down to the noise: far from
-    the fit a secant may miss what the effect itself does not.  None where none does."""
-    base, judge = found.base, found.judge.without_shapes()
-    count = found.first.gram.count
-    excess = base.solved.cost - count
-    doubt = DOUBT if found.judge.is_inexact else 3 * float(np.sqrt(2 / count))
-    enough = count * (1 + doubt) + _ALIKE_EXACT * max(excess, 0.0)
+    """The inquiry where one effect, refitted without loop shapes, is likelier than all that stands
+    beside them: far from the fit a secant may miss what the effect itself does not.  None where no
+    effect is."""
+    base, first, judge = found.base, found.first, found.judge.without_shapes()
     fits: list[Explanation] = []
     for name in judge.leading(_MOST_TRIED):
-        if clock.is_over or excess < count * doubt:
-            return None
+        if clock.is_over or judge.fall((name,)) < _HALF * judge.excess:
+            break
         progress(f"refitting with {name}")
         fits.append(explained_by([name], judge, nominal, base.preparation, 0.0))
     best = min(fits, key=lambda e: e.standing, default=None)
-    if best is None or best.fitted.solved.cost > enough:
+    rival = first.posterior.best.log_posterior
+    if best is None or first.log_posterior_of(best.fitted.solved.cost, best.price) < rival:
         return None
     fall = base.solved.cost - best.fitted.solved.cost
     near = [e for e in fits if e.cost - best.cost < max(APART, _ALIKE_EXACT * fall)]
     alike = tuple(e.names[0] for e in near if e is not best)
-    name = Name(best.names[0], alike, found.seen.posterior.shape, fall / max(excess, fall))
+    name = Name(best.names[0], alike, found.seen.posterior.shape, min(1.0, fall / judge.excess))
     return replace(found, names=(name,), explanation=best, rivals=(tuple(near),), is_carried=True)
 
 

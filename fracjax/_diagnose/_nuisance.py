@@ -1,15 +1,18 @@
 r"""Loop shapes that no law of the model has: the span of rate-independent hysteresis.
 
-A Preisach operator of any density is a sum over plays of functions of their states alone,
+Two kinds of law, each linear in its columns, span it to a grid's resolution:
 
-    y(t) = ∫ g(r, p_r(t)) dr,      p_r the play of the drive with radius r,  p_0 the drive itself
+- A Preisach operator of any density, Prandtl–Ishlinskii sums and static curves among them, is a sum
+  over plays of functions of their states alone, y(t) = ∫ g(r, p_r(t)) dr, with p_r the play of the
+  drive u with radius r and p_0 = u: Chebyshev polynomials T_k of the states of many plays.
+- Laws that forget along the path of the drive and not in time (Duhem, Jiles–Atherton, Bouc–Wen,
+  presliding friction): states dx = -x/λ |du| + T_k(u) du, and + T_k(u) |du|, of many lengths λ.
 
-so that Chebyshev polynomials T_k of the states of plays with many radii span, to a grid's
-resolution, every such loop: static curves (r = 0), Prandtl–Ishlinskii sums, asymmetric and bent
-ones.  Their coefficients are normal about 0, of sd τ · span · k^-2: a discrepancy that is added to
-the noise's covariance, Σ + τ² D Dᵀ.
+Their coefficients are normal about 0, of sd τ · span · k^-2, or 1/k along the path: a discrepancy
+that is added to the noise's covariance, Σ + τ² D Dᵀ.
 Source: Brokate & Sprekels, Hysteresis and Phase Transitions (1996), chapter 2 (Preisach operators
-by plays); Kennedy & O'Hagan, J. R. Stat. Soc. B 63 (2001) 425 (discrepancy).
+by plays); Visintin, Differential Models of Hysteresis (1994), chapter V (Duhem's); Kennedy &
+O'Hagan, J. R. Stat. Soc. B 63 (2001) 425 (discrepancy).
 """
 
 from __future__ import annotations
@@ -24,7 +27,10 @@ from .._prepare import Preparation
 _RADII = np.geomspace(0.004, 0.5, 20)
 _BEGUN = np.geomspace(0.02, 0.5, 7)
 _ORDERS, _STATIC_ORDERS, _BEGUN_ORDERS = 10, 12, 4
-_PATHS = np.geomspace(0.25, 4.0, 5)
+_PATHS, _PATH_ORDERS = np.geomspace(0.02, 1.0, 7), 3
+"""Lengths along the drive's path, in spans of it, over which a law forgets."""
+_LONG_PATHS = np.geomspace(0.25, 4.0, 5)
+"""The same for what was there at the start: loops take that many half-cycles to settle."""
 
 
 def loop_shapes(preparation: Preparation) -> np.ndarray:
@@ -47,7 +53,8 @@ def _shapes_of(drive: np.ndarray, history: str, rest: float) -> np.ndarray:
     beside = _polynomials(drive[:, None], _ORDERS)
     inner = _polynomials(states, _ORDERS).reshape(drive.size, _RADII.size, _ORDERS)
     inner = (inner - beside[:, None, :]).reshape(drive.size, -1) / np.sqrt(_RADII.size)
-    parts = [_polynomials(drive[:, None], _STATIC_ORDERS), inner]
+    again = history == "periodic"
+    parts = [_polynomials(drive[:, None], _STATIC_ORDERS), inner, _fading(drive, again=again)]
     if history != "periodic":
         # What the actuator had been through before the record shows until it is wiped out, or
         # forgotten along the path of the drive.
@@ -56,7 +63,7 @@ def _shapes_of(drive: np.ndarray, history: str, rest: float) -> np.ndarray:
             states = plays(drive, _BEGUN, start + sign * _BEGUN)
             parts.append((_polynomials(states, _BEGUN_ORDERS) - virgin) / np.sqrt(_BEGUN.size))
         path = np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))])
-        fading = np.exp(-path[:, None] / _PATHS) / np.sqrt(_PATHS.size)
+        fading = np.exp(-path[:, None] / _LONG_PATHS) / np.sqrt(_LONG_PATHS.size)
         parts += [fading, fading * (2 * drive - 1)[:, None]]
     return np.concatenate(parts, axis=1)
 
@@ -65,6 +72,23 @@ def _polynomials(states: np.ndarray, orders: int) -> np.ndarray:
     """Chebyshev polynomials (N, R · orders) of states (N, R) within 0 … 1, smaller as k^-2."""
     found = chebyshev.chebvander(2 * states - 1, orders)[:, :, 1:] / np.arange(1, orders + 1) ** 2
     return found.reshape(len(states), -1)
+
+
+def _fading(drive: np.ndarray, *, again: bool) -> np.ndarray:
+    """States (N, K) that forget along the path of a drive (N,), from 0, or from what one pass ends
+    in."""
+    steps = np.diff(drive, prepend=drive[0])
+    kept = np.exp(-np.abs(steps)[:, None, None] / _PATHS[:, None])
+    orders = np.arange(_PATH_ORDERS + 1)
+    curves = chebyshev.chebvander(2 * drive - 1, _PATH_ORDERS) / np.maximum(orders, 1)
+    added = np.concatenate([curves[:, 1:] * steps[:, None], curves * np.abs(steps)[:, None]], 1)
+    states = np.zeros((drive.size, _PATHS.size, added.shape[1]))
+    for _ in range(2 if again else 1):
+        state = states[-1]
+        for k in range(drive.size):
+            state = kept[k] * state + added[k]
+            states[k] = state
+    return 2 * states.reshape(drive.size, -1) / np.sqrt(_PATHS.size)
 
 
 def plays(

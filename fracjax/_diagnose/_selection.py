@@ -138,6 +138,13 @@ def _thinned(inner: Inner, gram: Gram, tau: float, share: float) -> Inner:
     return Inner(inner.columns * share, inner.along * share, inner.square * share, determinant)
 
 
+def log_posterior_of(names: int, square: float, price: float, count: float) -> float:
+    """That of so many effects, refitted without loop shapes to this χ², by the scale of `select`;
+    `price` is what they cost by Occam's factor."""
+    prior = float(np.log(_EXACT) + names * np.log(_EACH))
+    return prior + float(_log_likelihood(square, price, count))
+
+
 def _log_likelihood(square, log_determinant, count: float):
     """Up to a constant, the noise κ ≥ 1 times as large as it was told, whatever fits best."""
     excess = np.maximum(1.0, square / count)

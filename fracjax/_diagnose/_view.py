@@ -13,7 +13,7 @@ from ._columns import Group, groups_of
 from ._fitted import Fitted
 from ._gram import Gram
 from ._nuisance import loop_shapes
-from ._selection import TAUS, Hypothesis, Kind, Posterior, select
+from ._selection import TAUS, Hypothesis, Kind, Posterior, log_posterior_of, select
 from ._thresholds import MISFIT
 
 _LEAST_EFFECTIVE = 30
@@ -72,6 +72,12 @@ class View:
     columns: Columns
     gram: Gram
     posterior: Posterior
+    share: float
+    """How many of the samples count, the neighbours of a misfit being alike."""
+
+    def log_posterior_of(self, square: float, price: float) -> float:
+        """That of one effect refitted to this χ² without loop shapes, beside the posterior's."""
+        return log_posterior_of(1, self.share * square, price, self.share * self.gram.count)
 
     @property
     def kinds(self) -> list[Kind]:
@@ -123,7 +129,8 @@ def view_of(
         if left @ left > MISFIT * gram.count:
             alike = max(0.0, float(np.corrcoef(left[1:], left[:-1])[0, 1]))
             share = max((1 - alike) / (1 + alike), _LEAST_EFFECTIVE / gram.count)
-    return View(fitted, columns, gram, select(gram, columns.kinds, small, share, most))
+    posterior = select(gram, columns.kinds, small, share, most)
+    return View(fitted, columns, gram, posterior, share)
 
 
 def with_misfit_as_noise(view: View, hypothesis: Hypothesis) -> Preparation:

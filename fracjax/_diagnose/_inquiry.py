@@ -15,7 +15,7 @@ from ._fitted import Fitted, fitted
 from ._names import Judge, Name
 from ._refits import Explanation, beside, explained_by
 from ._thresholds import ALIKE, APART, MISFIT, NUMERICS, SURE
-from ._view import Columns, View, about_shape, columns_of, view_of, with_misfit_as_noise
+from ._view import View, columns_of, view_of, with_misfit_as_noise
 
 _MOST_RIVALS, _MOST_NAMES, _MOST_TRIED = 4, 3, 4
 _ALIKE_EXACT = 0.01
@@ -86,13 +86,15 @@ def inquire(
     small = _SMALL * float(innovation) / base.preparation.setting.response_span
     columns = columns_of(base)
     progress("weighing effects, pairs and loop shapes")
-    first, seen = _views(base, columns, small, guessed=guessed)
+    first = view_of(base, columns, small, thinned=True, most=2)
+    best, seen = first.posterior.best, None
+    if first.misfit(best) > MISFIT:
+        coloured = replace(base, preparation=with_misfit_as_noise(first, best))
+        seen = view_of(coloured, columns, small)
+        if guessed:
+            first = seen
+    seen = seen or view_of(base, columns, small)
     judge = Judge(first, seen, small)
-    if judge.is_inexact:
-        progress("weighing them about the loop's shape")
-        columns = about_shape(seen, seen.posterior.best)
-        first, seen = _views(base, columns, small, guessed=guessed)
-        judge = Judge(first, seen, small)
     # A simulation that is off by more than the noise names nothing.
     exact = base.numerics <= tolerated_error(NUMERICS, base.solved, _MINOR)
     names = judge.names() if exact else ()
@@ -106,17 +108,6 @@ def inquire(
     except KeyboardInterrupt:
         clock.stopped = True
         return replace(found, names=())
-
-
-def _views(base: Fitted, columns: Columns, small: float, *, guessed: bool) -> tuple[View, View]:
-    """The base seen in units of the noise alone, and with what is left over counted as noise."""
-    first = view_of(base, columns, small, thinned=True, most=2)
-    best = first.posterior.best
-    if first.misfit(best) <= MISFIT:
-        return first, view_of(base, columns, small)
-    coloured = replace(base, preparation=with_misfit_as_noise(first, best))
-    seen = view_of(coloured, columns, small)
-    return (seen if guessed else first), seen
 
 
 def _is_guessed(take) -> bool:

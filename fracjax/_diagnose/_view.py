@@ -90,29 +90,21 @@ class View:
 
     def left_of(self, hypothesis: Hypothesis) -> np.ndarray:
         """What a hypothesis leaves of the error (ΣL,), in the response's unit."""
-        return self.fitted.error - sum(self.parts_of(hypothesis))
-
-    def parts_of(self, hypothesis: Hypothesis) -> tuple[np.ndarray, np.ndarray]:
-        """What of the error (ΣL,), in the response's unit, is the loop's shape by a hypothesis,
-        with the model's parameters following, and what its effects."""
         fitted = self.fitted
         chosen, sizes = hypothesis.columns(self.kinds)
         tangent = fitted.tangent
         lengths = np.linalg.norm(fitted.whitened(tangent), axis=0) + 1e-300
-        shapes = [_FREE * tangent / lengths, hypothesis.tau * self.columns.shapes]
-        design = np.concatenate([*shapes, self.columns.matrix[:, chosen] * sizes], axis=1)
+        parts = [
+            _FREE * tangent / lengths,
+            hypothesis.tau * self.columns.shapes,
+            self.columns.matrix[:, chosen] * sizes,
+        ]
+        design = np.concatenate(parts, axis=1)
         white = fitted.whitened(design)
         known = np.linalg.solve(
             np.eye(design.shape[1]) + white.T @ white, white.T @ fitted.whitened(fitted.error)
         )
-        own = design.shape[1] - chosen.size
-        return design[:, :own] @ known[:own], design[:, own:] @ known[own:]
-
-
-def about_shape(view: View, hypothesis: Hypothesis) -> Columns:
-    """Every effect's columns about a fit with the loop's shape by a hypothesis."""
-    shape = view.parts_of(hypothesis)[0]
-    return Columns(groups_of(view.fitted, shape), view.columns.shapes)
+        return fitted.error - design @ known
 
 
 def view_of(

@@ -27,7 +27,7 @@ from .._prepare import Preparation
 _RADII = np.geomspace(0.004, 0.5, 20)
 _BEGUN = np.geomspace(0.02, 0.5, 7)
 _ORDERS, _STATIC_ORDERS, _BEGUN_ORDERS = 10, 12, 4
-_PATHS, _PATH_ORDERS = np.geomspace(0.02, 1.0, 7), 3
+_PATHS, _PATH_ORDERS = np.geomspace(0.05, 0.5, 4), 2
 """Lengths along the drive's path, in spans of it, over which a law forgets."""
 _LONG_PATHS = np.geomspace(0.25, 4.0, 5)
 """The same for what was there at the start: loops take that many half-cycles to settle."""

@@ -35,17 +35,15 @@ import numpy as np
 from scipy.stats import norm
 
 import fracjax as fj
-from fracjax._blocks import EFFECTS
 from fracjax._computing import computing
-from fracjax._diagnose._evidence import delta_bic
-from fracjax._diagnose._judgement import DELTA_BIC, SIGNIFICANCE, margin_of
-from fracjax._diagnose._refit import refit
-from fracjax._diagnose._residual import residual_of
-from fracjax._diagnose._score import Residual, Scorer
-from fracjax._diagnose._stage import Stage
+from fracjax._diagnose._fitted import fitted
+from fracjax._diagnose._names import Judge
+from fracjax._diagnose._refits import explained_by
+from fracjax._diagnose._thresholds import APART, SIGNIFICANCE
+from fracjax._diagnose._view import View, columns_of, view_of
 from fracjax._fit import fit_of, settle
 from fracjax._prepare import prepare
-from fracjax._solve import refine_until_accurate, silent
+from fracjax._solve import Solved
 
 from .answer import cases_of, tell_each
 from .exam import part_of
@@ -54,7 +52,7 @@ from .measures import Pair, measure_all
 
 STARTS, SEED = 8, 0
 ALIKE = 0.9  # of the largest correlation
-APART = margin_of(0.0)  # in BIC, as in a diagnosis
+DELTA_BIC = 10.0  # what an effect has to gain: strong evidence by Kass & Raftery (1995)
 MOST = 3  # effects
 SPARSE, RIDGE = 0.3, 0.25
 BESIDE = 1e-3  # the least length that a unit column must have beside others
@@ -84,15 +82,17 @@ MEANING: dict[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True)
-class Fitted:
-    """The fitted base, what it leaves, and what that is compared with; `seconds` it took.
+class Seen:
+    """The fitted base of a model, seen from its nominal block, what it leaves, and what that is
+    compared with; `seconds` it took.
 
     All signals (L,) are whitened.  Every effect's columns (K, L) and the rows of `library` (M, L),
     named by `terms`, are without a constant and of unit length.  `unlike_noise`: the residual is
     not white, or goes with the drive.
     """
 
-    stage: Stage
+    nominal: fj.AbstractBlock
+    view: View
     residual: np.ndarray
     columns: dict[str, np.ndarray]
     terms: list[str]
@@ -100,33 +100,50 @@ class Fitted:
     unlike_noise: bool
     seconds: float
 
+    @property
+    def solved(self) -> Solved:
+        """The base's optimum."""
+        return self.view.fitted.solved
+
 
 @computing()
-def fitted_of(recording: fj.Recording, base: str) -> Fitted:
+def seen_of(recording: fj.Recording, base: str) -> Seen:
     """What all ways have in common."""
     began, model = time.perf_counter(), fj.parse_model(base)
-    prepared = prepare([recording])
-    settled = settle(model.block, prepared, history=None, starts=STARTS, seed=SEED)
-    solved, _ = refine_until_accurate(settled, silent)
-    (take,), (problem,) = solved.preparation.takes, solved.preparation.problems()
+    settled = settle(model.block, prepare([recording]), history=None, starts=STARTS, seed=SEED)
+    found = fitted([settled.block], settled.preparation)
+    (take,), (problem,) = found.preparation.takes, found.problems
     constant = problem.whiten(np.ones(problem.response.shape[0]))
-    left = Residual(solved.whitened[0], constant[:, None] / np.linalg.norm(constant))
-    scorer = Scorer(solved.blocks, (problem,), left)
-    scores = [scorer.score(effect, solved.preparation.setting) for effect in EFFECTS.values()]
-    terms, drawn = library_of(take.recording, solved.simulations[0])
+    constant /= np.linalg.norm(constant)
+
+    def projected(signals: np.ndarray) -> np.ndarray:
+        """Signals (L, …) whitened, without a constant."""
+        white = found.whitened(signals)
+        return white - np.multiply.outer(constant, constant @ white)
+
+    view = view_of(found, columns_of(found), np.inf, most=1)
+    columns: dict[str, list[np.ndarray]] = {}
+    for group in view.columns.groups:
+        columns.setdefault(group.effect.name, []).append(unit(projected(group.columns).T))
+    terms, drawn = library_of(take.recording, found.simulations[0])
     padded = np.zeros((constant.size, len(terms)))
     padded[: len(take.recording)] = drawn.T
-    library = left.project(problem.whiten(padded).T)
-    (tests,) = fj.analyse_residuals(fit_of(model, solved))
-    return Fitted(
-        stage=Stage(base, model.block, (), solved),
-        residual=left.whitened,
-        columns={score.effect.name: score.directions for score in scores},
+    (tests,) = fj.analyse_residuals(fit_of(model, found.solved.on(found.preparation)))
+    return Seen(
+        nominal=model.block,
+        view=view,
+        residual=projected(found.error),
+        columns={name: np.concatenate(parts) for name, parts in columns.items()},
         terms=terms,
-        library=library / (np.linalg.norm(library, axis=1, keepdims=True) + 1e-300),
+        library=unit(projected(padded).T),
         unlike_noise=2 * min(tests.p_white, tests.p_drive) < SIGNIFICANCE,
         seconds=time.perf_counter() - began,
     )
+
+
+def unit(columns: np.ndarray) -> np.ndarray:
+    """Columns (K, L) of unit length."""
+    return columns / (np.linalg.norm(columns, axis=1, keepdims=True) + 1e-300)
 
 
 def library_of(recording: fj.Recording, response: np.ndarray) -> tuple[list[str], np.ndarray]:
@@ -149,30 +166,30 @@ def library_of(recording: fj.Recording, response: np.ndarray) -> tuple[list[str]
     return [*columns, *["line"] * len(waves)], np.stack([*columns.values(), *waves])
 
 
-def correlation(fitted: Fitted) -> dict:
+def correlation(seen: Seen) -> dict:
     """The effects whose columns go with the residual."""
-    size = float(np.linalg.norm(fitted.residual))
+    size = float(np.linalg.norm(seen.residual))
 
     def largest(columns: np.ndarray) -> float:
-        return float(np.abs(columns @ fitted.residual).max()) / size
+        return float(np.abs(columns @ seen.residual).max()) / size
 
-    rho = {name: largest(columns) for name, columns in fitted.columns.items()}
-    tests = len(fitted.library) + sum(map(len, fitted.columns.values()))
-    limit = norm.isf(SIGNIFICANCE / 2 / tests) / np.sqrt(fitted.stage.solved.samples)
-    best, alarm = max(rho.values()), fitted.unlike_noise or largest(fitted.library) > limit
+    rho = {name: largest(columns) for name, columns in seen.columns.items()}
+    tests = len(seen.library) + sum(map(len, seen.columns.values()))
+    limit = norm.isf(SIGNIFICANCE / 2 / tests) / np.sqrt(seen.solved.samples)
+    best, alarm = max(rho.values()), seen.unlike_noise or largest(seen.library) > limit
     return said([within((1 - ALIKE) * best, rho)] if best > limit else [], alarm)
 
 
-def sindy(fitted: Fitted) -> dict:
+def sindy(seen: Seen) -> dict:
     """The effects that the terms of a sparse regression speak for, the largest term's first."""
-    least = float(norm.isf(SIGNIFICANCE / 2 / len(fitted.terms)))
-    sizes = np.abs(sparse_regression(fitted.library, fitted.residual, least))
+    least = float(norm.isf(SIGNIFICANCE / 2 / len(seen.terms)))
+    sizes = np.abs(sparse_regression(seen.library, seen.residual, least))
     named: list[list[str]] = []
     for k in np.argsort(-sizes)[: np.count_nonzero(sizes)]:
-        meant = MEANING[fitted.terms[k]]
+        meant = MEANING[seen.terms[k]]
         if meant and not any(set(meant) & set(one) for one in named):
             named.append(list(meant))
-    return said(named[:MOST], bool(sizes.any()) and fitted.unlike_noise)
+    return said(named[:MOST], bool(sizes.any()) and seen.unlike_noise)
 
 
 def sparse_regression(columns: np.ndarray, residual: np.ndarray, least: float) -> np.ndarray:
@@ -192,11 +209,11 @@ def sparse_regression(columns: np.ndarray, residual: np.ndarray, least: float) -
         kept &= ~small
 
 
-def forward(fitted: Fitted) -> dict:
+def forward(seen: Seen) -> dict:
     """The effects whose columns, taken one after another, lower BIC the most."""
-    names = [name for name, columns in fitted.columns.items() for _ in columns]
-    columns = np.concatenate(list(fitted.columns.values()))
-    left, price = fitted.residual, np.log(fitted.stage.solved.samples)
+    names = [name for name, columns in seen.columns.items() for _ in columns]
+    columns = np.concatenate(list(seen.columns.values()))
+    left, price = seen.residual, np.log(seen.solved.samples)
     named: list[list[str]] = []
     while True:
         lengths = np.linalg.norm(columns, axis=1)
@@ -216,16 +233,20 @@ def forward(fitted: Fitted) -> dict:
 
 
 @computing()
-def refit_all(fitted: Fitted) -> dict:
+def refit_all(seen: Seen) -> dict:
     """The effects that lower BIC the most, each fitted together with the base."""
-    stage, gains = fitted.stage, {}
-    left = residual_of(stage.solved)
-    scorer = Scorer(stage.solved.blocks, stage.preparation.problems(), left)
-    for name in fitted.columns:
-        score = scorer.score(EFFECTS[name], stage.preparation.setting)
-        found = refit(score, stage, [stage.solved.block], SEED, np.inf)
-        gains[name] = delta_bic(stage.solved, found.solved)
+    judge, gains = Judge(seen.view, seen.view, np.inf), {}
+    for name in seen.columns:
+        found = explained_by([name], judge, seen.nominal, seen.view.fitted.preparation, 0.0)
+        gains[name] = gain_in_bic(seen.solved, found.fitted.solved)
     return said([within(APART, gains)] if max(gains.values()) >= DELTA_BIC else [])
+
+
+def gain_in_bic(before: Solved, after: Solved) -> float:
+    """The gain in BIC of the later fit, with χ² divided by that fit's own excess over the noise, so
+    that an unexplained residual does not make parameters cheaper."""
+    price = (after.free - before.free) * float(np.log(after.samples))
+    return (before.cost - after.cost) / after.excess_ratio - price
 
 
 WAYS = {"correlation": correlation, "sindy": sindy, "forward": forward, "refit_all": refit_all}
@@ -251,13 +272,13 @@ def said(named: Sequence[Sequence[str]], alarm: bool = False) -> dict:
     return {"verdict": verdict, "effects": effects}
 
 
-def answered(fitted: Fitted, way: str) -> tuple[dict[str, str], str]:
+def answered(seen: Seen, way: str) -> tuple[dict[str, str], str]:
     """The files of one answer, and what it says in a line."""
     began = time.perf_counter()
-    found = WAYS[way](fitted)
-    seconds = fitted.seconds + time.perf_counter() - began
-    unit = fitted.stage.preparation.takes[0].recording.response_unit
-    fit = {"unit": unit, "base": {"bic": fitted.stage.solved.bic}, "extended": None}
+    found = WAYS[way](seen)
+    seconds = seen.seconds + time.perf_counter() - began
+    unit = seen.view.fitted.preparation.takes[0].recording.response_unit
+    fit = {"unit": unit, "base": {"bic": seen.solved.bic}, "extended": None}
     text = json.dumps(found | {"where": {"axes": []}, "fit": fit}, indent=1)
     names = " ".join(effect["name"] for effect in found["effects"])
     files = {"seconds.txt": f"{seconds:.2f}\n", "diagnosis.json": f"{text}\n"}
@@ -266,14 +287,14 @@ def answered(fitted: Fitted, way: str) -> tuple[dict[str, str], str]:
 
 def answer(case: dict, exam: Path, answers: Path, ways: Sequence[str]) -> str:
     """Diagnose one case in the ways that have not yet answered it; what happened, a line each."""
-    fitted = cache(lambda: fitted_of(fj.read(exam / f"{case['case']}.csv"), case["base"]))
+    seen = cache(lambda: seen_of(fj.read(exam / f"{case['case']}.csv"), case["base"]))
     lines = []
     for way in ways:
         folder = answers / way / case["case"]
         files, line = {}, "there already"
         if not (folder / "diagnosis.json").exists():
             try:
-                files, line = answered(fitted(), way)
+                files, line = answered(seen(), way)
             except Exception as error:  # one failure is a failed case, not the end of the exam
                 line = f"failed, {type(error).__name__}: {error}"
             folder.mkdir(parents=True, exist_ok=True)  # left empty by a failure, which counts

@@ -15,13 +15,13 @@ from .answers import read_answer
 from .baselines import (
     MEANING,
     WAYS,
-    Fitted,
+    Seen,
     answer,
     compared,
     correlation,
-    fitted_of,
     forward,
     library_of,
+    seen_of,
     sindy,
     sparse_regression,
 )
@@ -35,15 +35,15 @@ NULL = replace(EASY, kind="null", effects=(), levels=(), holdout=None)
 
 
 @cache
-def fitted(effect: str | None) -> Fitted:
+def fitted(effect: str | None) -> Seen:
     """The base fitted to a built case, with a few effects for the refits."""
     spec = replace(NULL, kind="main", effects=(effect,), levels=(3.0,)) if effect else NULL
     time_s, drive, response = build(spec).recording.T
     recording = fj.Recording(drive, response, float(np.diff(time_s).mean()), "V", "um")
-    return fitted_of(recording, "foh")
+    return seen_of(recording, "foh")
 
 
-def few(known: Fitted, way: str) -> Fitted:
+def few(known: Seen, way: str) -> Seen:
     """For refits, which are slow, three effects only."""
     names = ("electrostriction", "saturation", "thermal_drift")
     kept = {name: known.columns[name] for name in names}
@@ -58,7 +58,7 @@ def test_easy_case_is_named_and_null_is_quiet(way: str) -> None:
     assert WAYS[way](few(fitted(None), way)) == {"verdict": "none", "effects": []}
 
 
-def planted(**sizes: float) -> Fitted:
+def planted(**sizes: float) -> Seen:
     """A null with the marks of effects in what its fit leaves, so many times the noise."""
     null = fitted(None)
     marks = sum(size * null.columns[name][0] for name, size in sizes.items())

@@ -12,7 +12,7 @@ from .._prepare import Preparation, Take, layout_of
 from .._recording import Recording
 from ._fitted import Fitted
 
-_FOLDS = 5
+FOLDS = 5
 # Of a drive given twice no fold holds the same phase of both times.
 _BLOCKS = 22
 _LEAST_READ = 1e-6
@@ -44,11 +44,11 @@ def predict_recording(found: Fitted, take: Take) -> Prediction:
     response, columns = problem.linearised(block, anew)
     error = np.asarray(problem.response) - response
     own = np.concatenate([problem.own, columns], axis=1)
-    folds = _fold_of_sample(take.recording, error.size)
+    folds = fold_of_sample(take.recording, error.size)
     counted = np.asarray(problem.weights) > 0
     counted[: take.baseline.stop] = False
     white, white_own = problem.whiten(error), problem.whiten(own)
-    for k in range(_FOLDS):
+    for k in range(FOLDS):
         inside, others = folds == k, counted & (folds != k)
         terms = np.linalg.lstsq(white_own[others], white[others], rcond=_LEAST_READ)[0]
         error[inside] -= own[inside] @ terms
@@ -64,13 +64,13 @@ def predict_stretches(found: Fitted) -> Prediction:
     """
     takes, problems = found.preparation.takes, found.problems
     pairs = zip(takes, problems, strict=True)
-    fold = np.concatenate([_fold_of_sample(t.recording, len(p.response)) for t, p in pairs])
+    fold = np.concatenate([fold_of_sample(t.recording, len(p.response)) for t, p in pairs])
     counted = np.concatenate([np.asarray(problem.weights) for problem in problems]) > 0
     white = found.whitened(found.tangent)
     scale = np.linalg.norm(white, axis=0) + 1e-300
     white, raw = white / scale, found.tangent / scale
     residual, error = found.whitened(found.error), found.error.copy()
-    for k in range(_FOLDS):
+    for k in range(FOLDS):
         inside, others = counted & (fold == k), counted & (fold != k)
         # The full fit has left none of what the others could still tell.
         step = np.linalg.lstsq(white[others], residual[others], rcond=_LEAST_READ)[0]
@@ -78,11 +78,12 @@ def predict_stretches(found: Fitted) -> Prediction:
     return _prediction(error[counted], fold[counted])
 
 
-def _fold_of_sample(recording: Recording, size: int) -> np.ndarray:
+def fold_of_sample(recording: Recording, size: int) -> np.ndarray:
+    """Which fold each of `size` samples from the recording's first belongs to."""
     repeats, stretch = recording.drive_period(), len(recording) / _BLOCKS
-    if repeats is not None and repeats.period < len(recording) / _FOLDS:
+    if repeats is not None and repeats.period < len(recording) / FOLDS:
         stretch = repeats.period * max(1, round(stretch / repeats.period))
-    return (np.arange(size) / stretch).astype(int) % _FOLDS
+    return (np.arange(size) / stretch).astype(int) % FOLDS
 
 
 def _prediction(error: np.ndarray, fold: np.ndarray) -> Prediction:

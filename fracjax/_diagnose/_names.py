@@ -4,14 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Iterable
 from dataclasses import dataclass
-from functools import cache, partial
+from functools import cache, cached_property, partial
 
 import numpy as np
 
 from .._blocks import EFFECTS
+from ._folds import Folds
 from ._gram import Inner
 from ._selection import Hypothesis, occam_factor
-from ._thresholds import ALIKE, APART, APART_SHARE, DOUBT, SECOND, SHARE, SURE
+from ._thresholds import ALIKE, APART, DOUBT, SHARE, SURE
 from ._view import View
 
 _RIDGE = 1e-9
@@ -39,10 +40,10 @@ class Judge:
         self.is_inexact = best.tau > small
         alone = [h for h in first.posterior.hypotheses if not h.names]
         self.alone: Hypothesis = alone[0]
-        tau = self.alone.tau if self.is_inexact else 0.0
-        self.inner, self._coloured = first.gram.under(tau), seen.gram.under(tau)
-        doubt = DOUBT if self.is_inexact else 0.0
-        self.excess = max(self.inner.square - first.gram.count, doubt * first.gram.count, 1.0)
+        self._tau = self.alone.tau if self.is_inexact else 0.0
+        self.inner, self._coloured = first.gram.under(self._tau), seen.gram.under(self._tau)
+        self._doubt = DOUBT if self.is_inexact else 0.0
+        self.excess = self._beyond(self.inner.square)
         self.fall = cache(partial(self._fall, self.inner))
         self._coloured_fall = cache(partial(self._fall, self._coloured))
 
@@ -64,15 +65,15 @@ class Judge:
         return sorted(names, key=lambda name: -self.fall((name,)))[:count]
 
     def names(self) -> tuple[Name, ...]:
-        """What is named: of the likeliest set those that take a real share, and that are surely
-        there, or something like them."""
+        """What is named: of the likeliest set those that take a real share, also of stretches that
+        are set aside, and that are surely there, or something like them."""
         likeliest = self.seen.posterior.best.names
         special = {EFFECTS[name].special_case for name in likeliest}
         kept = [name for name in likeliest if name not in special]
         while kept:
-            reach = {name: self._reach(name, kept) for name in kept}
-            least = min(reach, key=lambda name: reach[name])
-            if reach[least] >= 1:
+            shares = {name: self._least_share(name, kept) for name in kept}
+            least = min(shares, key=lambda name: shares[name])
+            if shares[least] >= SHARE:
                 break
             kept.remove(least)
         found = [self._named(name, kept) for name in kept]
@@ -96,16 +97,35 @@ class Judge:
         nothing = sum(p for names, p in posterior.sets.items() if names <= frozenset(rest))
         return Name(name, self._alike(name, rest), 1 - nothing, self._share(name, kept))
 
-    def _reach(self, name: str, kept: list[str]) -> float:
-        """How many times what a name needs an effect takes: of what shape alone leaves, or of what
-        that leaves where its colour counts as noise, in which one that is far from the misfit in
-        frequency stands out."""
-        if not self.is_inexact:
-            return self._share(name, kept) / (SECOND if len(kept) > 1 else 1e-9)
-        rest = tuple(other for other in kept if other != name)
-        coloured = self._coloured_fall(tuple(kept)) - self._coloured_fall(rest)
-        apart = coloured / (APART_SHARE * self.seen.gram.count)
-        return max(self._share(name, kept) / SHARE, apart)
+    def _least_share(self, name: str, kept: list[str]) -> float:
+        """The lesser of the shares that an effect takes of what the others leave beyond the noise:
+        in training, and of stretches set aside."""
+        rest = [other for other in kept if other != name]
+        without, beside = self.fall(tuple(rest)), self.fall(tuple(kept))
+        trained = (beside - without) / self._beyond(self.inner.square - without)
+        before, after = (float(self._aside.squares(self._columns(n)).sum()) for n in (rest, kept))
+        return min(trained, (before - after) / self._beyond(before))
+
+    def _beyond(self, square: float) -> float:
+        """What χ² is beyond the noise, and beyond what is not known of that."""
+        return max(square - self.first.gram.count, self._doubt * self.first.gram.count, 1.0)
+
+    @cached_property
+    def _aside(self) -> Folds:
+        return self.first.folds(self._tau)
+
+    def _columns(self, names: list[str]) -> np.ndarray:
+        """The whitened columns (ΣL, k) of effects, as in the likeliest set, of their prior's
+        size."""
+        best = self.seen.posterior.best
+        chosen = [k for k, name in enumerate(best.names) if name in names]
+        part = best._replace(
+            names=tuple(names),
+            kinds=tuple(best.kinds[k] for k in chosen),
+            sizes=tuple(best.sizes[k] for k in chosen),
+        )
+        at, sizes = part.columns(self.first.kinds)
+        return self.first.white[1][:, at] * sizes
 
     def _share(self, name: str, kept: list[str]) -> float:
         rest = tuple(other for other in kept if other != name)

@@ -11,6 +11,7 @@ from .._prepare import Preparation
 from ._colour import colour_of
 from ._columns import Group, groups_of
 from ._fitted import Fitted
+from ._folds import Folds
 from ._gram import Gram
 from ._nuisance import loop_shapes
 from ._selection import TAUS, Hypothesis, Kind, Posterior, log_posterior_of, select
@@ -72,12 +73,20 @@ class View:
     columns: Columns
     gram: Gram
     posterior: Posterior
+    white: tuple[np.ndarray, np.ndarray, np.ndarray]
+    """The error (ΣL,), the effects' columns and the loop shapes, whitened."""
     share: float
     """How many of the samples count, the neighbours of a misfit being alike."""
 
     def log_posterior_of(self, square: float, price: float) -> float:
         """That of one effect refitted to this χ² without loop shapes, beside the posterior's."""
         return log_posterior_of(1, self.share * square, price, self.share * self.gram.count)
+
+    def folds(self, tau: float) -> Folds:
+        """Stretches set aside, beside loop shapes of this size."""
+        residual, _, shapes = self.white
+        used = tau * shapes if tau > 0 else shapes[:, :0]
+        return Folds(self.fitted, used, residual)
 
     @property
     def kinds(self) -> list[Kind]:
@@ -116,13 +125,10 @@ def view_of(
     `thinned` where the noise's colour alone is known: samples of a misfit then count as far as they
     differ from their neighbours.
     """
-    gram = Gram(
-        fitted.whitened(fitted.error),
-        fitted.whitened(columns.matrix),
-        fitted.whitened(columns.shapes),
-        fitted.whitened(fitted.tangent),
-        int(sum(np.count_nonzero(problem.weights) for problem in fitted.problems)),
-    )
+    error, effects = fitted.whitened(fitted.error), fitted.whitened(columns.matrix)
+    shapes = fitted.whitened(columns.shapes)
+    samples = int(sum(np.count_nonzero(problem.weights) for problem in fitted.problems))
+    gram = Gram(error, effects, shapes, fitted.whitened(fitted.tangent), samples)
     share = 1.0
     if thinned:
         left = gram.left(float(TAUS[-1]), np.zeros(0, int), np.zeros(0))
@@ -130,7 +136,7 @@ def view_of(
             alike = max(0.0, float(np.corrcoef(left[1:], left[:-1])[0, 1]))
             share = max((1 - alike) / (1 + alike), _LEAST_EFFECTIVE / gram.count)
     posterior = select(gram, columns.kinds, small, share, most)
-    return View(fitted, columns, gram, posterior, share)
+    return View(fitted, columns, gram, posterior, (error, effects, shapes), share)
 
 
 def with_misfit_as_noise(view: View, hypothesis: Hypothesis) -> Preparation:

@@ -39,6 +39,14 @@ from ._results import Results
     metavar='"0..100 V, 50 V/ms"',
     help="Limits of the next experiment: the drive's range and its fastest change.",
 )
+@click.option(
+    "--max-time",
+    type=click.FloatRange(min=0, min_open=True),
+    default=120.0,
+    show_default=True,
+    metavar="SECONDS",
+    help="After this the verdict is what is known by then, and says so.",
+)
 @takes_asked(mask_option)
 @takes_given
 @takes_results
@@ -50,6 +58,7 @@ def diagnose_command(
     repeat: tuple[str, ...],
     noise: str | None,
     limits: str | None,
+    max_time: float,
     asked: dict[str, Any],
     given: Given,
     results: Results,
@@ -67,6 +76,7 @@ def diagnose_command(
         "repeat": [given.read(each) for each in repeat] or None,
         "noise": noise,
         "limits": limits,
+        "max_time": max_time,
     }
     settings = given.how(data)
     with folder(out), stages(results.quiet) as progress:

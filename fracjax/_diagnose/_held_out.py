@@ -59,22 +59,28 @@ def predict_stretches(found: Fitted) -> Prediction:
     """Each stretch predicted by a fit that has not seen it, to first order about the full one.
 
     With J the whitened Jacobian and r the residual, a fit without the stretch b has
-    θ_(b) = θ̂ - (JᵀJ - J_bᵀJ_b)⁻¹ J_bᵀ r_b.  Stretches are whole periods where the drive has them;
-    five folds of interleaved stretches.
+    θ_(b) = θ̂ - (JᵀJ - J_bᵀJ_b)⁻¹ J_bᵀ r_b; of a parameter that the others say nothing of, its usual
+    range is known.  Stretches are whole periods where the drive has them; five folds of interleaved
+    stretches.
     """
     takes, problems = found.preparation.takes, found.problems
     pairs = zip(takes, problems, strict=True)
     fold = np.concatenate([fold_of_sample(t.recording, len(p.response)) for t, p in pairs])
     counted = np.concatenate([np.asarray(problem.weights) for problem in problems]) > 0
-    white = found.whitened(found.tangent)
-    scale = np.linalg.norm(white, axis=0) + 1e-300
-    white, raw = white / scale, found.tangent / scale
-    residual, error = found.whitened(found.error), found.error.copy()
+    white, residual = found.whitened(found.tangent), found.whitened(found.error)
+    fitted = found.solved.on(found.preparation).sensitivity().parameters
+    parameters = named_parameters(found.solved.block)
+    ranges = [np.ravel(parameters[p.name].expected_sd)[p.component] for p in fitted]
+    usual = np.eye(len(fitted), white.shape[1]) / np.array(ranges)[:, None]
+    error = found.error.copy()
     for k in range(FOLDS):
         inside, others = counted & (fold == k), counted & (fold != k)
         # The full fit has left none of what the others could still tell.
-        step = np.linalg.lstsq(white[others], residual[others], rcond=_LEAST_READ)[0]
-        error[inside] -= raw[inside] @ step
+        rows = np.concatenate([white[others], usual])
+        scale = np.linalg.norm(rows, axis=0)
+        toward = np.concatenate([residual[others], np.zeros(len(usual))])
+        step = np.linalg.lstsq(rows / scale, toward, rcond=None)[0] / scale
+        error[inside] -= found.tangent[inside] @ step
     return _prediction(error[counted], fold[counted])
 
 

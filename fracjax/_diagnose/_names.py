@@ -12,7 +12,7 @@ from .._blocks import EFFECTS
 from ._folds import Folds
 from ._gram import Inner
 from ._selection import Hypothesis, occam_factor
-from ._thresholds import ALIKE, APART, DOUBT, SHARE, SURE
+from ._thresholds import ALIKE, APART, DOUBT, SECOND, SHARE, SURE
 from ._view import View
 
 _RIDGE = 1e-9
@@ -71,9 +71,9 @@ class Judge:
         special = {EFFECTS[name].special_case for name in likeliest}
         kept = [name for name in likeliest if name not in special]
         while kept:
-            shares = {name: self._least_share(name, kept) for name in kept}
-            least = min(shares, key=lambda name: shares[name])
-            if shares[least] >= SHARE:
+            reach = {name: self._reach(name, kept) for name in kept}
+            least = min(reach, key=lambda name: reach[name])
+            if reach[least] >= 1:
                 break
             kept.remove(least)
         found = [self._named(name, kept) for name in kept]
@@ -97,14 +97,15 @@ class Judge:
         nothing = sum(p for names, p in posterior.sets.items() if names <= frozenset(rest))
         return Name(name, self._alike(name, rest), 1 - nothing, self._share(name, kept))
 
-    def _least_share(self, name: str, kept: list[str]) -> float:
-        """The lesser of the shares that an effect takes of what the others leave beyond the noise:
-        in training, and of stretches set aside."""
+    def _reach(self, name: str, kept: list[str]) -> float:
+        """How many times what a name needs an effect takes: of what the others leave beyond the
+        noise, in training and of stretches set aside, and of all that there was."""
         rest = [other for other in kept if other != name]
         without, beside = self.fall(tuple(rest)), self.fall(tuple(kept))
         trained = (beside - without) / self._beyond(self.inner.square - without)
         before, after = (float(self._aside.squares(self._columns(n)).sum()) for n in (rest, kept))
-        return min(trained, (before - after) / self._beyond(before))
+        aside = (before - after) / self._beyond(before)
+        return min(trained / SHARE, aside / SHARE, self._share(name, kept) / SECOND)
 
     def _beyond(self, square: float) -> float:
         """What χ² is beyond the noise, and beyond what is not known of that."""

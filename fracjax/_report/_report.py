@@ -11,10 +11,9 @@ from typing import Any
 import jinja2
 from markupsafe import Markup
 
-from .._blocks import EFFECTS
 from .._compensate import Compensation
 from .._crosscheck import Crosscheck
-from .._diagnose import Candidate, Diagnosis
+from .._diagnose import Candidate, Diagnosis, entry_of
 from .._fit import Comparison, Fit, analyse_residuals
 from .._frequency import FrequencyFit
 from .._posterior import Posterior
@@ -239,7 +238,7 @@ def _diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
         "groups": _groups(diagnosis),
         "largest_score": max(candidate.score for candidate in diagnosis.candidates),
         "effects": [
-            (effect, EFFECTS[effect.name], [estimate_row(e) for e in effect.parameters])
+            (effect, entry_of(effect.name), [estimate_row(e) for e in effect.parameters])
             for effect in diagnosis.effects
         ],
         "places": _figures.places(diagnosis.axes),

@@ -21,10 +21,9 @@ from fracjax._diagnose._next_experiment import (
     recorded_limits,
     rest_samples,
 )
-from fracjax._prepare import Noise
-from fracjax._fit import prepare
-from fracjax._solve import silent
 from fracjax._parameters import set_values
+from fracjax._prepare import Noise, prepare
+from fracjax._solve import silent
 
 STEP, LEAD = 1e-3, 204
 TIMES = STEP * np.arange(4000)

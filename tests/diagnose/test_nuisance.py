@@ -62,5 +62,27 @@ def test_a_preisach_plane_lies_in_their_span():
     assert left_by(shapes_of(drive), response) < 2e-3
 
 
+def test_a_law_that_forgets_along_the_drive_lies_in_their_span():
+    """Duhem's, dx = a |du| (b u - x) + c du, which has no memory of its turning points."""
+    angle = 2 * np.pi * TIMES
+    drive = 0.5 + 0.3 * np.sin(angle) + 0.2 * np.sin(3.3 * angle)
+    drive = (drive - drive.min()) / np.ptp(drive)
+    response = np.zeros(drive.size)
+    for k in range(1, drive.size):
+        step, x = drive[k] - drive[k - 1], response[k - 1]
+        response[k] = x + 4.0 * abs(step) * (0.9 * drive[k - 1] - x) + 0.3 * step
+    assert left_by(shapes_of(drive), response) < 2e-3
+
+
+@pytest.mark.parametrize(("tau", "outside"), [(0.02, 0.05), (0.5, 0.003)])
+def test_a_lag_in_time_is_outside_it(tau, outside):
+    """Where the drive has more than one rate; a slow one less than a fast one."""
+    fast = 0.5 + 0.3 * np.sin(2 * np.pi * TIMES) + 0.2 * np.sin(14.6 * np.pi * TIMES)
+    lagged, keep = np.zeros(fast.size), np.exp(-(TIMES[1] - TIMES[0]) / tau)
+    for k in range(1, fast.size):
+        lagged[k] = keep * lagged[k - 1] + (1 - keep) * fast[k]
+    assert left_by(shapes_of(fast), lagged - fast) > outside
+
+
 def test_a_line_that_does_not_follow_the_drive_is_outside_it():
     assert left_by(shapes_of(NESTED), np.sin(100 * np.pi * TIMES)) > 0.9

@@ -8,12 +8,10 @@ import pytest
 from scipy.stats import kstest, norm
 
 import fracjax as fj
-from fracjax._diagnose._held_out import errors_of
+from fracjax._diagnose._fitted import fitted
 from fracjax._diagnose._places import Residual, _map, acting_at, locate
 from fracjax._diagnose._result import Axis
-from fracjax._prepare import Preparation
-from fracjax._solve import Solved, solve_from
-from fracjax._fit import prepare
+from fracjax._prepare import Preparation, prepare
 
 STEP = 0.01
 PERIOD = 250
@@ -99,10 +97,10 @@ TONE_DRIVE = 50 + TONES @ np.array([14.0, 9.0, 6.0, 4.0, 3.0])
 NOISE = 0.01
 
 
-def residual_of(solved: Solved, preparation: Preparation) -> Residual:
-    """What a fit leaves, without what it could absorb."""
-    known = solved.on(preparation).sensitivity()
-    return Residual.beside(errors_of(solved, preparation)[1], known.whitened)
+def residual_of(preparation: Preparation) -> Residual:
+    """What a fit of creep leaves, without what it could absorb."""
+    found = fitted([fj.parse_model("creep").block], preparation)
+    return Residual.beside(found.whitened(found.error), found.whitened(found.tangent))
 
 
 def axes_of_a_fit(extra: np.ndarray, seed: int = 0) -> dict:
@@ -113,8 +111,7 @@ def axes_of_a_fit(extra: np.ndarray, seed: int = 0) -> dict:
     told = fj.Noise(NOISE, "um", "specification", np.ones(1), NOISE)
     with jax.enable_x64(True):
         preparation = prepare([recording], history="constant", noise=told)
-        solved = solve_from([fj.parse_model("creep").block], preparation)
-        residual = residual_of(solved, preparation)
+        residual = residual_of(preparation)
         found = locate(preparation, preparation.problems(), residual, 1e6)
     return {axis.axis: axis for axis in found}
 
@@ -162,8 +159,7 @@ def test_a_line_that_the_noise_was_read_with_shows_where_the_noise_is_taken_with
     )
     with jax.enable_x64(True):
         preparation = prepare([once], history="constant", repeats=[again])
-        solved = solve_from([fj.parse_model("creep").block], preparation)
-        residual, problems = residual_of(solved, preparation), preparation.problems()
+        residual, problems = residual_of(preparation), preparation.problems()
         hidden = frequency(preparation, problems, residual)
         bare = preparation.with_noises(
             [t.noise.without_lines() for t in preparation.takes if t.noise]

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 from functools import cache, cached_property, partial
 
@@ -59,6 +59,10 @@ class Judge:
         scale = max(1.0, (self._coloured.square - fall) / count)
         return occam_factor(own, self._coloured, fall, scale, count)
 
+    def promised(self, names: Sequence[str]) -> float:
+        """χ² of a refit with effects by their columns, in the units of a refit."""
+        return self._coloured.square - self._coloured_fall(tuple(names))
+
     def leading(self, count: int) -> list[str]:
         """The effects that take most from χ², each alone."""
         names = dict.fromkeys(kind.name for kind in self.first.kinds)
@@ -98,14 +102,18 @@ class Judge:
         return Name(name, self._alike(name, rest), 1 - nothing, self._share(name, kept))
 
     def _reach(self, name: str, kept: list[str]) -> float:
-        """How many times what a name needs an effect takes: of what the others leave beyond the
-        noise, in training and of stretches set aside, and of all that there was."""
+        """How many times what a name needs an effect takes.
+
+        Where the model's loop is the actuator's: of what there was beyond the noise, beside others.
+        Else of what the others and the loop's shape leave, in training and of stretches set aside.
+        """
+        if not self.is_inexact:
+            return self._share(name, kept) / SECOND if len(kept) > 1 else np.inf
         rest = [other for other in kept if other != name]
         without, beside = self.fall(tuple(rest)), self.fall(tuple(kept))
         trained = (beside - without) / self._beyond(self.inner.square - without)
         before, after = (float(self._aside.squares(self._columns(n)).sum()) for n in (rest, kept))
-        aside = (before - after) / self._beyond(before)
-        return min(trained / SHARE, aside / SHARE, self._share(name, kept) / SECOND)
+        return min(trained, (before - after) / self._beyond(before)) / SHARE
 
     def _beyond(self, square: float) -> float:
         """What χ² is beyond the noise, and beyond what is not known of that."""

@@ -9,6 +9,7 @@ import numpy as np
 
 from .._blocks import EFFECTS, AbstractBlock
 from .._prepare import Preparation, Problem
+from .._solve import starts_of
 from ._columns import kind_of
 from ._fitted import Fitted, fitted
 from ._layers import Layer, wrapped, written
@@ -17,7 +18,7 @@ from ._thresholds import APART
 from ._view import View
 
 _CLEAR = 0.1
-_TRIALS, _LAWS = 2, 2
+_TRIALS, _LAWS, _STARTS_AGAIN = 2, 2, 4
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,7 +65,8 @@ def explained_by(
 ) -> Explanation:
     """The model fitted together with effects, loop shapes of size τ beside it, from the trials that
     the residual resembles most, about the fit and about the model's nominal point; of an effect
-    alone each of its laws is tried."""
+    alone each of its laws is tried.  One that falls short of what its columns promise begins again
+    elsewhere."""
     view, options = judge.first, [_trials(name, judge) for name in names]
     base, price = view.fitted.solved.block, sum(map(judge.price, names))
     shapes = directions(view, preparation, tau) if tau > 0 else ()
@@ -81,7 +83,13 @@ def explained_by(
                 layers = [*best[:k], Layer(EFFECTS[names[k]], trial), *best[k + 1 :]]
                 starts.append(wrapped(base, layers))
         fits.append(Explanation(best, fitted(starts, preparation, shapes), price))
-    return min(fits, key=lambda e: e.cost)
+    best = min(fits, key=lambda e: e.cost)
+    if best.fitted.solved.cost < judge.promised(names) + APART:
+        return best
+    # The model itself is in a poor basin, into which it had gone without the effect.
+    starts = [wrapped(block, best.layers) for block in starts_of(nominal, _STARTS_AGAIN, seed=0)]
+    again = replace(best, fitted=fitted(starts, preparation, shapes))
+    return min(best, again, key=lambda e: e.cost)
 
 
 def beside(other: Explanation, of: Explanation, preparation: Preparation) -> Explanation:

@@ -129,6 +129,15 @@ class Noise:
         """
         return replace(self, lines=NONE)
 
+    def uncoloured(self) -> Noise:
+        """White noise of the same level and origin.
+
+        Returns:
+            The noise without filter, measured lines and profile over time.
+        """
+        white = white_noise(self.sigma, self.unit, self.method)
+        return replace(white, effective=self.effective, is_leftover=self.is_leftover)
+
     @property
     def relative_error(self) -> float | None:
         """The relative standard error of `sigma`, dimensionless, None where it was not measured.

@@ -61,7 +61,7 @@ def refine_noise(
         reread = _noise_of_repeats(stretches, recording)
         # A decay that has not settled has few slow lines, which hardly change the innovation.
         clearer = min(reread.innovation / noise.innovation, reread.sigma / noise.sigma) < _LOWER
-        return reread if clearer else noise
+        return reread if clearer and reread.sigma <= noise.sigma else noise
     if noise.method == "static" and repetition_lag(recording.drive) is not None and used.all():
         reread = residual_noise(residual, used, recording)
         of_noise = reread.innovation**2 < _LARGEST_RATIO * noise.innovation**2
@@ -293,12 +293,9 @@ def read_from_residual(
     The level of a specified noise is kept.  Only its colour is read, and only where the residual
     holds little else.
     """
-    estimate = residual_noise(residual, used, recording)
-    return (
-        estimate
-        if noise is None or noise.method != "specification"
-        else noise.coloured_as(estimate)
-    )
+    if noise is not None and noise.method == "specification":
+        return noise.coloured_as(noise_below(residual, used, recording))
+    return residual_noise(residual, used, recording)
 
 
 def residual_noise(residual: np.ndarray, used: np.ndarray, recording: Recording) -> Noise:
@@ -317,14 +314,26 @@ def residual_noise(residual: np.ndarray, used: np.ndarray, recording: Recording)
         difference = (second - residual[: second.size]) / np.sqrt(2)
         noise = noise_in([Stretch.settled(difference, 0)], unit, "repeats", least=least)
     else:
-        counted = used & ~spikes(recording.response)
-        centred = residual[counted] - residual[counted].mean()
-        level = max(level_without_motion(residual, counted), least)
-        if centred.std() ** 2 > _BARELY_MORE * level**2:
-            noise = replace(white_noise(level, unit, "residual"), effective=centred.size)
-        else:
-            noise = noise_in([Stretch.untouched(centred, 0)], unit, "residual", least=least)
+        noise = noise_below(residual, used, recording)
+        level = max(level_without_motion(residual, used & ~spikes(recording.response)), least)
+        if noise.sigma**2 > _BARELY_MORE * level**2:
+            noise = replace(white_noise(level, unit, "residual"), effective=noise.effective)
     return replace(noise, is_leftover=True)
+
+
+def noise_below(residual: np.ndarray, used: np.ndarray, recording: Recording) -> Noise:
+    """The whole residual (N,) as noise, where samples are `used`, apart from spikes.
+
+    It is that of a residual smaller than the measured noise, and elsewhere an upper bound.
+    """
+    counted = used & ~spikes(recording.response)
+    centred = residual[counted] - residual[counted].mean()
+    return noise_in(
+        [Stretch.untouched(centred, 0)],
+        recording.response_unit,
+        "residual",
+        least=_least_level(recording),
+    )
 
 
 def repetition_lag(drive: np.ndarray) -> int | None:

@@ -153,6 +153,19 @@ class Noise:
         alike = float(np.mean(spectrum**2) / np.mean(spectrum) ** 2)
         return float(np.sqrt((self.kurtosis - 1) * alike / self.effective) / 2)
 
+    def to_dict(self) -> dict:
+        """The level as plain data.
+
+        Returns:
+            Level, unit, method and the level's relative error by name.
+        """
+        return {
+            "sigma": self.sigma,
+            "unit": self.unit,
+            "method": self.method,
+            "relative_error": self.relative_error,
+        }
+
     @property
     def whitened_square(self) -> float:
         """The mean square of the whitened noise, dimensionless.

@@ -115,9 +115,9 @@ def _from_repeats(
     count = (repeats.stop - repeats.start) // period
     y = recording.response if signal is None else signal
     periods = y[used][: count * period].reshape(count, period)
-    complete = np.ones(count, bool)
-    if counts is not None:
-        complete = (counts[used][: count * period] > 0).reshape(count, period).all(axis=1)
+    counted = np.ones(len(y)) if counts is None else counts
+    complete = np.all(counted[used][: count * period].reshape(count, period) > 0, axis=1)
+    pairs = np.flatnonzero(complete[1:] & complete[:-1])
 
     def stretch(difference: np.ndarray, number: int) -> Stretch:
         # A response that has not settled still changes slowly.
@@ -131,11 +131,11 @@ def _from_repeats(
     second = [
         stretch((periods[k + 1] - 2 * periods[k] + periods[k - 1]) / np.sqrt(6), k)
         for k in range(1, count - 1)
-        if complete[k - 1 : k + 2].all()
+        if {k - 1, k} <= set(pairs.tolist())
     ]
     if not second:
         return []
-    last = int(np.flatnonzero(complete[1:] & complete[:-1])[-1]) + 1
+    last = int(pairs[-1]) + 1
     first = stretch((periods[last] - periods[last - 1]) / np.sqrt(2), last)
     settled = first_settled([s.samples for s in (*second, first)])
     return without_events(second[settled:] or [first])

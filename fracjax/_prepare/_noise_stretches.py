@@ -76,7 +76,7 @@ class Stretch:
         length = samples.size // _PARTS
         whole = cls.without_relaxation(samples, start)
         parts = whole.samples[: length * _PARTS].reshape(_PARTS, length)
-        first = min(first_settled(parts), _PARTS - _FEWEST_PARTS) * length
+        first = min(first_settled(list(parts)), _PARTS - _FEWEST_PARTS) * length
         return cls.without_relaxation(samples[first:], start + first) if first else whole
 
     @property
@@ -133,14 +133,14 @@ def noise_in(
     A tone is deterministic and no noise: each that is significant is taken out, and the strongest
     is reported.
     """
-    strongest = None
+    noise = _noise_with_tones(stretches, unit, method, shared, resolution, least)
+    strongest = noise.tone
     for _ in range(_MOST_TONES):
-        noise = _noise_with_tones(stretches, unit, method, shared, resolution, least)
         if noise.tone is None or method == "residual":
             break
-        strongest = strongest or noise.tone
         stretches = [s.without_tone(noise.tone) for s in stretches]
-    return replace(noise, tone=strongest or noise.tone)
+        noise = _noise_with_tones(stretches, unit, method, shared, resolution, least)
+    return replace(noise, tone=strongest)
 
 
 def _noise_with_tones(

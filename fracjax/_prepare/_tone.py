@@ -78,9 +78,8 @@ def _refined(whitened: Sequence[np.ndarray], frequency: float, width: float) -> 
     """
 
     def power(candidate: float) -> float:
-        phases = -2j * np.pi * candidate * np.arange(max(w.size for w in whitened))
-        wave = np.exp(phases)
-        return -sum(abs(w @ wave[: w.size]) ** 2 / w.size for w in whitened)
+        wave = np.exp(-2j * np.pi * candidate * np.arange(max(w.size for w in whitened)))
+        return -float(sum(abs(w @ wave[: w.size]) ** 2 / w.size for w in whitened))
 
     low, high = max(frequency - width, 0.0), min(frequency + width, 0.5)
     best = minimize_scalar(power, bounds=(low, high), options={"xatol": 1e-4 * width})

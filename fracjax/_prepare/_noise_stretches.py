@@ -24,9 +24,10 @@ _NORMAL_MEDIAN = 0.6745
 _LOUDER = 1.2
 """A stretch this many times as loud as the later ones still holds what has not settled.  Chosen by
 judgement."""
-_LOUD = 3.0
-"""A stretch this many times as loud as the median of all holds an event.  Noise whose level varies
-by this much within a recording is rare.  Chosen by judgement."""
+_LOUD = 4.0
+"""A stretch this many times as loud as the quietest quarter holds an event, which is in three
+successive differences of periods.  Noise whose level varies by this much within a recording is
+rare.  Chosen by judgement."""
 _PARTS, _FEWEST_PARTS = 8, 2
 """Parts of a stretch by which its beginning is judged, and how many of them remain at least."""
 _MOST_TONES = 8
@@ -108,9 +109,9 @@ def first_settled(parts: Sequence[np.ndarray]) -> int:
 
 
 def without_events(stretches: list[Stretch]) -> list[Stretch]:
-    """The stretches that are not far louder than most: an event is in some, noise is in all."""
+    """The stretches that are not far louder than others: an event is in some, noise is in all."""
     levels = np.array([np.sqrt(np.mean(s.samples**2)) for s in stretches])
-    loudest = _LOUD * np.median(levels)
+    loudest = _LOUD * np.percentile(levels, 25, method="lower")
     return [s for s, level in zip(stretches, levels, strict=True) if level <= loudest]
 
 

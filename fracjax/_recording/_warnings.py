@@ -160,7 +160,7 @@ def _leading(recording: Sampled) -> str | None:
     )
 
 
-_UNRESOLVED = 0.05
+_UNRESOLVED = 0.1
 """Least error of the interpolation of a sample, as a share of the drive's range, at an edge whose
 course the samples do not tell."""
 

@@ -16,12 +16,23 @@ from .._prepare import (
     read_from_residual,
     refine_noise,
 )
-from .._solve import Progress, Solved, fit_block, refine_until_accurate, solve_from
+from .._solve import (
+    TARGET,
+    Progress,
+    Solved,
+    fit_block,
+    refine_until_accurate,
+    solve_from,
+    tolerated_error,
+)
 from ._history import prefers_other_history
 
 _LEAST_MEAN_SQUARE = 0.5
 """Mean square of a whitened residual below which the measured noise is not only noise.  Chosen by
 judgement."""
+_SHARE_OF_MISFIT = 0.02
+"""Numerical error that a fit tolerates, as a share of the residual beyond the noise, where the
+noise was not measured and may be far larger than second differences show.  Chosen by judgement."""
 
 
 def settle(
@@ -83,7 +94,7 @@ def settle_finely(
     solved = settle(block, preparation, history=history, starts=starts, seed=seed)
     while True:
         previous = solved.preparation
-        solved, error = refine_until_accurate(solved, progress)
+        solved, error = refine_until_accurate(solved, progress, _tolerated_share(solved))
         takes = solved.preparation.takes
         from_residual = any(take.noise and take.noise.is_leftover for take in takes)
         if solved.preparation is previous or not from_residual:
@@ -99,6 +110,18 @@ def settle_finely(
             ]
         )
         solved = solve_from([solved.block], reread)
+
+
+def tolerated_numerical_error(solved: Solved) -> float:
+    """The largest numerical error of a fit that changes nothing of note, in noise units."""
+    return tolerated_error(TARGET, solved, _tolerated_share(solved))
+
+
+def _tolerated_share(solved: Solved) -> float:
+    """The share of the residual beyond the noise that a numerical error may be."""
+    noises = [take.noise for take in solved.preparation.takes]
+    is_bound = any(noise is None or noise.method == "residual" for noise in noises)
+    return _SHARE_OF_MISFIT if is_bound else 0.0
 
 
 def _refitted(solved: Solved, preparation: Preparation, starts: int, seed: int) -> Solved:

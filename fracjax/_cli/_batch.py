@@ -110,7 +110,26 @@ def _summary(rows: pd.DataFrame, overview: dict[str, Any]) -> Summary:
     """The counts, the spreads of the parameters, and why recordings were not fitted."""
     counts = [f"{n} {status}" for status, n in overview["counts"].items() if n]
     sentence = f"{overview['model']}: of {overview['recordings']} recordings {', '.join(counts)}."
-    return Summary(sentence, _spreads(rows), _notes(overview["unfitted"]))
+    return Summary(sentence, _spreads(rows), [*_misfits(rows), *_notes(overview["unfitted"])])
+
+
+def _misfits(rows: pd.DataFrame) -> list[str]:
+    """How many fits do not describe their recording, and why the first of them does not."""
+    from .._fit import shortcomings_of
+
+    fitted = rows.loc[rows["status"] == "fitted"]
+    names = [c.removesuffix(".at_bound") for c in rows.columns if c.endswith(".at_bound")]
+    poor = []
+    for row in fitted.to_dict("records"):
+        at_bound = [name for name in names if row[f"{name}.at_bound"]]
+        clauses = shortcomings_of(row["rmse"], row["noise_sigma"], row["r_squared"], at_bound)
+        if clauses:
+            poor.append(f"of {row['source']} {', and '.join(clauses)}")
+    if not poor:
+        return []
+    return [
+        f"Warning: {len(poor)} of {len(fitted)} fits do not describe their recording; {poor[0]}."
+    ]
 
 
 def _spreads(rows: pd.DataFrame) -> Figures:

@@ -69,7 +69,7 @@ def _draw(recordings: list[Recording], plot: Path) -> None:
 
 
 def _rows(description: dict[str, Any]) -> list[list[str]]:
-    from .._report import figure, pretty_unit, quantity
+    from .._report import figure, percentage, pretty_unit, quantity
 
     def extent(signal: dict) -> str:
         return f"{figure(signal['low'], 4)} to {quantity(signal['high'], signal['unit'])}"
@@ -98,7 +98,10 @@ def _rows(description: dict[str, Any]) -> list[list[str]]:
         rows.append(["noise floor", f"not to be seen here; give diagnose --noise in {unit}"])
     else:
         source = {"repeats": "from repeats", "static": "at rest"}[noise["method"]]
-        rows.append(["noise floor", f"{quantity(noise['sigma'], noise['unit'])}, {source}"])
+        level = (
+            f"{quantity(noise['sigma'], noise['unit'])} ± {percentage(noise['relative_error'])} %"
+        )
+        rows.append(["noise floor", f"{level}, {source}"])
     return rows
 
 

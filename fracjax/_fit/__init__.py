@@ -12,6 +12,8 @@ from ._estimate import physical_unit as physical_unit
 from ._fit import fit as fit
 from ._fit import fit_of as fit_of
 from ._fit import scores_of as scores_of
+from ._grade import is_useless as is_useless
+from ._grade import shortcomings_of as shortcomings_of
 from ._profile import profile as profile
 from ._profile import with_profiled_intervals as with_profiled_intervals
 from ._profile import with_profiles as with_profiles

@@ -23,7 +23,7 @@ from .._recording import Recording
 from .._solve import Progress, Solved, discretisation_warnings, silent
 from ._result import Fit, Scores
 from ._robust import Loss, reweight, shape_of
-from ._settle import settle_finely
+from ._settle import settle_finely, tolerated_numerical_error
 from ._uncertainty import uncertainty_of
 
 
@@ -138,4 +138,5 @@ def fit(
         solved, error = settle_finely(
             block, preparation, history=history, starts=starts, seed=seed, progress=progress
         )
-        return replace(fit_of(model, solved, loss), warnings=discretisation_warnings(error))
+        warnings = discretisation_warnings(error, tolerated_numerical_error(solved))
+        return replace(fit_of(model, solved, loss), warnings=warnings)

@@ -10,10 +10,11 @@ import numpy as np
 
 from .._blocks import Setting
 from .._models import Model, parse_model
-from .._prepare import Preparation
+from .._prepare import Noise, Preparation
 from .._recording import InputError
 from ._combinations import Combination
 from ._estimate import Estimate
+from ._grade import shortcomings_of
 from ._robust import Robust
 
 SCHEMA = "fracjax.fit/1"
@@ -149,6 +150,24 @@ class Fit:
         pairs = zip(self.preparation.takes, self.simulations, strict=True)
         return tuple(take.recording.response - simulation for take, simulation in pairs)
 
+    @property
+    def noise(self) -> Noise:
+        """The noise by which the residuals of the first recording were weighted."""
+        noise = self.preparation.takes[0].noise
+        assert noise is not None  # fit() always ends with a noise model
+        return noise
+
+    @property
+    def at_bound(self) -> tuple[str, ...]:
+        """The parameters that ended on a bound."""
+        return tuple(estimate.name for estimate in self.estimates if estimate.at_bound)
+
+    @property
+    def shortcomings(self) -> tuple[str, ...]:
+        """Why the model does not describe the recordings, as clauses; empty where it does."""
+        scores = self.scores
+        return shortcomings_of(scores.rmse, self.noise.sigma, scores.r_squared, self.at_bound)
+
     def to_dict(self) -> dict:
         """The fit as plain data, as in fit.json.
 
@@ -156,8 +175,6 @@ class Fit:
             Model, parameters, scores and assumptions by name.
         """
         first = self.preparation.takes[0]
-        noise = first.noise
-        assert noise is not None  # fit() always ends with a noise model
         return {
             "schema": SCHEMA,
             "model": self.model.name,
@@ -174,7 +191,8 @@ class Fit:
             **self.preparation.conditions.to_dict(),
             "offsets": list(self.offsets),
             "scores": asdict(self.scores),
-            "noise": {"sigma": noise.sigma, "unit": noise.unit, "method": noise.method},
+            "noise": self.noise.to_dict(),
+            "shortcomings": list(self.shortcomings),
             "assumptions": [
                 {"history": t.history, "settling_samples": t.settling}
                 for t in self.preparation.takes

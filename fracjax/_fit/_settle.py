@@ -12,15 +12,27 @@ from .._prepare import (
     Noise,
     Preparation,
     alternative_history,
+    noise_below,
     read_from_residual,
     refine_noise,
 )
-from .._solve import Progress, Solved, fit_block, refine_until_accurate, solve_from
+from .._solve import (
+    TARGET,
+    Progress,
+    Solved,
+    fit_block,
+    refine_until_accurate,
+    solve_from,
+    tolerated_error,
+)
 from ._history import prefers_other_history
 
 _LEAST_MEAN_SQUARE = 0.5
 """Mean square of a whitened residual below which the measured noise is not only noise.  Chosen by
 judgement."""
+_SHARE_OF_MISFIT = 0.02
+"""Numerical error that a fit tolerates, as a share of the residual beyond the noise, where the
+noise was not measured and may be far larger than second differences show.  Chosen by judgement."""
 
 
 def settle(
@@ -34,7 +46,9 @@ def settle(
     """The fit, its history and its noises.
 
     The history is chosen by comparing fits where it is None and another is possible.  A noise that
-    was not measured, or whose measured level is too large, is read from the residual.
+    was not measured, or whose measured level is too large, is read from the residual.  A coloured
+    noise under which the fit is worse than a constant is taken as white: the fit then follows the
+    frequencies at which there is least noise, and not the response.
     """
     solved = fit_block(block, preparation, starts, seed)
     if history is None:
@@ -45,17 +59,22 @@ def settle(
             other = fit_block(block, alternative, starts, seed)
             if prefers_other_history(other, solved):
                 solved, preparation = other, alternative
-    credible, noises = _credible_noises(solved), []
-    for noise, take, simulation in zip(
-        credible, preparation.takes, solved.simulations, strict=True
+    noises = []
+    for take, whitened, simulation in zip(
+        preparation.takes, solved.whitened, solved.simulations, strict=True
     ):
         residual = take.recording.response - simulation
-        if noise is None or noise.is_leftover:
-            noises.append(read_from_residual(noise, residual, take.used, take.recording))
+        if take.noise is None or take.noise.is_leftover:
+            noises.append(read_from_residual(take.noise, residual, take.used, take.recording))
+        elif _is_too_large(take.noise, whitened):
+            noises.append(noise_below(residual, take.used, take.recording))
         else:
-            noises.append(refine_noise(noise, residual, take.used, take.recording))
+            noises.append(refine_noise(take.noise, residual, take.used, take.recording))
     if any(noise is not take.noise for noise, take in zip(noises, preparation.takes, strict=True)):
         solved = _refitted(solved, preparation.with_noises(noises), starts, seed)
+    if any(noise.filter.size > 1 for noise in noises) and _is_worse_than_constant(solved):
+        white = [noise.uncoloured() for noise in noises]
+        solved = _refitted(solved, solved.preparation.with_noises(white), starts, seed)
     return solved
 
 
@@ -75,7 +94,7 @@ def settle_finely(
     solved = settle(block, preparation, history=history, starts=starts, seed=seed)
     while True:
         previous = solved.preparation
-        solved, error = refine_until_accurate(solved, progress)
+        solved, error = refine_until_accurate(solved, progress, _tolerated_share(solved))
         takes = solved.preparation.takes
         from_residual = any(take.noise and take.noise.is_leftover for take in takes)
         if solved.preparation is previous or not from_residual:
@@ -91,6 +110,18 @@ def settle_finely(
             ]
         )
         solved = solve_from([solved.block], reread)
+
+
+def tolerated_numerical_error(solved: Solved) -> float:
+    """The largest numerical error of a fit that changes nothing of note, in noise units."""
+    return tolerated_error(TARGET, solved, _tolerated_share(solved))
+
+
+def _tolerated_share(solved: Solved) -> float:
+    """The share of the residual beyond the noise that a numerical error may be."""
+    noises = [take.noise for take in solved.preparation.takes]
+    is_bound = any(noise is None or noise.method == "residual" for noise in noises)
+    return _SHARE_OF_MISFIT if is_bound else 0.0
 
 
 def _refitted(solved: Solved, preparation: Preparation, starts: int, seed: int) -> Solved:
@@ -118,17 +149,22 @@ def _scale(before: Preparation, after: Preparation) -> float | None:
     return scale if proportional and not after.conditions.priors else None
 
 
-def _credible_noises(solved: Solved) -> list[Noise | None]:
-    """The measured noises, None for those much larger than the residual of the fit.
+def _is_too_large(noise: Noise, whitened: np.ndarray) -> bool:
+    """Whether a measured noise is much larger than the whitened residual (L,) of the fit.
 
     The difference between periods, or the motion at rest, was then not noise.
     """
-    noises: list[Noise | None] = []
-    for take, whitened in zip(solved.preparation.takes, solved.whitened, strict=True):
-        counted = whitened[whitened != 0]
-        measured = take.noise is not None and take.noise.method != "specification"
-        too_large = (
-            measured and counted.size > 0 and float(np.mean(counted**2)) < _LEAST_MEAN_SQUARE
-        )
-        noises.append(None if too_large else take.noise)
-    return noises
+    counted = whitened[whitened != 0]
+    measured = noise.method != "specification"
+    return measured and counted.size > 0 and float(np.mean(counted**2)) < _LEAST_MEAN_SQUARE
+
+
+def _is_worse_than_constant(solved: Solved) -> bool:
+    """Whether constants are closer to the responses than the fit."""
+    pairs = zip(solved.preparation.takes, solved.simulations, strict=True)
+    errors = [
+        (np.sum((y - s) ** 2), np.sum((y - y.mean()) ** 2))
+        for y, s in ((t.recording.response[t.used], s[t.used]) for t, s in pairs)
+    ]
+    of_fit, of_constants = np.sum(errors, axis=0)
+    return bool(of_fit > of_constants)

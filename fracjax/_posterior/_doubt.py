@@ -5,9 +5,20 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from .._fit import Fit
 from .._recording import InputError
 
 _SCHEMA = "fracjax.diagnosis/1"
+
+
+def misfit_of(fit: Fit) -> str:
+    """One sentence about why the model does not describe the recording; empty where it does."""
+    if not fit.shortcomings:
+        return ""
+    return (
+        f"The model does not describe {fit.preparation.takes[0].recording.source}: "
+        f"{', and '.join(fit.shortcomings)}; intervals hold only if the model is right."
+    )
 
 
 def doubt_of(path: str | Path, model: str) -> str:

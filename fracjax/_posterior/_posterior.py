@@ -17,7 +17,7 @@ from .._fit import Fit
 from .._prepare import free_parameters_of
 from .._recording import InputError, require_kind
 from ._discrepancy import discrepancy_of
-from ._doubt import doubt_of
+from ._doubt import doubt_of, misfit_of
 from ._laplace import Laplace
 from ._likelihood import Target, compressed, log_posteriors_of, physical_values, target_of
 from ._marginal import Marginal, complete_draws, figures, marginal_of
@@ -110,7 +110,9 @@ def sample_posterior(
         raise InputError.at(
             "discrepancy", "normal noise with it", f"{noise.name} noise", "choose another noise"
         )
-    doubt = "" if diagnosis is None else doubt_of(diagnosis, fit.model.name)
+    doubt = misfit_of(fit)
+    if diagnosis is not None:
+        doubt = doubt_of(diagnosis, fit.model.name) or doubt
     with computing():
         discrepancy_model = discrepancy_of(fit) if discrepancy else None
         target, terms = target_of(fit, noise, priors or {}, discrepancy_model)

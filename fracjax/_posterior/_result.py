@@ -96,8 +96,8 @@ class Posterior:
         model: Name of the model.
         noise_model: Name of the noise model.
         discrepancy: Whether the intervals include a discrepancy between model and actuator.
-        doubt: What a diagnosis says about the model; empty if it has no effect to report, or none
-            was given.
+        doubt: Why the model does not describe the recording, from the fit or from a diagnosis;
+            empty if it does.
         units: Units of drive and response.
         samples: Draws (walkers, draws) by parameter, in the units of `summary`.
         log_posterior: Log density (walkers, draws) of the walkers' parameters, with all others
@@ -151,12 +151,12 @@ class Posterior:
             f"{kept / self.autocorrelation:.0f} autocorrelation times, split R-hat {worst:.3f}, "
             f"{least:.0f} effective draws or more"
         )
-        caveat = f" {self.doubt}" if self.doubt else ""
+        caveat = f"{self.doubt} " if self.doubt else ""
         extra = " and a discrepancy" if self.discrepancy else ""
         if not self.converged:
             return (
-                f"The chain of {self.model} has not converged in {self.steps} steps ({length}): "
-                f"its results are provisional.{caveat}"
+                f"{caveat}The chain of {self.model} has not converged in {self.steps} steps "
+                f"({length}): its results are provisional."
             )
         agreement = (
             f"the Laplace approximation differs in {', '.join(self.disagreeing)}"
@@ -164,8 +164,8 @@ class Posterior:
             else "the Laplace approximation agrees"
         )
         return (
-            f"{self.model} with {self.noise_model} noise{extra}: {walkers * draws} draws kept of "
-            f"{self.steps} steps ({length}); {agreement}.{caveat}"
+            f"{caveat}{self.model} with {self.noise_model} noise{extra}: {walkers * draws} draws "
+            f"kept of {self.steps} steps ({length}); {agreement}."
         )
 
     def to_dict(self) -> dict:

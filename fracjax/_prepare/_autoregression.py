@@ -20,6 +20,10 @@ _CONVERGED = 0.01
 _MEMORIES = 8
 """Length, in stretches, after which the response to an impulse has died out: the memory of the
 autoregression is at most one stretch, and e^-8 is negligible."""
+_WHITE_SHARE = 1e-9
+"""White noise that is added to every noise, as a share of its variance.  The autocovariance of
+smooth signals is singular without it.  It is the rounding error of the sums, with a margin.
+Source: Markel & Gray, Linear Prediction of Speech (1976) section 8.4."""
 _LEAST_SHARE = 1e-3
 """Floor of the expected periodogram, as a share of the noise's spectrum: it avoids a division by
 nearly zero where the removed terms hold all the power.  Chosen by judgement."""
@@ -66,6 +70,10 @@ def _yule_walker(autocovariance: np.ndarray, count: int, damping: float) -> Auto
 
     The coefficient of the sample k steps back is multiplied by `damping`^k.
     """
+    if not autocovariance[0] > 0:
+        return np.ones(1), 0.0
+    autocovariance = autocovariance.copy()
+    autocovariance[0] *= 1 + _WHITE_SHARE
     best = np.ones(1), float(np.sqrt(autocovariance[0]))
     least = count * np.log(autocovariance[0])
     for order in range(1, autocovariance.size):

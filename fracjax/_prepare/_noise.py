@@ -13,6 +13,9 @@ Method = Literal["repeats", "static", "specification", "residual"]
 _BARELY_MORE = 1.25
 """Ratio of variances up to which a residual counts as little more than the specified noise, so that
 its colour is the noise's.  Chosen by judgement."""
+_LAGS = 4096
+"""Length of the transform by which an autocorrelation is summed: the memories of noise end well
+within it."""
 NONE = np.zeros(0), np.zeros(0)
 """No lines, or no profile over time."""
 
@@ -26,8 +29,8 @@ class Noise:
     recording's length suggests: `effective` and `kurtosis` describe this.
 
     Attributes:
-        sigma: the rms of all that does not repeat, in `unit`, slow terms that were fitted to it
-            included.
+        sigma: the rms of all that does not repeat and is no tone, in `unit`, slow terms that were
+            fitted to it included.
         unit: the response's unit.
         method: where the noise was read: "repeats", "static" (a rest), "specification" or
             "residual".
@@ -126,6 +129,43 @@ class Noise:
         """
         return replace(self, lines=NONE)
 
+    def uncoloured(self) -> Noise:
+        """White noise of the same level and origin.
+
+        Returns:
+            The noise without filter, measured lines and profile over time.
+        """
+        white = white_noise(self.sigma, self.unit, self.method)
+        return replace(white, effective=self.effective, is_leftover=self.is_leftover)
+
+    @property
+    def relative_error(self) -> float | None:
+        """The relative standard error of `sigma`, dimensionless, None where it was not measured.
+
+        σ̂² of n samples with the autocorrelation ρ has the variance (κ - 1) Σ_k ρ_k² σ⁴/n, with κ
+        the kurtosis.
+
+        Source: Bartlett, J. R. Stat. Soc. Suppl. 8 (1946) 27.
+        """
+        if self.method in ("specification", "residual"):
+            return None
+        spectrum = np.abs(np.fft.rfft(self.filter, _LAGS)) ** -2
+        alike = float(np.mean(spectrum**2) / np.mean(spectrum) ** 2)
+        return float(np.sqrt((self.kurtosis - 1) * alike / self.effective) / 2)
+
+    def to_dict(self) -> dict:
+        """The level as plain data.
+
+        Returns:
+            Level, unit, method and the level's relative error by name.
+        """
+        return {
+            "sigma": self.sigma,
+            "unit": self.unit,
+            "method": self.method,
+            "relative_error": self.relative_error,
+        }
+
     @property
     def whitened_square(self) -> float:
         """The mean square of the whitened noise, dimensionless.
@@ -139,3 +179,8 @@ class Noise:
     def whitening(self) -> np.ndarray:
         """The filter (p+1,) [1/unit] that turns this noise into white noise of unit variance."""
         return self.filter / self.innovation
+
+
+def white_noise(sigma: float, unit: str, method: Method) -> Noise:
+    """White noise of a level [unit, rms]."""
+    return Noise(sigma, unit, method, np.ones(1), sigma)

@@ -9,16 +9,27 @@ import numpy as np
 from scipy.signal import fftconvolve, lfilter
 
 from .._recording import InputError, Recording, bridged, spikes
-from ._noise import NONE, Noise
-from ._noise_stretches import PIECES, Stretch, level_from_differences, noise_in
+from ._noise import NONE, Noise, white_noise
+from ._noise_stretches import (
+    PIECES,
+    Stretch,
+    first_settled,
+    level_from_differences,
+    level_without_motion,
+    noise_in,
+    without_events,
+)
 from ._setting import resolution
 
 _REST_SECONDS = 0.2
 """The shortest rest [s] from which noise is read.  Chosen by judgement."""
 _SHARED = 2.0
 """Successive second differences have the correlations -2/3 and 1/6: 1 + 2 Σ ρ² ≈ 2."""
-_FEW_PERIODS = 3
-"""From this many differences of periods on, those before the response has settled are left out."""
+_BARELY_MORE = 1.25
+"""Ratio of variances up to which a residual counts as little more than white noise.  Chosen by
+judgement."""
+_EXACT = 1e-8
+"""Least noise level, as a share of the response's span: simulations are hardly more precise."""
 _SHORT_PERIOD = 50
 """Shorter periods [samples] are too short to fit a relaxation.  Chosen by judgement."""
 _SAME_DRIVE = 2e-3
@@ -47,12 +58,10 @@ def refine_noise(
         stretches = _from_repeats(recording, used.astype(float), residual)
         if not stretches:
             return noise
-        reread = noise_in(
-            stretches, noise.unit, "repeats", _SHARED, resolution=resolution(recording.response)
-        )
+        reread = _noise_of_repeats(stretches, recording)
         # A decay that has not settled has few slow lines, which hardly change the innovation.
         clearer = min(reread.innovation / noise.innovation, reread.sigma / noise.sigma) < _LOWER
-        return reread if clearer else noise
+        return reread if clearer and reread.sigma <= noise.sigma else noise
     if noise.method == "static" and repetition_lag(recording.drive) is not None and used.all():
         reread = residual_noise(residual, used, recording)
         of_noise = reread.innovation**2 < _LARGEST_RATIO * noise.innovation**2
@@ -95,39 +104,57 @@ def _from_repeats(
     """Second differences over successive periods, divided by √6, after the response has settled.
 
     A first difference would still hold the slow decay from the start; the second difference keeps
-    only what is new in each period.  Periods with samples of weight 0 in `counts` (N,) are left
-    out.  `signal` (N,) replaces the response.
+    only what is new in each period.  Where all of them hold the first period and have not settled,
+    it is the first difference of the last two periods, divided by √2.  Periods with samples of
+    weight 0 in `counts` (N,) are left out.  `signal` (N,) replaces the response.
     """
     repeats = recording.drive_period()
     if repeats is None:
         return []
-    period = repeats.period
-    y = (recording.response if signal is None else signal)[repeats.start : repeats.stop]
-    difference = (y[2 * period :] - 2 * y[period:-period] + y[: -2 * period]) / np.sqrt(6)
-    # Period by period: across periods the spectrum of a difference is a comb, that of noise is not.
-    blocks = difference[: difference.size // period * period].reshape(-1, period)
-    # The noise of three periods is on average that of the middle one, to which it is assigned.
-    starts = repeats.start + period * np.arange(1, len(blocks) + 1)
-    if counts is not None:
-        counted = counts[repeats.start : repeats.stop] > 0
-        complete = counted[2 * period :] & counted[period:-period] & counted[: -2 * period]
-        complete_periods = complete[: blocks.size].reshape(-1, period).all(axis=1)
-        blocks, starts = blocks[complete_periods], starts[complete_periods]
-        if not len(blocks):
-            return []
-    if len(blocks) >= _FEW_PERIODS:
-        spread = blocks.std(axis=1)
-        settled = int(np.argmax(spread <= 1.2 * np.median(spread)))
-        blocks, starts = blocks[settled:], starts[settled:]
-    if period > _SHORT_PERIOD:
+    period, used = repeats.period, slice(repeats.start, repeats.stop)
+    count = (repeats.stop - repeats.start) // period
+    y = recording.response if signal is None else signal
+    periods = y[used][: count * period].reshape(count, period)
+    counted = np.ones(len(y)) if counts is None else counts
+    complete = np.all(counted[used][: count * period].reshape(count, period) > 0, axis=1)
+    pairs = np.flatnonzero(complete[1:] & complete[:-1])
+
+    def stretch(difference: np.ndarray, number: int) -> Stretch:
         # A response that has not settled still changes slowly.
-        return [
-            Stretch.without_relaxation(block, int(start))
-            for block, start in zip(blocks, starts, strict=True)
-        ]
-    mean = blocks.mean()
-    pairs = zip(blocks, starts, strict=True)
-    return [Stretch.untouched(block - mean, int(start)) for block, start in pairs]
+        start = repeats.start + number * period
+        if period > _SHORT_PERIOD:
+            return Stretch.without_relaxation(difference, start)
+        return Stretch.untouched(difference - difference.mean(), start)
+
+    # Period by period: across periods the spectrum of a difference is a comb, that of noise is not.
+    # The noise of three periods is on average that of the middle one, to which it is assigned.
+    second = [
+        stretch((periods[k + 1] - 2 * periods[k] + periods[k - 1]) / np.sqrt(6), k)
+        for k in range(1, count - 1)
+        if {k - 1, k} <= set(pairs.tolist())
+    ]
+    if not second:
+        return []
+    last = int(pairs[-1]) + 1
+    first = stretch((periods[last] - periods[last - 1]) / np.sqrt(2), last)
+    settled = first_settled([s.samples for s in (*second, first)])
+    return without_events(second[settled:] or [first])
+
+
+def _noise_of_repeats(stretches: list[Stretch], recording: Recording) -> Noise:
+    """The noise of differences between periods."""
+    return noise_in(
+        stretches, recording.response_unit, "repeats", _SHARED,
+        resolution=resolution(recording.response), least=_least_level(recording),
+    )  # fmt: skip
+
+
+def _least_level(recording: Recording) -> float:
+    """The least level [response unit, rms] of a response's noise: the rounding error of its codes,
+    which repeats and rests may hide, or that of a simulation.
+    """
+    response = recording.response
+    return max(resolution(response) / np.sqrt(12), _EXACT * float(np.ptp(response)))
 
 
 def _from_static(recording: Recording, counts: np.ndarray | None, step: float) -> list[Stretch]:
@@ -142,12 +169,12 @@ def _from_static(recording: Recording, counts: np.ndarray | None, step: float) -
         begin = start + (stop - start) // 10
         if counts is not None and not np.all(counts[begin:stop]):
             continue
-        stretch = Stretch.without_relaxation(recording.response[begin:stop], begin)
+        stretch = Stretch.settled(recording.response[begin:stop], begin)
         constant = np.ptp(recording.response[begin:stop]) == 0
         if constant or stretch.samples.std() < step / np.sqrt(12):
             continue
         stretches.append(stretch)
-    return stretches
+    return without_events(stretches) if stretches else []
 
 
 def measured_noise(
@@ -166,10 +193,12 @@ def measured_noise(
         if not _has_same_drive(repeat, recording):
             raise _repeat_error(repeat, [recording])
         difference = (repeat.response - recording.response) / np.sqrt(2)
-        return noise_in([Stretch.untouched(difference - difference.mean(), 0)], unit, "repeats")
-    step = resolution(recording.response)
+        return noise_in(
+            [Stretch.settled(difference, 0)], unit, "repeats", least=_least_level(recording)
+        )
     if series := _from_repeats(recording, counts):
-        return noise_in(series, unit, "repeats", _SHARED, resolution=step)
+        return _noise_of_repeats(series, recording)
+    step = resolution(recording.response)
     if series := _from_static(recording, counts, step):
         return noise_in(series, unit, "static", resolution=step)
     return None
@@ -236,8 +265,7 @@ def _measured_elsewhere(
 
 def _specified(sigma: float, unit: str) -> Noise:
     """White noise of a specified level [unit, rms]."""
-    white = Noise(sigma, unit, "specification", np.ones(1), sigma)
-    return replace(white, is_leftover=True)
+    return replace(white_noise(sigma, unit, "specification"), is_leftover=True)
 
 
 def _has_same_drive(other: Recording, recording: Recording) -> bool:
@@ -265,12 +293,9 @@ def read_from_residual(
     The level of a specified noise is kept.  Only its colour is read, and only where the residual
     holds little else.
     """
-    estimate = residual_noise(residual, used, recording)
-    return (
-        estimate
-        if noise is None or noise.method != "specification"
-        else noise.coloured_as(estimate)
-    )
+    if noise is not None and noise.method == "specification":
+        return noise.coloured_as(noise_below(residual, used, recording))
+    return residual_noise(residual, used, recording)
 
 
 def residual_noise(residual: np.ndarray, used: np.ndarray, recording: Recording) -> Noise:
@@ -278,19 +303,37 @@ def residual_noise(residual: np.ndarray, used: np.ndarray, recording: Recording)
 
     If the drive occurs twice, the noise is the difference of both times divided by √2: what repeats
     is mismatch, and the fit describes what the start adds to the first time.  Otherwise, as the
-    last resort, the whole residual counts as noise, mismatch included.
+    last resort, the residual counts as noise, but no more of it than its second differences show:
+    what is smooth from sample to sample may be mismatch, and a noise floor must not conceal it.
     """
+    unit, least = recording.response_unit, _least_level(recording)
     period = repetition_lag(recording.drive)
     if period is not None and used.all():
         # Only the first two of several times: differences that share noise have a comb as spectrum.
         second = residual[period : 2 * period]
         difference = (second - residual[: second.size]) / np.sqrt(2)
-        stretch = Stretch.without_relaxation(difference, 0)
-        noise = noise_in([stretch], recording.response_unit, "repeats")
+        noise = noise_in([Stretch.settled(difference, 0)], unit, "repeats", least=least)
     else:
-        centred = residual[used] - residual[used].mean()
-        noise = noise_in([Stretch.untouched(centred, 0)], recording.response_unit, "residual")
+        noise = noise_below(residual, used, recording)
+        level = max(level_without_motion(residual, used & ~spikes(recording.response)), least)
+        if noise.sigma**2 > _BARELY_MORE * level**2:
+            noise = replace(white_noise(level, unit, "residual"), effective=noise.effective)
     return replace(noise, is_leftover=True)
+
+
+def noise_below(residual: np.ndarray, used: np.ndarray, recording: Recording) -> Noise:
+    """The whole residual (N,) as noise, where samples are `used`, apart from spikes.
+
+    It is that of a residual smaller than the measured noise, and elsewhere an upper bound.
+    """
+    counted = used & ~spikes(recording.response)
+    centred = residual[counted] - residual[counted].mean()
+    return noise_in(
+        [Stretch.untouched(centred, 0)],
+        recording.response_unit,
+        "residual",
+        least=_least_level(recording),
+    )
 
 
 def repetition_lag(drive: np.ndarray) -> int | None:

@@ -2,15 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import lfilter
 from scipy.stats import chi2, kurtosis
 
 from ._autoregression import autoregression, removed_power
-from ._noise import NONE, Method, Noise
-from ._tone import tone_in
+from ._noise import NONE, Method, Noise, white_noise
+from ._tone import Tone, tone_in
 
 PIECES = 12
 """Pieces of a recording in which the level of the noise is followed.  Chosen by judgement."""
@@ -20,6 +21,17 @@ _SIGNIFICANT = 1e-4
 """p-value below which the level of the noise counts as varying.  Chosen by judgement."""
 _NORMAL_MEDIAN = 0.6745
 """Median of the absolute value of a standard normal variable."""
+_LOUDER = 1.2
+"""A stretch this many times as loud as the later ones still holds what has not settled.  Chosen by
+judgement."""
+_LOUD = 4.0
+"""A stretch this many times as loud as the quietest quarter holds an event, which is in three
+successive differences of periods.  Noise whose level varies by this much within a recording is
+rare.  Chosen by judgement."""
+_PARTS, _FEWEST_PARTS = 8, 2
+"""Parts of a stretch by which its beginning is judged, and how many of them remain at least."""
+_MOST_TONES = 8
+"""Most tones that are taken out of noise.  Chosen by judgement."""
 _MEDIAN_SQUARED = 7.3
 """n times the relative variance of the squared median of the absolute differences of n normal
 values: 5.44 for independent values, and a third more for differences, which share values."""
@@ -33,11 +45,13 @@ class Stretch:
         samples: (n,) in the response's unit.
         start: the index of the first sample in the recording.
         terms: (n, k) orthonormal terms that were fitted and subtracted.
+        tones: the number of tones among the terms.
     """
 
     samples: np.ndarray
     start: int
     terms: np.ndarray
+    tones: int = 0
 
     @classmethod
     def untouched(cls, samples: np.ndarray, start: int) -> Stretch:
@@ -55,10 +69,50 @@ class Stretch:
         terms = np.linalg.qr(slow)[0]
         return cls(samples - terms @ (terms.T @ samples), start, terms)
 
+    @classmethod
+    def settled(cls, samples: np.ndarray, start: int) -> Stretch:
+        """A stretch without its slow relaxation, and without its beginning (n,) where that is
+        louder than the rest: a ringing, or a course that the relaxation does not follow.
+        """
+        length = samples.size // _PARTS
+        whole = cls.without_relaxation(samples, start)
+        parts = whole.samples[: length * _PARTS].reshape(_PARTS, length)
+        first = min(first_settled(list(parts)), _PARTS - _FEWEST_PARTS) * length
+        return cls.without_relaxation(samples[first:], start + first) if first else whole
+
     @property
     def removed(self) -> int:
         """The number of degrees of freedom that the terms have removed."""
         return self.terms.shape[1]
+
+    def without_tone(self, tone: Tone) -> Stretch:
+        """The stretch minus a tone of any amplitude and phase."""
+        phases = 2 * np.pi * tone.frequency * np.arange(self.samples.size)
+        pair = np.stack([np.cos(phases), np.sin(phases)], axis=1)
+        terms = np.linalg.qr(np.concatenate([self.terms, pair], axis=1))[0]
+        samples = self.samples - terms @ (terms.T @ self.samples)
+        return Stretch(samples, self.start, terms, self.tones + 1)
+
+
+def first_settled(parts: Sequence[np.ndarray]) -> int:
+    """The index of the first of successive parts (n,) that is not louder than the later ones.
+
+    Noise is everywhere, and what decays from a start is not: a first cycle, a ringing, a creep.
+    """
+    levels = np.array([np.sqrt(np.mean(part**2)) for part in parts])
+    # The level of n samples is known to one part in √(2n).
+    largest = max(_LOUDER, 1 + 4 / np.sqrt(2 * parts[0].size))
+    settled = (
+        k for k in range(len(levels) - 1) if levels[k] <= largest * np.median(levels[k + 1 :])
+    )
+    return next(settled, len(levels) - 1)
+
+
+def without_events(stretches: list[Stretch]) -> list[Stretch]:
+    """The stretches that are not far louder than others: an event is in some, noise is in all."""
+    levels = np.array([np.sqrt(np.mean(s.samples**2)) for s in stretches])
+    loudest = _LOUD * np.percentile(levels, 25, method="lower")
+    return [s for s, level in zip(stretches, levels, strict=True) if level <= loudest]
 
 
 def noise_in(
@@ -68,13 +122,40 @@ def noise_in(
     shared: float = 1.0,
     *,
     resolution: float = np.inf,
+    least: float = 0.0,
 ) -> Noise:
-    """The noise of stretches that hold nothing else.
+    """The noise of stretches that hold nothing else than noise and tones.
 
     `shared` says how many of their samples hold the same noise.  The level is followed along the
     recording if it exceeds the response's `resolution` [unit]: a noise below a converter's step is
-    hidden while the response stays on one code, and visible next to a change of code.
+    hidden while the response stays on one code, and visible next to a change of code.  Stretches
+    that show less than `least` [unit] are taken as white noise of that level.
+
+    A tone is deterministic and no noise: each that is significant is taken out, and the strongest
+    is reported.
     """
+    noise = _noise_with_tones(stretches, unit, method, shared, resolution, least)
+    strongest = noise.tone
+    for _ in range(_MOST_TONES):
+        if noise.tone is None or method == "residual":
+            break
+        stretches = [s.without_tone(noise.tone) for s in stretches]
+        noise = _noise_with_tones(stretches, unit, method, shared, resolution, least)
+    return replace(noise, tone=strongest)
+
+
+def _noise_with_tones(
+    stretches: list[Stretch],
+    unit: str,
+    method: Method,
+    shared: float,
+    resolution: float,
+    least: float,
+) -> Noise:
+    """The noise of stretches, and the strongest tone in them."""
+    if np.sqrt(np.mean(np.concatenate([s.samples for s in stretches]) ** 2)) <= least:
+        samples = sum(s.samples.size for s in stretches)
+        return replace(white_noise(least, unit, method), effective=samples / shared, shared=shared)
     colour = autoregression([s.samples for s in stretches], [s.terms for s in stretches])
     coefficients, innovation = colour
     squares = sum(np.sum(s.samples**2) + removed_power(colour, s.terms) for s in stretches)
@@ -95,7 +176,7 @@ def noise_in(
     median_level = level_from_differences(np.diff(white))
     whitened_kurtosis = max(float(kurtosis(white, fisher=False)), 3.0)
     # The fitted terms have removed the slowest lines.
-    slow = [1 + (s.removed + 1) // 2 for s in stretches]
+    slow = [1 + (s.removed - 2 * s.tones + 1) // 2 for s in stretches]
     spectra = [
         (np.fft.rfftfreq(w.size)[k:], np.abs(np.fft.rfft(w))[k:] ** 2 / w.size)
         for w, k in zip(whitened, slow, strict=True)
@@ -150,3 +231,14 @@ def level_from_differences(differences: np.ndarray) -> float:
     The median ignores outliers and oscillations at the beginning of a rest.
     """
     return float(np.median(np.abs(differences)) / (_NORMAL_MEDIAN * np.sqrt(2)))
+
+
+def level_without_motion(signal: np.ndarray, used: np.ndarray) -> float:
+    """The standard deviation of the white noise in a signal (N,), from its second differences.
+
+    A smooth motion has small second differences, and noise has large ones: √6 times its level.
+    Only differences of successive samples that are `used` (N,) count.
+    """
+    whole = used[2:] & used[1:-1] & used[:-2]
+    bends = np.diff(signal, 2)[whole]
+    return level_from_differences(bends) / np.sqrt(3) if bends.size else 0.0

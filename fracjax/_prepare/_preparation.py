@@ -277,7 +277,9 @@ def steady_of(take: Take) -> Take | None:
 
 def begins_in_motion(recording: Recording) -> bool:
     """Whether the drive moves from the first samples on."""
-    first = max(4, len(recording) // 200)
+    repeats = recording.drive_period()
+    # More cycles of the same drive do not change how it begins.
+    first = max(4, (len(recording) if repeats is None else repeats.period) // 200)
     return bool(np.ptp(recording.drive[:first]) > 5e-3 * np.ptp(recording.drive))
 
 

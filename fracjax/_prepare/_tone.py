@@ -7,6 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import median_filter
+from scipy.optimize import minimize_scalar
 from scipy.stats import gamma
 
 _SIGNIFICANT = 1e-7
@@ -61,10 +62,25 @@ def tone_in(
     top = int(np.argmax(ratio))
     level = levels[top]
     chance = longest / 2 * gamma.sf(ratio[top] * freedom, freedom)
-    phases = 2j * np.pi * frequencies[top] * np.arange(taps.size)
+    frequency = _refined(whitened, float(frequencies[top]), 1 / longest)
+    phases = 2j * np.pi * frequency * np.arange(taps.size)
     response = np.abs(taps @ np.exp(-phases))
     variance = 2 * max(power[top] - level, 0.0) * sizes.sum() / np.sum(sizes**2)
     rms = float(np.sqrt(variance) / response)
     if chance > _SIGNIFICANT or rms < _LEAST_SHARE * sigma:
         return None
-    return Tone(float(frequencies[top]), rms)
+    return Tone(frequency, rms)
+
+
+def _refined(whitened: Sequence[np.ndarray], frequency: float, width: float) -> float:
+    """The frequency [1/sample] within a `width` of this one at which the stretches have most power,
+    by stretches, because the phase from one to the next is unknown.
+    """
+
+    def power(candidate: float) -> float:
+        wave = np.exp(-2j * np.pi * candidate * np.arange(max(w.size for w in whitened)))
+        return -float(sum(abs(w @ wave[: w.size]) ** 2 / w.size for w in whitened))
+
+    low, high = max(frequency - width, 0.0), min(frequency + width, 0.5)
+    best = minimize_scalar(power, bounds=(low, high), options={"xatol": 1e-4 * width})
+    return float(best.x)

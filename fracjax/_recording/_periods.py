@@ -110,9 +110,11 @@ def stretches_at_rest(u: np.ndarray, minimum: int) -> list[tuple[int, int]]:
 
     variance = means(centred**2, minimum) - means(centred, minimum) ** 2
     noise = means(np.diff(u) ** 2, minimum - 1) / 2
-    runs = runs_of(quiet(variance, noise)) + np.array([0, minimum - 1])
-    return [
-        (int(start), int(stop))
-        for start, stop in runs
-        if quiet(u[start:stop].var(), np.mean(np.diff(u[start:stop]) ** 2) / 2)
-    ]
+    stretches: list[tuple[int, int]] = []
+    for start, stop in runs_of(quiet(variance, noise)) + np.array([0, minimum - 1]):
+        # Two runs may be a step apart that is shorter than a stretch, which both then hold.
+        first, last = max(int(start), stretches[-1][1] if stretches else 0), int(stop)
+        part = u[first:last]
+        if part.size >= minimum and quiet(part.var(), np.mean(np.diff(part) ** 2) / 2):
+            stretches.append((first, last))
+    return stretches

@@ -6,7 +6,7 @@ from typing import Protocol
 
 import numpy as np
 
-from fracjax._recording._periods import Repeats, unit_range
+from fracjax._recording._periods import Repeats, runs_of, unit_range
 from fracjax._recording._signals import spikes
 
 
@@ -59,7 +59,8 @@ def warnings_about(recording: Sampled) -> tuple[str, ...]:
     """All of them, in plain sentences."""
     warnings = (
         *(_clipping(recording), _quantisation(recording), _quantised_drive(recording)),
-        *(_undersampling(recording), _spikes(recording), _leading(recording)),
+        *(_undersampling(recording), _unresolved_edges(recording)),
+        *(_spikes(recording), _leading(recording)),
     )
     return tuple(warning for warning in warnings if warning)
 
@@ -156,6 +157,29 @@ def _leading(recording: Sampled) -> str | None:
         "The response leads the drive: their loop runs the wrong way round, by "
         f"{100 * area / spans:.2g} % of its box. The channels are skewed in time, or drive and "
         "response are swapped: check their clocks, --input and --output."
+    )
+
+
+_UNRESOLVED = 0.1
+"""Least error of the interpolation of a sample, as a share of the drive's range, at an edge whose
+course the samples do not tell."""
+
+
+def _unresolved_edges(recording: Sampled) -> str | None:
+    """Edges of the drive that are over from one sample to the next."""
+    u = unit_range(recording.drive)
+    # The error of the cubic through two samples on either side; it is half of a step at its edge.
+    cubic = (4 * (u[1:-3] + u[3:-1]) - u[:-4] - u[4:]) / 6
+    unresolved = np.abs(u[2:-2] - cubic) > _UNRESOLVED
+    edges = runs_of(unresolved)
+    # Where most of the drive is so, it has too few samples per period.
+    if not len(edges) or np.mean(unresolved) > 0.1:
+        return None
+    return (
+        f"The drive has {len(edges)} edge(s) between one sample and the next, the first at "
+        f"{recording.dt * int(edges[0, 0] + 2):.6g} s: when it moved within the step is not "
+        "recorded, and the response of the next samples will look like mismatch unless the edges "
+        "fall on samples. Soften the edges, or record the drive faster."
     )
 
 

@@ -10,6 +10,7 @@ if TYPE_CHECKING:
     from ._description import describe as describe
     from ._effect_picture import draw_effect as draw_effect
     from ._numbers import figure as figure
+    from ._numbers import percentage as percentage
     from ._numbers import pretty_unit as pretty_unit
     from ._numbers import quantity as quantity
     from ._posterior_page import posterior_row as posterior_row
@@ -35,6 +36,7 @@ _HOMES = {
     "_effect_picture": ("draw_effect",),
     "_numbers": (
         "figure",
+        "percentage",
         "pretty_unit",
         "quantity",
     ),

@@ -65,9 +65,7 @@ def describe(
             for start, stop in recording.static_stretches()
         ],
         "loop_opening_percent": loop_opening(recording),
-        "noise": None
-        if noise is None
-        else {"sigma": noise.sigma, "unit": noise.unit, "method": noise.method},
+        "noise": None if noise is None else noise.to_dict(),
         "warnings": [*recording.warnings, *recording.checks(), *doubts_about(recording)],
     }
 

@@ -34,3 +34,8 @@ def pretty_unit(unit: str) -> str:
 def quantity(value: float | None, unit: str) -> str:
     """A number with its unit."""
     return f"{figure(value)} {pretty_unit(unit)}".strip()
+
+
+def percentage(share: float) -> str:
+    """A share in per cent, to one digit, and whole from 1 % on."""
+    return f"{100 * share:.1g}" if share < 0.01 else f"{100 * share:.0f}"

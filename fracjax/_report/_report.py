@@ -28,6 +28,7 @@ from ._text import (
     download,
     estimate_row,
     file_name,
+    fit_badge,
     fit_sentence,
     frequency_figures,
     frequency_sentence,
@@ -115,13 +116,13 @@ def _fit_content(fits: Sequence[Fit]) -> dict[str, Any]:
     downloads = [
         download(f"fit_{file_name(fit.model.name)}.json", fit.to_dict()) for fit in best_first
     ]
-    converged = all(fit.converged for fit in fits)
+    badge, verdict = fit_badge(best_first)
     return {
         **_common(best_first, best_first),
         "title": f"Fit of {sources(fits[0])}",
         "sentence": fit_sentence(best_first),
-        "badge": "converged" if converged else "not converged",
-        "verdict": "none" if converged else "unexplained",
+        "badge": badge,
+        "verdict": verdict,
         "facts": [("Noise floor", noise_text(noise_of(best_first[0])))],
         "warnings": _warnings(best_first),
         "diagnosis": None,

@@ -13,10 +13,18 @@ from markupsafe import Markup
 
 from .._crosscheck import Crosscheck
 from .._diagnose import Diagnosis
-from .._fit import Combination, Comparison, Estimate, Fit, rank_fits
+from .._fit import (
+    Combination,
+    Comparison,
+    Estimate,
+    Fit,
+    is_useless,
+    rank_fits,
+    shortcomings_of,
+)
 from .._frequency import FrequencyFit
 from .._prepare import Noise
-from ._numbers import figure, pretty_unit, quantity
+from ._numbers import figure, percentage, pretty_unit, quantity
 
 _METHODS = {
     "repeats": "from repeats",
@@ -33,14 +41,14 @@ def opening(sentence: str) -> str:
 
 def noise_of(fit: Fit) -> Noise:
     """The noise by which the residuals of a fit were weighted."""
-    noise = fit.preparation.takes[0].noise
-    assert noise is not None  # fit() always ends with a noise model
-    return noise
+    return fit.noise
 
 
 def noise_text(noise: Noise) -> str:
-    """The noise floor and how it was determined."""
-    return f"{quantity(noise.sigma, noise.unit)} ({_METHODS[noise.method]})"
+    """The noise floor, how sure it is, and how it was determined."""
+    error = noise.relative_error
+    doubt = "" if error is None else f" ± {percentage(error)} %"
+    return f"{quantity(noise.sigma, noise.unit)}{doubt} ({_METHODS[noise.method]})"
 
 
 def sources(fit: Fit) -> str:
@@ -50,20 +58,39 @@ def sources(fit: Fit) -> str:
 
 
 def fit_sentence(fits: Sequence[Fit]) -> str:
-    """The error of a fit, or of the best of several, compared with the noise."""
+    """What a fit, or the best of several, is worth, and its error compared with the noise."""
     fit, noise = fits[0], noise_of(fits[0])
-    unit = fit.preparation.takes[0].recording.response_unit
-    error = f"{quantity(fit.scores.rmse, unit)} rms (fit {fit.scores.nrmse_percent:.4g} %)"
+    recording = fit.preparation.takes[0].recording
+    scores, files = fit.scores, sources(fit)
     best = "" if len(fits) == 1 else f" best of {len(fits)} models by BIC"
+    error = f"error of {quantity(scores.rmse, recording.response_unit)} rms"
+    error += f" (fit {scores.nrmse_percent:.4g} %)"
     if noise.method == "residual":
+        rests = "the rests do not show" if recording.static_stretches() else "no rest shows"
+        most = f", of which neighbouring samples show at most {quantity(noise.sigma, noise.unit)}"
+        error += f"; no repeat and {rests} how much of the error is noise"
+        error += most if fit.shortcomings else ""
+    else:
+        error += f", {scores.rmse / noise.sigma:.2f} times the noise floor of {noise_text(noise)}"
+    if not fit.shortcomings:
+        return f"{fit.model.name} describes {files}{best}, with an {error}."
+    others = shortcomings_of(scores.rmse, np.inf, scores.r_squared, fit.at_bound)
+    why = f": {', and '.join(others)}" if others else ""
+    if is_useless(scores.r_squared):
         return (
-            f"{fit.model.name} describes {sources(fit)}{best}, with an error of {error}; "
-            "no repeat and no rest shows how much of the error is noise."
+            f"{fit.model.name} does not describe {files}{best and ','}{best}{why}, with an {error}."
         )
-    return (
-        f"{fit.model.name} describes {sources(fit)}{best}, with an error of {error}, "
-        f"{fit.scores.rmse / noise.sigma:.2f} times the noise floor of {noise_text(noise)}."
-    )
+    return f"{fit.model.name} describes {files}{best} only in part{why}, with an {error}."
+
+
+def fit_badge(fits: Sequence[Fit]) -> tuple[str, str]:
+    """The badge of a report of fits, best first, and the verdict that colours it."""
+    if not all(fit.converged for fit in fits):
+        return "not converged", "unexplained"
+    if not fits[0].shortcomings:
+        return "converged", "none"
+    useless = is_useless(fits[0].scores.r_squared)
+    return "does not describe it" if useless else "describes it in part", "unexplained"
 
 
 def file_name(model: str) -> str:

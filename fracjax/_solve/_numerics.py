@@ -60,9 +60,9 @@ def refine_until_accurate(
         solved = solve_from([solved.block], finer)
 
 
-def discretisation_warnings(error: float) -> tuple[str, ...]:
+def discretisation_warnings(error: float, tolerated: float = TARGET) -> tuple[str, ...]:
     """Warnings about a numerical error that remains on the finest grid that was tried."""
-    if error <= TARGET:
+    if error <= tolerated:
         return ()
     return (
         f"The discretisation error is {error:.2g} noise units (target {TARGET:g}) on the finest "

@@ -1,6 +1,7 @@
 """What is as_model of a recording before anything is fitted to it."""
 
 import json
+from itertools import pairwise
 from pathlib import Path
 
 import numpy as np
@@ -257,3 +258,32 @@ def test_few_samples_per_period_are_told(tmp_path, capsys):
     write(tmp_path / "loop.csv", {"time_s": TIMES, "voltage_V": drive, "y_um": drive + 1})
     assert run(["info", str(tmp_path / "loop.csv")]) == 0
     assert "at least 10 are needed to follow its loop" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(("edge", "is_told"), [(1, True), (12, False)])
+def test_edges_between_samples_are_told(edge, is_told):
+    steps = np.repeat([0.0, 60.0, 20.0, 90.0], 500)
+    drive = np.convolve(np.pad(steps, 10, mode="edge"), np.ones(edge) / edge, "same")[10:-10]
+    drive = np.convolve(drive, np.ones(edge) / edge, "same")
+    told = [warning for warning in recording_of(drive).checks() if "edge(s)" in warning]
+    assert bool(told) == is_told
+    assert all("3 edge(s)" in warning for warning in told)
+
+
+def test_how_it_begins_does_not_depend_on_how_many_cycles_follow():
+    for count in (4, 10, 40):
+        times = np.arange(500 * count) / 500
+        drive = 50 - 50 * np.cos(2 * np.pi * times)
+        assert doubt(Recording(drive, drive + np.exp(-times), 1 / 500), "baseline") is None
+
+
+def test_rests_do_not_overlap():
+    """Two rests a small step apart are no longer than both together."""
+    for seed in range(40):
+        generator = np.random.default_rng(seed)
+        levels = np.repeat(generator.integers(0, 3, 40).astype(float), 90)
+        noise = generator.choice([0, 1e-4, 3e-4]) * generator.standard_normal(levels.size)
+        drive = levels + noise + 2e-3 * np.linspace(0, 1, levels.size)
+        rests = recording_of(drive).static_stretches()
+        assert all(stop <= start for (_, stop), (start, _) in pairwise(rests))
+        assert sum(stop - start for start, stop in rests) <= drive.size

@@ -8,7 +8,7 @@ import pytest
 from scipy.signal import lfilter
 
 import fracjax as fj
-from fracjax._prepare import measured_noise, residual_noise
+from fracjax._prepare import measured_noise, noise_below, residual_noise
 from fracjax._prepare._autoregression import autoregression, removed_power
 from fracjax._prepare._noise_sources import measured_noises, read_from_residual
 from fracjax._prepare._noise_stretches import Stretch, noise_in
@@ -105,7 +105,8 @@ def test_noise_of_a_drive_given_twice_is_what_does_not_repeat(steady):
     found = residual_noise(residual, np.ones(2000, bool), recording)
     assert found.is_leftover
     assert found.method == ("repeats" if steady else "residual")
-    assert found.sigma == pytest.approx(SIGMA if steady else residual.std(), rel=0.06)
+    # The mismatch, three times as large, is smooth: second differences do not show it.
+    assert found.sigma == pytest.approx(SIGMA, rel=0.06 if steady else 0.1)
 
 
 @pytest.mark.parametrize("pole", [0.0, 0.9])
@@ -114,10 +115,10 @@ def test_a_line_that_the_filter_leaves_out_shows_in_the_whitened_squares(pole):
     noise = np.asarray(lfilter([SIGMA], [1.0, -pole], generator.standard_normal(4000)))
     recording = recorded(100 * np.sin(np.arange(4000) ** 1.5 / 3e3), np.zeros(4000))
     used = np.ones(4000, bool)
-    alone = residual_noise(noise, used, recording)
+    alone = noise_below(noise, used, recording)
     assert alone.whitened_square == pytest.approx(1.0, abs=0.05)
     tone = 0.4 * np.exp(-np.arange(4000) / 2000) * np.sin(np.arange(4000) / 12)
-    found = residual_noise(noise + tone, used, recording)
+    found = noise_below(noise + tone, used, recording)
     line = np.mean(np.asarray(lfilter(found.whitening, 1.0, tone)) ** 2)
     assert line > 0.5
     assert found.whitened_square == pytest.approx(1.0 + line, rel=0.1)

@@ -9,9 +9,9 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .._blocks import EFFECTS, AbstractBlock
-from .._prepare import Preparation, level_from_differences
+from .._prepare import Preparation
 from .._solve import Progress, tolerated_error
-from ._fitted import Fitted, fitted
+from ._fitted import Fitted
 from ._names import Judge, Name
 from ._refits import Explanation, beside, explained_by
 from ._thresholds import ALIKE, APART, MISFIT, NUMERICS, SURE
@@ -21,7 +21,6 @@ _MOST_RIVALS, _MOST_NAMES, _MOST_TRIED = 4, 3, 4
 _ALIKE_EXACT = 0.01
 _MINOR = 0.1
 _HALF = 0.5
-_LEAST_FLOOR = 1e-6
 _SMALL = 1.0
 
 
@@ -79,8 +78,6 @@ def inquire(
     """Ask what a base leaves out."""
     progress("computing every effect's columns")
     guessed = any(_is_guessed(take) for take in base.preparation.takes)
-    if guessed:
-        base = _with_floor(base)
     takes = base.preparation.takes
     innovation = np.median([take.noise.innovation for take in takes if take.noise is not None])
     small = _SMALL * float(innovation) / base.preparation.setting.response_span
@@ -112,25 +109,6 @@ def inquire(
 
 def _is_guessed(take) -> bool:
     return take.noise.method == "residual"
-
-
-def _with_floor(base: Fitted) -> Fitted:
-    """A base whose noise, where it was read from a residual, is no larger than what differences of
-    that say: mismatch is smooth from sample to sample, and no noise."""
-    noises, at = [], 0
-    for take, problem in zip(base.preparation.takes, base.problems, strict=True):
-        error = base.error[at : at + len(take.recording)][take.used]
-        at += len(problem.response)
-        noise = take.noise
-        assert noise is not None  # a diagnosis has one
-        if _is_guessed(take):
-            rough = level_from_differences(np.diff(error, 2)) / np.sqrt(3)
-            floor = max(rough, _LEAST_FLOOR * base.preparation.setting.response_span)
-            nothing = np.zeros(0), np.zeros(0)
-            size = min(floor, noise.sigma)
-            noise = replace(noise, sigma=size, filter=np.ones(1), innovation=size, course=nothing)
-        noises.append(noise)
-    return fitted([base.solved.block], base.preparation.with_noises(noises))
 
 
 def _refitted(found: Inquiry, nominal: AbstractBlock, progress: Progress, clock: Clock) -> Inquiry:

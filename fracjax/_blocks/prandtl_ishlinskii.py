@@ -72,7 +72,7 @@ class PrandtlIshlinskii(AbstractBlock):
         self.weights = Parameter(weights, "response/drive", gain=True)
         self.q = Parameter(q, lower=-0.9, upper=0.9, plausible=(-0.3, 0.3))
         self.radii = Parameter(_SHARES * (high - low), "drive", fixed=True)
-        self.ends = Parameter([low, high], "drive", fixed=True)
+        self.ends = Parameter(np.array([low, high]), "drive", fixed=True)
 
     @property
     def linear(self) -> bool:

@@ -32,7 +32,9 @@ class PrandtlIshlinskii(AbstractBlock):
     that a fit iterates q alone.  And the operator is the classical one after γ: where all slopes
     s_j have one sign, its inverse is γ^-1 after a classical operator with known weights and radii.
     Neither holds together for a curve after the plays (not linear) or beside them (no such
-    inverse).  The weights themselves may have either sign.
+    inverse).  The weights themselves may have either sign.  `cubic_nonlinearity` in series before
+    it makes the curve one of third order, for recordings of several amplitudes: a single one may
+    not tell it from the weights.
 
     The derivatives, which JAX computes, jump where a play begins to move.
 

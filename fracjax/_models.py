@@ -122,7 +122,10 @@ _AT_ONCE = 0.7
 
 
 def prandtl_ishlinskii(setting: Setting = ORDINARY) -> AbstractBlock:
-    """Prandtl–Ishlinskii plays over the setting's drive, weighted as in a typical loop."""
+    """Prandtl–Ishlinskii plays over the setting's drive, weighted as in a typical loop.
+
+    Source: Al Janaideh, Rakheja & Su, IEEE/ASME Trans. Mechatronics 16 (2011) 734.
+    """
     shares = np.append(_AT_ONCE, np.full(12, (1 - _AT_ONCE) / 12))
     slope = setting.response_span / setting.drive_span
     return PrandtlIshlinskii(slope * shares, low=setting.drive_low, high=setting.drive_high)

@@ -66,6 +66,7 @@ from .mains_interference import MainsInterference as MainsInterference
 from .minor_loop_memory import DriveMemory as DriveMemory
 from .minor_loop_memory import MinorLoopMemory as MinorLoopMemory
 from .pea_dynamics import PEADynamics as PEADynamics
+from .prandtl_ishlinskii import PrandtlIshlinskii as PrandtlIshlinskii
 from .quantisation import Quantisation as Quantisation
 from .quasi_static_force import QuasiStaticForce as QuasiStaticForce
 from .resonance import Resonance as Resonance

@@ -20,7 +20,7 @@ from .._prepare import layout_of, values_by_name
 from .._recording import InputError, Recording, require_kind, unit
 from .._solve import Progress, silent
 from ._bounded import Bounds, optimise_within
-from ._inverse import inverse_of, without_disturbances
+from ._inverse import inverse_of, obstacles_to_inversion, without_disturbances
 from ._plant import Plant
 from ._result import Compensation
 from ._trajectory import Trajectory
@@ -151,6 +151,7 @@ def compensate(
             iterations=solution.iterations,
             converged=solution.converged,
             numerics=_numerics(system.plant, solution, stroke),
+            warnings=obstacles_to_inversion(block),
         )
 
 

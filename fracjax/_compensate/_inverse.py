@@ -6,7 +6,8 @@ all positive (or all negative) has an inverse of the same form:
     u = y/w_0 + Σ_i w'_i p_i(y, r'_i),    r'_i = Σ_{j≤i} s_{j-1} (r_j - r_{j-1}),
     w'_i = 1/s_i - 1/s_{i-1}
 
-In parallel with a dynamic block, the plays are inverted with that block's gain at one frequency.
+Plays of a curve of the drive are inverted likewise, and then the curve.  In parallel with a dynamic
+block, the plays are inverted with that block's gain at one frequency.
 Source: Krejci & Kuhnen, IEE Proc. Control Theory Appl. 148 (2001) 185.
 """
 
@@ -31,6 +32,7 @@ from .._blocks import (
     MainsInterference,
     MinorLoopMemory,
     Parallel,
+    PrandtlIshlinskii,
     QuasiStaticForce,
     Saturation,
     SensorNonlinearity,
@@ -84,12 +86,29 @@ def inverse_of(block: AbstractBlock, frequency: float) -> Inversion | None:
         if last is None or first is None:
             return None
         return Inversion(last.block >> first.block, last.exact and first.exact)
-    if isinstance(block, AmplitudeDependence | DriveMemory | Parallel):
+    if isinstance(block, AmplitudeDependence | DriveMemory | PrandtlIshlinskii | Parallel):
         plays = _inverse_play_sum(block, frequency)
         if plays is not None:
             return plays
     part = _linear_part(block)
     return None if part is None else Inversion(part.inverse(), False)
+
+
+def obstacles_to_inversion(block: AbstractBlock) -> tuple[str, ...]:
+    """Why a part of a block has no inverse in closed form although its kind has one, in sentences
+    of a report."""
+    if isinstance(block, Series | Parallel):
+        return obstacles_to_inversion(block.first) + obstacles_to_inversion(block.second)
+    if not isinstance(block, PrandtlIshlinskii):
+        return ()
+    low, high = np.min(block.slopes), np.max(block.slopes)
+    if low * high > 0:
+        return ()
+    return (
+        "The Prandtl-Ishlinskii model has no inverse in closed form, for which its slopes after a "
+        f"turn must have one sign: they run from {low:.3g} to {high:.3g} (response per drive). "
+        "The drive was found by iteration.",
+    )
 
 
 def linear_part_of(block: AbstractBlock) -> tuple[AbstractLinearBlock | None, bool]:
@@ -108,7 +127,7 @@ def _linear_part(block: AbstractBlock) -> AbstractLinearBlock | None:
             return QuasiStaticForce(1.0)
         case SensorNonlinearity() | Saturation() | Delay():
             return QuasiStaticForce(1.0)
-        case MinorLoopMemory():
+        case MinorLoopMemory() | PrandtlIshlinskii():
             return QuasiStaticForce(float(np.sum(block.weights.value)))
         case BoucWen():
             steepest = np.maximum(0.0, block.rho.value * block.k_h.value)
@@ -130,7 +149,7 @@ def _linear(block: AbstractBlock) -> AbstractLinearBlock:
 
 
 def _inverse_play_sum(
-    block: AmplitudeDependence | DriveMemory | Parallel, frequency: float
+    block: AmplitudeDependence | DriveMemory | PrandtlIshlinskii | Parallel, frequency: float
 ) -> Inversion | None:
     """The inverse of plays in parallel with another block, or with the drive itself.
 
@@ -144,6 +163,10 @@ def _inverse_play_sum(
     if isinstance(block, DriveMemory):
         shares = np.asarray(block.shares.value)
         return _play_sum_inverse(1 - float(shares.sum()), shares, np.asarray(block.radii), True)
+    if isinstance(block, PrandtlIshlinskii):
+        first, *weights = np.asarray(block.weights.value)
+        plays = _play_sum_inverse(first, np.array(weights), np.asarray(block.radii.value)[1:], True)
+        return plays and plays._replace(block=plays.block >> block.curve.inverse())
     sides = (block.first, block.second)
     memory = next((side for side in sides if isinstance(side, MinorLoopMemory)), None)
     parallel = next((_linear_part(side) for side in sides if side is not memory), None)

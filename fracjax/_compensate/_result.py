@@ -65,6 +65,7 @@ class Compensation:
         converged: Whether the method converged.
         numerics: Largest change of the prediction when the grid's step is halved, as a share of the
             stroke.
+        warnings: Sentences about what the model does not allow.
     """
 
     model: str
@@ -85,6 +86,7 @@ class Compensation:
     iterations: int
     converged: bool
     numerics: float
+    warnings: tuple[str, ...] = ()
 
     @property
     def times(self) -> np.ndarray:
@@ -191,6 +193,7 @@ class Compensation:
             "iterations": self.iterations,
             "converged": self.converged,
             "numerics": self.numerics,
+            "warnings": list(self.warnings),
             "signals": {
                 **{name: getattr(self, name).tolist() for name in _SIGNALS},
                 "band": None if self.band is None else self.band.tolist(),
@@ -256,6 +259,7 @@ def load_compensation(path: str | Path) -> Compensation:
             iterations=content["iterations"],
             converged=content["converged"],
             numerics=content["numerics"],
+            warnings=tuple(content.get("warnings", ())),
             **signals,
         )
     except FileNotFoundError:

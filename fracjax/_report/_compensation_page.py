@@ -106,8 +106,8 @@ def compensation_figures(compensation: Compensation) -> tuple[list[str], list[li
 
 
 def compensation_warnings(compensation: Compensation) -> list[str]:
-    """Warnings about convergence, blocks left out, and discretisation."""
-    warnings = []
+    """Warnings about the model, convergence, blocks left out, and discretisation."""
+    warnings = list(compensation.warnings)
     if not compensation.converged:
         warnings.append("The inversion did not converge: this is the best drive that it reached.")
     if compensation.left_out:

@@ -19,6 +19,7 @@ from fracjax._blocks import (
     GainDrift,
     LostContact,
     LuGreFriction,
+    PrandtlIshlinskii,
     Quantisation,
     QuasiStaticForce,
     SecondMode,
@@ -70,6 +71,8 @@ slew = SlewRateLimit(160.0, top=400.0)
 warming = GainDrift(0.2, 1.5, 0.5, 1.5, speed=140.0, size=15.0)
 layer = ViscoelasticLayer(0.3, 0.02, 0.4)
 
+plays = PrandtlIshlinskii(np.linspace(0.4, 0.05, 13), 0.4, low=42.0, high=84.0)
+
 converter = Quantisation(0.3, 0.2, step=4.0)
 circuit, force = DriveCircuit(1.4, 0.02), QuasiStaticForce(30.0)
 
@@ -89,6 +92,7 @@ BLOCKS: dict[str, AbstractBlock] = {
     "ladder of creep": ladder,
     "layer of arms": arms,
     "bouc_wen": bouc_wen,
+    "prandtl_ishlinskii": plays,
     "drive_lag": lag,
     "delay": delay,
     "resonance": resonance,
@@ -214,6 +218,7 @@ def test_reverse_mode_is_forward_mode(name):
 # A turning point between samples is met to the square of the step, but by chance more or less.
 REFINEMENT = {
     "bouc_wen": 4,
+    "prandtl_ishlinskii": 4,
     "coulomb_friction": 4,
     "LuGre's friction": 4,
     "minor_loop_memory": 4,
@@ -256,9 +261,10 @@ def test_linear_means_superposition(name):
     [
         bouc_wen,
         memory,
+        plays,
         BoucWen(0.0, 1.0, rho=0.01),
     ],
-    ids=["bouc_wen", "minor_loop_memory", "slow bouc_wen"],
+    ids=["bouc_wen", "minor_loop_memory", "prandtl_ishlinskii", "slow bouc_wen"],
 )
 def test_periodic_history_is_the_last_of_many_cycles(block):
     angles = 2 * np.pi * np.arange(40) / 40

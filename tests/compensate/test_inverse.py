@@ -12,6 +12,7 @@ from fracjax import blocks
 from fracjax._compensate._inverse import inverse_of
 from fracjax._compensate._plant import upsample
 from fracjax._operators import Grid
+from fracjax._report import compensation_warnings
 from tests.compensate.helpers import HYSTERESIS, SINE, STEP, TIMES, model, wanted
 
 TRIANGLE = 10 * (1 - np.abs(1 - 2 * (TIMES % 1)))
@@ -163,6 +164,59 @@ def test_plays_beside_a_law_and_behind_a_curve_are_inverted_by_contraction(motio
     found = fj.compensate(model(block), wanted(motion + 0.5), history="rest")
     assert found.verdict == "followed"
     assert found.method == "fixed point"
+
+
+# Plays of a curve ---------------------------------------------------------------------------------
+
+POSITIVE = st.lists(st.floats(1e-3, 1.0), min_size=13, max_size=13)
+
+
+@settings(max_examples=25)
+@given(
+    POSITIVE,
+    st.sampled_from([1.0, -1.0]),
+    st.floats(-0.9, 0.9),
+    st.sampled_from(["rest", "constant", "periodic"]),
+)
+def test_prandtl_ishlinskii_has_its_own_inverse(weights, sign, q, history):
+    block = blocks.PrandtlIshlinskii(sign * np.array(weights), q, low=10.0, high=90.0)
+    inverse = inverse_of(block, 1.0)
+    assert inverse is not None
+    assert inverse.exact
+    walk = np.cumsum(np.random.default_rng(len(history)).normal(0, 8, 200))
+    drive = 50 + walk - np.linspace(0, walk[-1] - walk[0], 200)  # beyond both ends
+    grid = Grid(STEP, history)
+    recovered = np.asarray(inverse.block(block(jax.numpy.asarray(drive), grid), grid))
+    np.testing.assert_allclose(recovered, drive, atol=1e-8 * np.ptp(drive))
+
+
+PLAYS = np.append(0.06, np.full(12, 0.004))
+
+
+@pytest.mark.parametrize("motion", [SINE, TRIANGLE])
+def test_prandtl_ishlinskii_is_compensated_in_closed_form(motion):
+    block = blocks.PrandtlIshlinskii(PLAYS, 0.3, low=0.0, high=100.0)
+    found = fj.compensate(model(block), wanted(motion))
+    assert found.method == "closed form"
+    assert found.verdict == "followed"
+    assert found.max_error < 1e-12 * found.stroke
+    assert found.warnings == ()
+    again = fj.compensate(fj.parse_model("prandtl_ishlinskii >> creep + resonance"), wanted(motion))
+    assert again.verdict == "followed"
+    assert again.method in ("closed form", "fixed point")
+
+
+def test_slopes_of_both_signs_are_iterated_and_said(tmp_path):
+    turning = np.append(-0.02, PLAYS[1:] + 0.01)
+    block = blocks.PrandtlIshlinskii(turning, 0.3, low=0.0, high=100.0) >> blocks.Creep(1.0, 0.01)
+    found = fj.compensate(model(block), wanted())
+    assert found.method != "closed form"
+    (sentence,) = found.warnings
+    assert "slopes" in sentence
+    assert "from -0.02 to 0.148" in sentence
+    assert sentence in compensation_warnings(found)
+    found.save(tmp_path / "compensation.json")
+    assert fj.load_compensation(tmp_path / "compensation.json").warnings == (sentence,)
 
 
 # The grid -----------------------------------------------------------------------------------------

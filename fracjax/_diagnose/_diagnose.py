@@ -24,7 +24,7 @@ from .._prepare import (
 )
 from .._recording import InputError, Recording, require_units_of
 from .._solve import Progress, discretisation_warnings, silent
-from ._drive import thinned, unrounded, wrong_way
+from ._drive import thinned, unrounded, without_spikes, wrong_way
 from ._findings import Findings
 from ._fitted import fitted
 from ._held_out import predict_recording, predict_stretches
@@ -79,7 +79,8 @@ def diagnose(
         raise InputError.at("max_time", "seconds above 0", f"{max_time}", "give more")
     clock = Clock(max_time)
     changed: list[str] = []
-    for change in (thinned, unrounded) if not mask and settling is None else (unrounded,):
+    changes = (without_spikes, unrounded)
+    for change in (*changes, thinned) if not mask and settling is None else changes:
         pairs = [change(recording) for recording in listed]
         listed = [recording for recording, _ in pairs]
         changed += [said for _, said in pairs if said]
@@ -102,12 +103,13 @@ def diagnose(
         predict = predict_stretches if unseen is None else partial(predict_recording, take=unseen)
         doubts = [said for said in map(wrong_way, listed) if said]
         inquiry = inquire(base, model.block, progress, clock)
-        findings = Findings(model, inquiry, unseen, predict)
-        if findings.predicts_worse:
-            unnamed = replace(inquiry, names=(), explanation=None, rivals=())
-            findings = Findings(model, unnamed, unseen, predict)
+        if doubts:
+            inquiry = inquiry.unnamed()
+        findings = Findings(model, inquiry, unseen, predict, tuple(doubts))
+        if findings.is_refuted:
+            findings = replace(findings, inquiry=inquiry.unnamed())
         limits = limits or recorded_limits(listed)
-        return _concluded(findings, limits, (*changed, *doubts), progress, clock)
+        return _concluded(findings, limits, changed, progress, clock)
 
 
 def held_out_take(first: Take, holdout: Recording) -> Take:
@@ -123,7 +125,7 @@ def held_out_take(first: Take, holdout: Recording) -> Take:
 def _concluded(
     findings: Findings,
     limits: Limits,
-    doubts: Sequence[str],
+    changed: Sequence[str],
     progress: Progress,
     clock: Clock,
 ) -> Diagnosis:
@@ -146,7 +148,7 @@ def _concluded(
         p_value=findings.p_value,
         held_out=findings.held_out,
         next_experiment=_next_experiment(findings, limits, progress, clock),
-        warnings=(*_warnings(findings), *doubts),
+        warnings=(*changed, *findings.doubts, *_warnings(findings)),
         shape=findings.shape,
         complete=not clock.stopped,
     )

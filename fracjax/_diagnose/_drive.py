@@ -1,4 +1,5 @@
-"""A drive that was recorded coarsely: the smooth course that its codes leave open."""
+"""What a recording needs before it is asked, and what its loop says of it: spikes, a rounded drive,
+more samples than the drive's band needs, a loop that no actuator runs through."""
 
 from __future__ import annotations
 
@@ -9,12 +10,13 @@ from scipy.ndimage import gaussian_filter1d
 
 from .._operators import interpolate
 from .._prepare import top_frequency
-from .._recording import Recording
+from .._recording import Recording, spikes
 
 _WIDTHS = (48, 32, 24, 16, 12, 8, 6, 4, 3, 2)
 _WITHIN = 0.75
 _COARSE = 1e-3
 _MOST_SAMPLES, _PER_PERIOD, _LEAST_RATE = 12_000, 32, 1000.0
+_MOST_SPIKES, _MOST_TIMES = 0.02, 5
 _STRONG, _EVEN, _LEAD = 0.3, 0.6, np.radians(2.0)
 
 
@@ -50,6 +52,21 @@ def unrounded(recording: Recording) -> tuple[Recording, str]:
     return recording, ""
 
 
+def without_spikes(recording: Recording) -> tuple[Recording, str]:
+    """A recording whose spikes no fit counts, and what is to be said of them."""
+    alone = spikes(recording.response)
+    if not 0 < alone.sum() <= _MOST_SPIKES * len(recording):
+        return recording, ""
+    masked = alone if recording.masked is None else alone | recording.masked
+    times = ", ".join(f"{k * recording.dt:.6g}" for k in np.flatnonzero(alone)[:_MOST_TIMES])
+    more = ", …" if alone.sum() > _MOST_TIMES else ""
+    said = (
+        f"{recording.source}: {alone.sum()} samples stand alone, far from their neighbours, at "
+        f"{times}{more} s: spikes, which were left out."
+    )
+    return replace(recording, masked=masked), said
+
+
 def thinned(recording: Recording) -> tuple[Recording, str]:
     """A long recording at the rate that the drive's band needs, and what is to be said of that."""
     needed = max(_PER_PERIOD * top_frequency(recording), _LEAST_RATE)
@@ -60,8 +77,10 @@ def thinned(recording: Recording) -> tuple[Recording, str]:
         f"{recording.source}: every {every}th of {len(recording)} samples was used, as many as the "
         f"drive's band up to {top_frequency(recording):.3g} Hz needs."
     )
+    masked = None if recording.masked is None else recording.masked[::every]
     fewer = replace(
         recording,
+        masked=masked,
         drive=recording.drive[::every],
         response=recording.response[::every],
         dt=every * recording.dt,

@@ -30,12 +30,14 @@ _USUAL_PLAY = 0.2
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """An inquiry into a model, with the recording held out, if any, and how it is predicted."""
+    """An inquiry into a model, with the recording held out, if any, and how it is predicted;
+    `doubts` say why the recording cannot be what it is taken for."""
 
     model: Model
     inquiry: Inquiry
     unseen: Take | None
     predict: Predict
+    doubts: tuple[str, ...] = ()
 
     @property
     def base(self) -> Fitted:
@@ -145,7 +147,7 @@ class Findings:
     @cached_property
     def _shape_is_named(self) -> bool:
         """Whether loop shapes carry the mismatch."""
-        return self.shape is not None and self.shape.share >= EXPLAINED
+        return self.shape is not None and self.shape.share >= EXPLAINED and not self.doubts
 
     @cached_property
     def extended_fit(self) -> Fit | None:
@@ -316,11 +318,12 @@ class Findings:
         return before, None if self.extended is None else self.predict(self.extended)
 
     @property
-    def predicts_worse(self) -> bool:
+    def is_refuted(self) -> bool:
         """Whether a recording that was held out is clearly further from the model with what is
-        named than from the base: then that has followed something else."""
+        named than from the base: then that has followed something else.  Plays that stand for the
+        loop's shape may be further off beyond the range that they were fitted in."""
         before, after = self.predicted
-        if self.unseen is None or after is None or not self.inquiry.names:
+        if self.unseen is None or after is None or self.inquiry.is_shape:
             return False
         return after.rmse > REFUTED * before.rmse
 

@@ -56,6 +56,10 @@ class Inquiry:
     rivals: tuple[tuple[Explanation, ...], ...]
     is_carried: bool = False
 
+    def unnamed(self) -> Inquiry:
+        """The same without names."""
+        return replace(self, names=(), explanation=None, rivals=(), is_carried=False)
+
     @property
     def is_shape(self) -> bool:
         """Whether the loop's shape is surely not the model's."""
@@ -104,7 +108,7 @@ def inquire(
         return _refitted(found, nominal, progress, clock) if names else found
     except KeyboardInterrupt:
         clock.stopped = True
-        return replace(found, names=())
+        return found.unnamed()
 
 
 def _is_guessed(take) -> bool:

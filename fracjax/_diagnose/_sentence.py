@@ -61,7 +61,9 @@ def _place(axis: Axis) -> str:
 
 
 def sentence_of(findings: Findings, most_like: str | None) -> str:
-    """The plain sentence that everything else supports."""
+    """The plain sentence that everything else supports, after what is wrong with the recording."""
+    if findings.doubts:
+        return f"{' '.join(findings.doubts)} Until then no missing physics is named."
     base, verdict = findings.base_fit, findings.verdict
     several = len(base.preparation.takes) > 1
     recorded = "the recordings" if several else "the recording"

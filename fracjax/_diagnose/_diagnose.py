@@ -102,9 +102,7 @@ def diagnose(
         unseen = None if holdout is None else held_out_take(preparation.takes[0], holdout)
         predict = predict_stretches if unseen is None else partial(predict_recording, take=unseen)
         doubts = [said for said in map(wrong_way, listed) if said]
-        inquiry = inquire(base, model.block, progress, clock)
-        if doubts:
-            inquiry = inquiry.unnamed()
+        inquiry = inquire(base, model.block, progress, clock, may_name=not doubts)
         findings = Findings(model, inquiry, unseen, predict, tuple(doubts))
         if findings.is_refuted:
             findings = replace(findings, inquiry=inquiry.unnamed())

@@ -6,6 +6,7 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
+from numpy.polynomial import chebyshev
 from scipy.ndimage import gaussian_filter1d
 
 from .._operators import interpolate
@@ -17,7 +18,7 @@ _WITHIN = 0.75
 _COARSE = 1e-3
 _MOST_SAMPLES, _PER_PERIOD, _LEAST_RATE = 12_000, 32, 1000.0
 _MOST_SPIKES, _MOST_TIMES = 0.02, 5
-_STRONG, _EVEN, _LEAD = 0.3, 0.6, np.radians(2.0)
+_STRONG, _EVEN, _LEAD, _CURVES = 0.3, 0.5, np.radians(2.0), 6
 
 
 def drive_step(drive: np.ndarray) -> float:
@@ -88,6 +89,13 @@ def thinned(recording: Recording) -> tuple[Recording, str]:
     return fewer, said
 
 
+def _explained(response: np.ndarray, curves: np.ndarray) -> float:
+    """The squares of a centred response (N,) that curves (N, k) of the drive explain."""
+    centred = curves - curves.mean(axis=0)
+    fitted = centred @ np.linalg.lstsq(centred, response, rcond=None)[0]
+    return float(fitted @ fitted)
+
+
 def wrong_way(recording: Recording) -> str:
     """What is to be said of a loop that no actuator runs through: a response that leads its drive,
     or that is even in it; nothing of others."""
@@ -99,11 +107,9 @@ def wrong_way(recording: Recording) -> str:
     coherent = np.sum(np.conj(lines[strong]) * answer[strong])
     size = np.sqrt(np.sum(np.abs(lines[strong]) ** 2) * np.sum(np.abs(answer[strong]) ** 2))
     lead = float(np.angle(coherent * np.sign(coherent.real or 1.0)))
-    centred = 2 * drive / np.ptp(drive)
-    even = centred**2 - np.mean(centred**2)
-    by_even = float(np.corrcoef(even, response)[0, 1] ** 2) if even.any() else 0.0
-    by_odd = float(np.corrcoef(drive, response)[0, 1] ** 2) if drive.any() else 0.0
-    if by_even > _EVEN and by_odd < 1 - _EVEN:
+    curves = chebyshev.chebvander(2 * (drive - drive.min()) / np.ptp(drive) - 1, _CURVES)[:, 1:]
+    by_odd, by_even = (_explained(response, curves[:, k::2]) for k in (0, 1))
+    if by_even > _EVEN * response @ response > by_odd:
         return (
             f"{recording.source}: the response is even in the drive, a butterfly loop, which no "
             "model here gives; diagnose one branch, or measure a quantity that keeps the sign."

@@ -78,8 +78,10 @@ def inquire(
     nominal: AbstractBlock,
     progress: Progress,
     clock: Clock,
+    *,
+    may_name: bool,
 ) -> Inquiry:
-    """Ask what a base leaves out."""
+    """Ask what a base leaves out, and name it where the recording `may_name` anything."""
     progress("computing every effect's columns")
     guessed = any(_is_guessed(take) for take in base.preparation.takes)
     takes = base.preparation.takes
@@ -97,9 +99,11 @@ def inquire(
     seen = seen or view_of(base, columns, small)
     judge = Judge(first, seen, small)
     # A simulation that is off by more than the noise names nothing.
-    exact = base.numerics <= tolerated_error(NUMERICS, base.solved, _MINOR)
-    names = judge.names() if exact else ()
+    may_name = may_name and base.numerics <= tolerated_error(NUMERICS, base.solved, _MINOR)
+    names = judge.names() if may_name else ()
     found = Inquiry(base, first, seen, judge, names, None, ())
+    if not may_name:
+        return found
     try:
         alone = not judge.is_inexact and len(names) < 2
         carried = None if alone else _carried(found, nominal, progress, clock)

@@ -18,7 +18,7 @@ _WITHIN = 0.75
 _COARSE = 1e-3
 _MOST_SAMPLES, _PER_PERIOD, _LEAST_RATE = 12_000, 32, 1000.0
 _MOST_SPIKES, _MOST_TIMES = 0.02, 5
-_STRONG, _EVEN, _LEAD, _CURVES = 0.3, 0.5, np.radians(2.0), 6
+_STRONG, _EVEN, _LEAD, _CURVES = 0.3, 0.5, np.radians(5.0), 6
 
 
 def drive_step(drive: np.ndarray) -> float:
@@ -104,6 +104,8 @@ def wrong_way(recording: Recording) -> str:
     lines, answer = np.fft.rfft(drive), np.fft.rfft(response)
     strong = np.abs(lines) > _STRONG * np.abs(lines).max()
     strong[0] = False
+    # Above a mode a response may seem to lead.
+    strong[2 * int(np.argmax(strong)) :] = False
     coherent = np.sum(np.conj(lines[strong]) * answer[strong])
     size = np.sqrt(np.sum(np.abs(lines[strong]) ** 2) * np.sum(np.abs(answer[strong]) ** 2))
     lead = float(np.angle(coherent * np.sign(coherent.real or 1.0)))

@@ -17,7 +17,7 @@ from ._refits import Explanation, beside, explained_by
 from ._thresholds import ALIKE, APART, MISFIT, NUMERICS, SURE
 from ._view import View, columns_of, view_of, with_misfit_as_noise
 
-_MOST_RIVALS, _MOST_NAMES, _MOST_TRIED = 4, 3, 4
+_MOST_RIVALS, _MOST_NAMES, _MOST_TRIED = 4, 3, 6
 _ALIKE_EXACT = 0.01
 _MINOR = 0.1
 _HALF = 0.5
@@ -175,9 +175,9 @@ def _simplest(explanations: Sequence[Explanation], margin: float) -> Explanation
 def _carried(
     found: Inquiry, nominal: AbstractBlock, progress: Progress, clock: Clock
 ) -> Inquiry | None:
-    """The inquiry where one effect, refitted without loop shapes, is likelier than all that stands
-    beside them: far from the fit a secant may miss what the effect itself does not.  None where no
-    effect is."""
+    """The inquiry where one effect, refitted without loop shapes, is as likely as all that stands
+    beside them, or as several effects: far from the fit a secant may miss what the effect itself
+    does not.  None where no effect is."""
     base, first, judge = found.base, found.first, found.judge.without_shapes()
     fits: list[Explanation] = []
     for name in judge.leading(_MOST_TRIED):
@@ -185,12 +185,15 @@ def _carried(
             break
         progress(f"refitting with {name}")
         fits.append(explained_by([name], judge, nominal, base.preparation, 0.0))
-    best = min(fits, key=lambda e: e.standing, default=None)
-    rival = first.posterior.best.log_posterior
-    if best is None or first.log_posterior_of(best.fitted.solved.cost, best.price) < rival:
+    if not fits:
         return None
-    fall = base.solved.cost - best.fitted.solved.cost
-    near = [e for e in fits if e.cost - best.cost < max(APART, _ALIKE_EXACT * fall)]
+    fall = base.solved.cost - min(e.fitted.solved.cost for e in fits)
+    margin = max(APART, _ALIKE_EXACT * fall)
+    best = _simplest(fits, margin)
+    rival = first.posterior.best.log_posterior - APART / 2
+    if first.log_posterior_of(best.fitted.solved.cost, best.price) < rival:
+        return None
+    near = [e for e in fits if e.cost - best.cost < margin]
     alike = tuple(e.names[0] for e in near if e is not best)
     name = Name(best.names[0], alike, found.seen.posterior.shape, min(1.0, fall / judge.excess))
     return replace(found, names=(name,), explanation=best, rivals=(tuple(near),), is_carried=True)

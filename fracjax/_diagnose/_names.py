@@ -52,21 +52,22 @@ class Judge:
         return Judge(self.first, self.first, np.inf)
 
     def price(self, name: str) -> float:
-        """What an effect costs: twice the logarithm by which its evidence, the mean over its shapes
-        and sizes, is below the likelihood of the best of them (Occam's factor)."""
-        own, count = [k for k in self.seen.kinds if k.name == name], self.seen.gram.count
-        fall = self._coloured_fall((name,))
-        scale = max(1.0, (self._coloured.square - fall) / count)
-        return occam_factor(own, self._coloured, fall, scale, count)
+        """What an effect costs: by how much χ² must fall for its evidence to rise (Occam's
+        factor)."""
+        own = [kind for kind in self.seen.kinds if kind.name == name]
+        left = self._coloured.square - self._coloured_fall((name,))
+        return occam_factor(own, self._coloured, max(1.0, left / self.seen.gram.count))
 
     def promised(self, names: Sequence[str]) -> float:
         """χ² of a refit with effects by their columns, in the units of a refit."""
         return self._coloured.square - self._coloured_fall(tuple(names))
 
     def leading(self, count: int) -> list[str]:
-        """The effects that take most from χ², each alone."""
+        """The effects that take most from χ², each alone, and at least half as much as the first
+        does."""
         names = dict.fromkeys(kind.name for kind in self.first.kinds)
-        return sorted(names, key=lambda name: -self.fall((name,)))[:count]
+        ranked = sorted(names, key=lambda name: -self.fall((name,)))[:count]
+        return [name for name in ranked if self.fall((name,)) >= 0.5 * self.fall((ranked[0],))]
 
     def names(self) -> tuple[Name, ...]:
         """What is named: of the likeliest set those that take a real share, also of stretches that

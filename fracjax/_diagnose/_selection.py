@@ -151,16 +151,20 @@ def _log_likelihood(square, log_determinant, count: float):
     return -0.5 * (count * np.log(excess) + square / excess + log_determinant)
 
 
-def occam_factor(
-    kinds: Sequence[Kind], inner: Inner, fall: float, scale: float, count: float
-) -> float:
+def occam_factor(kinds: Sequence[Kind], inner: Inner, scale: float) -> float:
     """Twice the logarithm by which the evidence of some kinds, the mean over them and their sizes,
-    is below the likelihood of what they take at most, `fall`, from χ²; the noise is `scale` times
-    what it was taken for."""
-    best = Inner(inner.columns / scale, inner.along / scale, fall / scale, 0.0)
-    layout = _Layout(kinds)
-    evidence = layout.evidence(best, count)
-    return -2 * float(logsumexp(evidence) - np.log(evidence.size))
+    is below what the best of them takes from χ²; the noise is `scale` times what it was taken for.
+    """
+    taken, evidence = [], []
+    for kind in kinds:
+        own = slice(kind.start, kind.stop)
+        gram, along = inner.columns[own, own] / scale, inner.along[own] / scale
+        for size in SIZES:
+            whole = np.eye(along.size) + size**2 * gram
+            taken.append(size**2 * float(along @ np.linalg.solve(whole, along)))
+            evidence.append(taken[-1] - np.linalg.slogdet(whole)[1])
+    mean = logsumexp(np.array(evidence) / 2) - np.log(len(evidence))
+    return max(taken) - 2 * float(mean)
 
 
 class _Layout:
@@ -181,7 +185,10 @@ class _Layout:
         self, before: Hypothesis, inner: Inner, count: float, shapes: bool
     ) -> list[Hypothesis]:
         """A hypothesis with each further effect."""
-        evidence, found = self.evidence(inner, count), []
+        evidence = np.zeros((len(self.kinds), SIZES.size))
+        for width, which in self.by_width.items():
+            evidence[which] = self._evidence(which, width, inner, count)
+        found = []
         prior = before.log_prior + float(np.log(_EACH))
         for name in self.names:
             own = self.of_name[name]
@@ -201,13 +208,6 @@ class _Layout:
                 )
             )
         return found
-
-    def evidence(self, inner: Inner, count: float) -> np.ndarray:
-        """Log likelihoods (kinds, sizes)."""
-        evidence = np.zeros((len(self.kinds), SIZES.size))
-        for width, which in self.by_width.items():
-            evidence[which] = self._evidence(which, width, inner, count)
-        return evidence
 
     def _evidence(self, which: np.ndarray, width: int, inner: Inner, count: float) -> np.ndarray:
         """Log likelihoods (kinds, sizes) of the kinds `which` of so many columns."""

@@ -62,7 +62,7 @@ class Findings:
 
     @property
     def tones(self) -> list[str]:
-        """Tones that count as noise, for no drive causes them, if they are not of the mains."""
+        """Tones that no drive causes, if they are not of the mains."""
         if "mains_interference" in self.names:
             return []
         said = []
@@ -70,10 +70,9 @@ class Findings:
             tone, recording = take.noise and take.noise.tone, take.recording
             if tone:
                 said.append(
-                    f"{recording.source}: the noise floor holds a tone near "
-                    f"{tone.frequency * recording.rate:.4g} Hz of about {tone.rms:.2g} "
-                    f"{recording.response_unit} rms, such as interference or a vibration. It "
-                    "counts as noise and hides what is smaller; keep it out of the recording."
+                    f"{recording.source}: a tone near {tone.frequency * recording.rate:.4g} Hz of "
+                    f"about {tone.rms:.2g} {recording.response_unit} rms follows no drive, such as "
+                    "interference or a vibration; keep it out of the recording."
                 )
         return said
 
@@ -280,8 +279,7 @@ class Findings:
         """The axes, those first along which a named effect's signature is known to stand out, then
         those whose places take most of the residual."""
         natural = entry_of(self.names[0]).axes if self.names else ()
-        # Of lines that it was read with, the floor hides the place.
-        axes = self._maps(self.base.error, with_lines=natural != ("frequency",))
+        axes = self._maps(self.base.error)
 
         def order(axis: Axis) -> tuple[bool, int, float, float]:
             silent = axis.p_value >= SIGNIFICANCE
@@ -302,14 +300,11 @@ class Findings:
         named = [name.effect for name in self.inquiry.names]
         return named or ([HYSTERESIS_SHAPE.name] if self._shape_is_named else [])
 
-    def _maps(self, error: np.ndarray, *, with_lines: bool = True) -> list[Axis]:
-        base, preparation = self.base, self.base.preparation
-        if not with_lines:
-            noises = [take.noise for take in preparation.takes if take.noise is not None]
-            preparation = preparation.with_noises([noise.without_lines() for noise in noises])
+    def _maps(self, error: np.ndarray) -> list[Axis]:
+        base = self.base
         residual = Residual.beside(base.whitened(error), base.whitened(base.tangent))
         freedom = freedom_of(base.preparation, base.solved.kurtosis)
-        return locate(preparation, base.problems, residual, freedom)
+        return locate(base.preparation, base.problems, residual, freedom)
 
     @cached_property
     def predicted(self) -> tuple[Prediction, Prediction | None]:

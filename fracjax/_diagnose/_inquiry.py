@@ -195,7 +195,8 @@ def _carried(
         return None
     near = [e for e in fits if e.cost - best.cost < margin]
     alike = tuple(e.names[0] for e in near if e is not best)
-    name = Name(best.names[0], alike, found.seen.posterior.shape, min(1.0, fall / judge.excess))
+    there = 1 - found.seen.posterior.nothing
+    name = Name(best.names[0], alike, there, min(1.0, fall / judge.excess))
     return replace(found, names=(name,), explanation=best, rivals=(tuple(near),), is_carried=True)
 
 

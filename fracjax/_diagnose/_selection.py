@@ -92,6 +92,12 @@ class Posterior:
         return sum(p for names, p in self.sets.items() if name in names)
 
     @property
+    def nothing(self) -> float:
+        """The probability that neither an effect is there nor another shape of the loop."""
+        pairs = zip(self.hypotheses, self._weights, strict=True)
+        return float(sum(weight for h, weight in pairs if h.tau == 0 and not h.names))
+
+    @property
     def shape(self) -> float:
         """The probability that the loop's shape is not the model's."""
         pairs = zip(self.hypotheses, self._weights, strict=True)

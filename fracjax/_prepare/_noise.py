@@ -121,14 +121,6 @@ class Noise:
         """
         return float(np.sqrt((max(kurtosis, self.kurtosis) - 1) / self.effective))
 
-    def without_lines(self) -> Noise:
-        """The same noise without measured lines.
-
-        Returns:
-            The noise whose power in every band is what its filter gives.
-        """
-        return replace(self, lines=NONE)
-
     def uncoloured(self) -> Noise:
         """White noise of the same level and origin.
 

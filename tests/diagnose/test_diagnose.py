@@ -10,17 +10,13 @@ import fracjax as fj
 from benchmarks.concealed.cases import make_case
 from fracjax._diagnose._inquiry import Clock
 from fracjax._recording import InputError, Recording
+from tests.diagnose.helpers import recording_of
 
 VERDICTS = {"none", "missing", "confusable", "unexplained"}
 STEP, CYCLES = 2e-3, 8
 TIMES = STEP * np.arange(CYCLES * 500)
 TONE = 50 - 50 * np.cos(2 * np.pi * TIMES)
 RADII = (4.0, 9.0, 16.0, 25.0, 38.0)
-
-
-def recording_of(case) -> Recording:
-    step = float(case.time[1] - case.time[0])
-    return Recording(case.voltage, case.displacement, step)
 
 
 def five_plays(drive: np.ndarray, seed: int, extra: np.ndarray | float = 0.0) -> Recording:

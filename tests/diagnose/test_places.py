@@ -5,11 +5,10 @@ from typing import Any
 import jax
 import numpy as np
 import pytest
-from scipy.stats import kstest, norm
 
 import fracjax as fj
 from fracjax._diagnose._fitted import fitted
-from fracjax._diagnose._places import Residual, _map, acting_at, locate
+from fracjax._diagnose._places import Residual, locate
 from fracjax._diagnose._result import Axis
 from fracjax._prepare import Preparation, prepare
 
@@ -143,8 +142,8 @@ def frequency(preparation: Preparation, problems: Any, residual: Residual) -> Ax
     return next(axis for axis in found if axis.axis == "frequency")
 
 
-def test_a_line_that_the_noise_was_read_with_shows_where_the_noise_is_taken_without_it():
-    """A hum in a recording and in its repeat, at another phase."""
+def test_a_hum_that_does_not_repeat_stands_out_in_its_band():
+    """In a recording and in its repeat, at another phase: no drive causes it, and no noise."""
     law = fj.simulate(fj.parse_model("creep"), TONE_DRIVE, TONE_STEP, "constant").response
     generator = np.random.default_rng(3)
     once, again = (
@@ -159,71 +158,7 @@ def test_a_line_that_the_noise_was_read_with_shows_where_the_noise_is_taken_with
     )
     with jax.enable_x64(True):
         preparation = prepare([once], history="constant", repeats=[again])
-        residual, problems = residual_of(preparation), preparation.problems()
-        hidden = frequency(preparation, problems, residual)
-        bare = preparation.with_noises(
-            [t.noise.without_lines() for t in preparation.takes if t.noise]
-        )
-        shown = frequency(bare, problems, residual)
-    assert hidden.p_value > 0.01 > 1e-6 > shown.p_value
+        shown = frequency(preparation, preparation.problems(), residual_of(preparation))
+    assert shown.p_value < 1e-6
     ((low, high),) = shown.intervals
     assert low <= 50.02 <= high
-
-
-def test_of_noise_alone_no_axis_has_too_small_a_p_value():
-    """Each p-value is the least of several, so that it may be too large, not too small."""
-    found = [axes_of_a_fit(np.zeros(TONE_TIMES.size), seed) for seed in range(40)]
-    for name in found[0]:
-        p_values = np.array([axes[name].p_value for axes in found])
-        assert kstest(p_values, "uniform", alternative="greater").pvalue > 1e-3, name
-
-
-def test_recordings_of_which_one_has_no_period_share_no_phase():
-    chirp = 50 - 50 * np.cos(2 * np.pi * (0.2 + 0.05 * TIMES) * TIMES)
-    recordings = [fj.Recording(u, 0.1 * u, STEP, "V", "um") for u in (DRIVE, chirp)]
-    taken = prepare(recordings, noise=KNOWN, history="constant", settling=0)
-    problems = taken.problems()
-    size = sum(p.response.shape[0] for p in problems)
-    noise = np.random.default_rng(0).standard_normal(size)
-    found = locate(taken, problems, Residual(noise, np.zeros((size, 0))), 1e9)
-    assert {"phase", "harmonics"}.isdisjoint(axis.axis for axis in found)
-    assert "reversal" in {axis.axis for axis in found}
-
-
-def test_a_ripple_on_a_held_drive_is_no_reversal():
-    held = np.where(PHASE < 180, DRIVE, 100 + 1e-4 * np.sin(2 * np.pi * 20 * TIMES))
-    taken = prepare(
-        [fj.Recording(held, 0.1 * held, STEP, "V", "um")],
-        noise=KNOWN, history="constant", settling=0,
-    )  # fmt: skip
-    problems = taken.problems()
-    noise = np.zeros(problems[0].response.shape[0])
-    noise[: TIMES.size] = white(4)
-    found = locate(taken, problems, Residual(noise, np.zeros((noise.size, 0))), 1e9)
-    edges = next(axis.edges for axis in found if axis.axis == "reversal")
-    # From its jump back on, the drive rises and is held: a whole period.
-    assert edges[-1] > 0.9 * PERIOD * STEP
-
-
-def test_a_stretch_stands_out_that_is_half_as_strong_as_the_strongest():
-    edges = np.arange(6.0)
-    p_values = 2 * norm.sf(np.array([1.0, 10.0, 5.2, 4.8, 1.0]))
-    found = _map("time", "s", edges, p_values, 1e-9)
-    assert found.strength == pytest.approx([1.0, 10.0, 5.2, 4.8, 1.0])
-    assert found.intervals == ((1.0, 3.0),)
-    # But only where it is significant itself, among as many bins.
-    faint = _map("time", "s", edges, 2 * norm.sf(np.array([0.5, 3.5, 1.0, 3.2, 2.5])), 1.0)
-    assert faint.threshold == pytest.approx(norm.isf(0.01 / 10))
-    assert faint.intervals == ((1.0, 2.0), (3.0, 4.0))
-    assert faint.p_value == pytest.approx(2 * 5 * 2 * norm.sf(3.5))
-
-
-def test_an_effect_too_weak_for_any_place_to_stand_out_has_one_where_it_acts():
-    """A saturation from 95 V on, beside noise that shows nothing anywhere."""
-    (level,) = (axis for axis in axes_of(white(1)).values() if axis.axis == "level")
-    cut = np.minimum(DRIVE, 95.0) - DRIVE
-    acting = acting_at(level, list(axes_of(cut).values()))
-    assert level.intervals == ()
-    assert acting.p_value == level.p_value
-    (interval,) = acting.intervals
-    assert interval == pytest.approx((100 / 12 * 11, 100.0))

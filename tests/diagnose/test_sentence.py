@@ -87,6 +87,7 @@ def said(verdict, effects=(), most_like=None, **others) -> str:
         shape=None,
         excess=0.0,
         doubt=0.1,
+        doubts=(),
     )
     for name, value in others.items():
         setattr(findings, name, value)

@@ -97,6 +97,7 @@ def fit_command(
     """
     if to_table:
         return fit_table(recordings, names, out, given, results, asked)
+    from .._blocks import accepted_names
     from .._fit import compare_fits, fit, with_profiles
     from .._prepare import options_for
     from .._report import file_name, write_report
@@ -105,13 +106,13 @@ def fit_command(
     data, models = given.understood(recordings, names)
     settings = given.how(data)
     held_out = [given.read(path) for path in held_out_paths]
-    all_names = {name for model in models for name in model.parameters}
+    all_names = set().union(*(accepted_names(model.block) for model in models))
 
     prepare_jax()
     with folder(out), stages(results.quiet) as progress:
         fits = []
         for model in models:
-            options = options_for(requested, model.parameters.keys(), all_names)
+            options = options_for(requested, accepted_names(model.block), all_names)
             to_profile = options.pop("profiled")
             fitted = fit(model, data, progress=progress, **settings, **options)
             fits.append(with_profiles(fitted, to_profile, progress))

@@ -11,7 +11,7 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from .._blocks import AbstractBlock, QuasiStaticForce
+from .._blocks import AbstractBlock, QuasiStaticForce, path_of_name
 from .._computing import compiled, computing
 from .._models import Model, as_model
 from .._operators import HISTORIES, History, interpolate
@@ -229,16 +229,17 @@ def _band(
     With the recording that the draws were sampled for, each response is shifted so that the mean
     response to that recording is the same for all draws.
     """
-    layout = layout_of(block)
-    for label in layout.labels:
-        if label not in draws:
+    labels = layout_of(block).labels(block)
+    placed = {path_of_name(name, block): draw for name, draw in draws.items()}
+    for label in labels:
+        if path_of_name(label, block) not in placed:
             raise InputError.at(
                 "compensate, draws",
-                f"values of {', '.join(layout.labels)}",
+                f"values of {', '.join(labels)}",
                 f"none of {label}",
                 "give draws of this model's posterior",
             )
-    values = np.stack([np.ravel(draws[label]) for label in layout.labels], axis=1)
+    values = np.stack([np.ravel(placed[path_of_name(label, block)]) for label in labels], axis=1)
     chosen = values[np.linspace(0, len(values) - 1, min(_DRAWS, len(values))).astype(int)]
     responses = np.asarray(_responses(block, chosen, plant, drive))
     if recording is not None:

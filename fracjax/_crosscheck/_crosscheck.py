@@ -348,7 +348,7 @@ def _crosscheck_of(
         fit=replace(fit, warnings=_warnings(model.name, rows)),
         rows=tuple(rows),
         units={estimate.name: estimate.unit for estimate in fit.estimates},
-        bounds={label: (low[label], high[label]) for label in layout.labels},
+        bounds={label: (low[label], high[label]) for label in low},
     )
 
 
@@ -369,4 +369,4 @@ def _by_label(block: AbstractBlock, layout: Layout, field: str) -> dict[str, flo
     parameters = named_parameters(block)
     free = [parameters[name] for name, _ in layout.shapes + layout.gains]
     fields = [np.ravel(np.broadcast_to(getattr(p, field), np.shape(p.value))) for p in free]
-    return dict(zip(layout.labels, np.concatenate(fields).tolist(), strict=True))
+    return dict(zip(layout.labels(block), np.concatenate(fields).tolist(), strict=True))

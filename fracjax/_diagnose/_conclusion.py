@@ -230,7 +230,7 @@ class Conclusion:
         if not self.is_explained:
             return fit
         paths = tuple(path_of(stage.layers, k) for k in range(len(self.rounds)))
-        own = [e.name for e in fit.estimates if e.name.startswith(paths)]
+        own = [e.path for e in fit.estimates if e.path.startswith(paths)]
         progress(f"computing the intervals of {len(own)} parameters")
         return with_profiled_intervals(fit, own)
 
@@ -289,8 +289,8 @@ class Conclusion:
     def _own_parameters(self, k: int, extended: Fit) -> tuple[Estimate, ...]:
         """The estimates of the k-th effect's parameters, by their names in its own block."""
         path = path_of(self.stage.layers, k)
-        own = [e for e in extended.estimates if e.name.startswith(path)]
-        return tuple(replace(e, name=e.name.removeprefix(path)) for e in own)
+        own = [e for e in extended.estimates if e.path.startswith(path)]
+        return tuple(replace(e, name=e.path.removeprefix(path)) for e in own)
 
     def _candidates(self, named: Collection[str]) -> tuple[Candidate, ...]:
         """Every effect of the catalogue: first those that were refitted, ordered by evidence."""

@@ -113,7 +113,7 @@ def fit(
         progress: called with a sentence at each stage.
         **options: by parameter name, in the parameters' units: `fixed` holds parameters at values,
             `bounds` narrows their range, `priors` gives prior knowledge, `tied` sets one equal to
-            another, `{"second.mu": "first.alpha"}`, or to a multiple of it, `("first.alpha", 2.0)`.
+            another, `{"creep.mu": "foh.alpha"}`, or to a multiple of it, `("foh.alpha", 2.0)`.
             `own` names parameters of which each recording has its own value, reported as `name@1`,
             `name@2`, …; parameters that start anew with each recording, such as the mains' phases,
             always have.  `weights` (N,), one array per recording, multiply the squared residuals.

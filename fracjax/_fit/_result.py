@@ -171,7 +171,7 @@ class Fit:
             "parameters": {e.name: e.to_dict() for e in self.estimates},
             "known_only_together": list(self.correlated),
             "combinations": [combination.to_dict() for combination in self.combinations],
-            **self.preparation.conditions.to_dict(),
+            **self.preparation.conditions.to_dict(self.model.block),
             "offsets": list(self.offsets),
             "scores": asdict(self.scores),
             "noise": {"sigma": noise.sigma, "unit": noise.unit, "method": noise.method},

@@ -9,7 +9,7 @@ from itertools import combinations
 import numpy as np
 from scipy.signal import lfilter
 
-from .._blocks import AbstractBlock
+from .._blocks import AbstractBlock, path_of_name
 from .._parameters import named_parameters
 from .._prepare import Conditions, FreeParameter, autoregression, free_parameters_of, prior_rows
 from .._solve import Linearised, sensitivity
@@ -166,4 +166,5 @@ def _estimate(
         bool(identified),
         is_at_bound(parameter, k),
         parameter.logarithmic,
+        path=path_of_name(free_parameter.label, blocks[0]),
     )

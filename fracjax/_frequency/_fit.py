@@ -151,7 +151,7 @@ class FrequencyFit:
             "parameters": {e.name: e.to_dict() for e in self.estimates},
             "known_only_together": list(self.correlated),
             "combinations": [combination.to_dict() for combination in self.combinations],
-            **self.conditions.to_dict(),
+            **self.conditions.to_dict(self.model.block),
             "scores": {
                 "amplitude_rms_dB": self.amplitude_rms_dB,
                 "phase_rms_deg": self.phase_rms_deg,

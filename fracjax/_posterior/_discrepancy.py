@@ -107,7 +107,10 @@ def discrepancy_of(fit: Fit) -> Discrepancy:
     for state, time in product(_STATE_LENGTHS, _TIME_LENGTHS):
         kernel_columns = _kernel_factor(data.features / [state, state, time], data.used)
         columns, evidence, tau = _split_by_jacobian(
-            kernel_columns, whiten(kernel_columns), data, len(layout_of(fit.model.block).labels)
+            kernel_columns,
+            whiten(kernel_columns),
+            data,
+            len(layout_of(fit.model.block).labels(fit.model.block)),
         )
         if evidence > best_evidence:
             best_evidence, best_columns, best_size = evidence, columns, tau

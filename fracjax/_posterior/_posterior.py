@@ -12,6 +12,7 @@ import numpy as np
 from jax import Array
 from scipy.signal import lfilter
 
+from .._blocks import shown_names
 from .._computing import compiled, computing
 from .._fit import Fit
 from .._prepare import free_parameters_of
@@ -98,11 +99,12 @@ def sample_posterior(
     require_kind(fit, Fit, "posterior", "fit the model first: sample_posterior(fit(...))")
     conditions = fit.preparation.conditions
     own = free_parameters_of(fit.model.block, len(fit.preparation.takes), conditions).own
+    shown = shown_names(fit.model.block)
     if conditions.ties or own:
         raise InputError.at(
             "posterior",
             "a fit without parameters that are tied or differ between recordings",
-            f"{', '.join((*conditions.ties, *own))} fitted in this way",
+            f"{', '.join(shown[name] for name in (*conditions.ties, *own))} fitted in this way",
             "fit without these options, or fix the parameters",
         )
     noise = MeasuredNoise() if noise_model is None else noise_model

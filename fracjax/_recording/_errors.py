@@ -1,5 +1,7 @@
 """What the user gave cannot be used: the error, and what asks for it."""
 
+from collections.abc import Iterable
+from difflib import get_close_matches
 from numbers import Number
 from typing import Any, Self
 
@@ -20,6 +22,12 @@ def found_in(given: object) -> str:
     if given is None or isinstance(given, Number):
         return f"{given}"
     return f"a {type(given).__name__}"
+
+
+def closest(name: str, names: Iterable[str]) -> str:
+    """The name that was probably meant, as a question in parentheses; "" where none is like it."""
+    matches = get_close_matches(name.lower(), list(names), 1)
+    return f" (did you mean {matches[0]}?)" if matches else ""
 
 
 def require_kind(given: Any, kind: type, where: str, remedy: str) -> None:

@@ -329,7 +329,7 @@ def _assumptions(fit: Fit) -> list[str]:
 
 def _conditions(fit: Fit) -> list[str]:
     """The conditions on parameters and the loss, a sentence each."""
-    conditions = fit.preparation.conditions
+    conditions = fit.preparation.conditions.as_shown(fit.model.block)
     sentences = [
         f"{name} was tied to {source}"
         + ("." if factor == 1 else f", as {factor:g} times its value.")

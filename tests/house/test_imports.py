@@ -21,7 +21,7 @@ LAYERS = [
     {"_recording", "_parameters", "_computing"},
     {"_operators"},
     {"_blocks"},
-    {"_models"},
+    {"_models", "_aliases"},
     {"_simulate"},
     {"_io"},
     {"_prepare"},

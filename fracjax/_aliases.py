@@ -76,7 +76,7 @@ ALIASES: dict[str, Alias] = {
 
 
 def spelt(text: str) -> str:
-    """A text with the words of a name joined: "Bouc-Wen", "maxwell slip" → bouc_wen, maxwell_slip."""
+    """A text with the words of a name joined: "Bouc-Wen" → bouc_wen, "zener" as it is."""
     return re.sub(r"(?<=[a-z])(?:[-–]|\s+)(?=[a-z])", "_", text.strip().lower())
 
 

@@ -12,22 +12,8 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from ._aliases import ALIASES, meant_by, spelt
-from ._blocks import (
-    EFFECTS,
-    FOH,
-    LFDH,
-    AbstractBlock,
-    BoucWen,
-    ByName,
-    Creep,
-    Gain,
-    PEADynamics,
-    Setting,
-    path_of_name,
-    prefixes_of,
-    shown_names,
-    unknown_parameter,
-)
+from ._blocks import EFFECTS, FOH, LFDH, AbstractBlock, BoucWen, Creep, Gain, PEADynamics, Setting
+from ._naming import ByName, path_of_name, prefixes_of, shown_names, unknown_parameter
 from ._parameters import Parameter, named_parameters, set_values
 from ._recording import InputError, closest, require_kind
 

@@ -35,14 +35,6 @@ from ._block import linear_gains as linear_gains
 from ._effect import Effect as Effect
 from ._effect import Setting as Setting
 from ._effect import Site as Site
-from ._naming import ByName as ByName
-from ._naming import accepted_names as accepted_names
-from ._naming import block_name as block_name
-from ._naming import path_of_name as path_of_name
-from ._naming import prefixes_of as prefixes_of
-from ._naming import shown_name as shown_name
-from ._naming import shown_names as shown_names
-from ._naming import unknown_parameter as unknown_parameter
 from ._response import Bode as Bode
 from ._response import bode as bode
 from ._response import frequency_response as frequency_response

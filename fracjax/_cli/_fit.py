@@ -97,8 +97,8 @@ def fit_command(
     """
     if to_table:
         return fit_table(recordings, names, out, given, results, asked)
-    from .._blocks import accepted_names
     from .._fit import compare_fits, fit, with_profiles
+    from .._naming import accepted_names
     from .._prepare import options_for
     from .._report import file_name, write_report
 

@@ -29,9 +29,9 @@ def fit_table(
     asked: dict[str, Any],
 ) -> int:
     """Fit each model to the table, print the result and return the exit status."""
-    from .._blocks import accepted_names
     from .._frequency import fit_frequency_response, read_frequency_table
     from .._models import parse_model
+    from .._naming import accepted_names
     from .._prepare import options_for
     from .._report import file_name, write_report
 

@@ -15,7 +15,7 @@ def free_parameters(block: AbstractBlock) -> list[dict[str, Any]]:
     """
     import numpy as np
 
-    from .._blocks import shown_names
+    from .._naming import shown_names
     from .._parameters import named_parameters
 
     shown = shown_names(block)

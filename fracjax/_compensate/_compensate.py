@@ -11,9 +11,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from .._blocks import AbstractBlock, QuasiStaticForce, path_of_name
+from .._blocks import AbstractBlock, QuasiStaticForce
 from .._computing import compiled, computing
 from .._models import Model, as_model
+from .._naming import path_of_name
 from .._operators import HISTORIES, History, interpolate
 from .._parameters import set_values
 from .._prepare import layout_of, values_by_name

@@ -16,8 +16,9 @@ from dataclasses import replace
 import numpy as np
 from scipy.stats import norm
 
-from .._blocks import AbstractBlock, path_of_name
+from .._blocks import AbstractBlock
 from .._computing import computing, map_in_threads
+from .._naming import path_of_name
 from .._parameters import Parameter, named_parameters, replace_parameters
 from .._prepare import Conditions, Preparation
 from .._recording import InputError, closest, require_kind
@@ -87,7 +88,9 @@ def with_profiles(fit: Fit, names: Iterable[str], progress: Progress = silent) -
 
 
 def with_profiled_intervals(fit: Fit, names: Iterable[str]) -> Fit:
-    """The fit with 95 % intervals of the parameters at these places that end where their profiles reach 3.84.
+    """The fit with 95 % intervals that end where the profiles of parameters reach 3.84.
+
+    `names` are the places of the parameters in the composition, as in `Estimate.path`.
 
     A time constant near the recording's length, or a threshold near the drive's peak, is known far
     better on one side than on the other, which a standard error cannot express.  Parameters that

@@ -9,7 +9,8 @@ from itertools import combinations
 import numpy as np
 from scipy.signal import lfilter
 
-from .._blocks import AbstractBlock, path_of_name
+from .._blocks import AbstractBlock
+from .._naming import path_of_name
 from .._parameters import named_parameters
 from .._prepare import Conditions, FreeParameter, autoregression, free_parameters_of, prior_rows
 from .._solve import Linearised, sensitivity

@@ -103,6 +103,8 @@ def discrepancy_of(fit: Fit) -> Discrepancy:
         pieces = zip(problems, np.split(columns, ends), strict=True)
         return np.concatenate([p.whiten(piece) for p, piece in pieces])
 
+    block = fit.model.block
+    free = len(layout_of(block).labels(block))
     best_evidence, best_columns, best_size = -np.inf, np.zeros((0, 0)), 1.0
     for state, time in product(_STATE_LENGTHS, _TIME_LENGTHS):
         kernel_columns = _kernel_factor(data.features / [state, state, time], data.used)
@@ -110,10 +112,12 @@ def discrepancy_of(fit: Fit) -> Discrepancy:
             kernel_columns,
             whiten(kernel_columns),
             data,
-            len(layout_of(fit.model.block).labels(fit.model.block)),
+            free,
         )
         if evidence > best_evidence:
-            best_evidence, best_columns, best_size = evidence, columns, tau
+            block = fit.model.block
+    free = len(layout_of(block).labels(block))
+    best_evidence, best_columns, best_size = evidence, columns, tau
     unit = takes[0].recording.response_unit
     term = Term("discrepancy.size", unit, within_a_factor(best_size, _SIZE_FACTOR), best_size)
     return Discrepancy(tuple(np.split(best_columns, ends)), term)

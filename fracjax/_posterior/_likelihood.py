@@ -12,9 +12,10 @@ import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
-from .._blocks import AbstractBlock, shown_name
+from .._blocks import AbstractBlock
 from .._computing import compiled, compiler_options
 from .._fit import Fit, physical_unit
+from .._naming import shown_name
 from .._parameters import named_parameters, set_values
 from .._prepare import AbstractProblem, Problem, layout_of, values_by_name
 from .._recording import InputError, closest

@@ -12,9 +12,9 @@ import numpy as np
 from jax import Array
 from scipy.signal import lfilter
 
-from .._blocks import shown_names
 from .._computing import compiled, computing
 from .._fit import Fit
+from .._naming import shown_names
 from .._prepare import free_parameters_of
 from .._recording import InputError, require_kind
 from ._discrepancy import discrepancy_of

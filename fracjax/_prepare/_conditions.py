@@ -17,7 +17,8 @@ from typing import NamedTuple
 import numpy as np
 from jax.typing import ArrayLike
 
-from .._blocks import AbstractBlock, linear_gains, path_of_name, shown_names, unknown_parameter
+from .._blocks import AbstractBlock, linear_gains
+from .._naming import path_of_name, shown_names, unknown_parameter
 from .._parameters import Parameter, named_parameters, replace_parameters, set_values
 from .._recording import InputError, require_kind
 from ._layout import Layout, layout_of, values_by_name

@@ -7,8 +7,9 @@ from typing import TypedDict, TypeVar
 
 import numpy as np
 
-from .._blocks import AbstractBlock, path_of_name, shown_names, unknown_parameter
+from .._blocks import AbstractBlock
 from .._models import Model
+from .._naming import path_of_name, shown_names, unknown_parameter
 from .._parameters import Parameter, named_parameters, replace_parameters
 from .._recording import InputError, pair_of
 from ._conditions import Conditions, Tied, conditions_of

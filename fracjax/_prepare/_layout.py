@@ -8,7 +8,8 @@ from typing import Any, NamedTuple
 import jax.numpy as jnp
 import numpy as np
 
-from .._blocks import AbstractBlock, linear_gains, shown_names
+from .._blocks import AbstractBlock, linear_gains
+from .._naming import shown_names
 from .._parameters import named_parameters, set_values
 
 

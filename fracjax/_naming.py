@@ -15,9 +15,9 @@ from typing import Any, TypeVar
 
 import jax
 
-from .._parameters import is_parameter, named_parameters
-from .._recording import InputError, closest
-from ._block import AbstractBlock, Inverse, LinearParallel, LinearSeries, Parallel, Series
+from ._blocks import AbstractBlock, Inverse, LinearParallel, LinearSeries, Parallel, Series
+from ._parameters import is_parameter, named_parameters
+from ._recording import InputError, closest
 
 T = TypeVar("T")
 
@@ -26,9 +26,9 @@ _COMPONENT = re.compile(r"(\[\d+\])?(@\d+)?$")
 
 
 def block_name(block: AbstractBlock) -> str:
-    """The name of one block: of its file in this package, else of its class in snake case."""
+    """The name of one block: of its file among the blocks, else of its class in snake case."""
     package, _, file = type(block).__module__.rpartition(".")
-    if package == __package__ and file[0] != "_":
+    if package == AbstractBlock.__module__.rpartition(".")[0] and file[0] != "_":
         return file
     return re.sub(r"(?<=[a-z0-9])(?=[A-Z])", "_", type(block).__name__).lower()
 

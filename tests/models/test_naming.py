@@ -15,7 +15,7 @@ from fracjax._naming import block_name, path_of_name, shown_names
 @pytest.mark.parametrize(
     ("text", "names"),
     [
-        ("lfdh", {"alpha": "alpha", "k_0": "k_0"}),
+        ("lfdh", {"mu": "mu", "k_0": "k_0"}),
         ("foh >> creep", {"first.alpha": "foh.alpha", "second.gamma": "creep.gamma"}),
         ("foh >> creep + resonance", {"second.second.damping": "resonance.damping"}),
         (

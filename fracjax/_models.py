@@ -16,6 +16,7 @@ from ._blocks import EFFECTS, FOH, LFDH, AbstractBlock, BoucWen, Creep, Gain, PE
 from ._naming import ByName, path_of_name, prefixes_of, shown_names, unknown_parameter
 from ._parameters import Parameter, named_parameters, set_values
 from ._recording import InputError, closest, require_kind
+from ._show import Table, View, pretty_unit
 
 
 class Model(eqx.Module):
@@ -32,6 +33,19 @@ class Model(eqx.Module):
     def __init__(self, block: AbstractBlock, name: str | None = None):
         self.block = block
         self.name = _catalogue_name(block) if name is None else name
+
+    def __repr__(self) -> str:
+        return self._view().brief()
+
+    def _repr_html_(self) -> str:
+        return self._view().html()
+
+    def _view(self) -> View:
+        rows = [
+            [name, f"{np.array2string(np.asarray(p.value), precision=5)} {pretty_unit(p.unit)}"]
+            for name, p in self.parameters.items()
+        ]
+        return View(f"Model {self.name}", [Table([], rows)])
 
     @property
     def parameters(self) -> ByName[Parameter]:

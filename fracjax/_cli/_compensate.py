@@ -136,7 +136,7 @@ def _write_streaming_inverse(
     import numpy as np
 
     from .._compensate import streaming_inverse
-    from .._report import figure
+    from .._show import figure
     from .._simulate import simulate
 
     # From a tenth of the trajectory's lowest frequency to 2 % of the sampling rate; by judgement.

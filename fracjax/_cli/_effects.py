@@ -82,7 +82,7 @@ def _effect(name: str) -> dict[str, Any]:
 
 def _rows(effect: dict[str, Any]) -> list[list[str]]:
     """A catalogue entry as rows of a table."""
-    from .._report import figure, pretty_unit, quantity
+    from .._show import figure, pretty_unit, quantity
 
     parameters = [
         f"{p['name']}: {figure(p['plausible'][0])} to {quantity(p['plausible'][1], p['unit'])}"

@@ -149,7 +149,7 @@ def _summary(
 
 def _profile_notes(fit: Fit) -> list[str]:
     """The intervals of the requested profiles."""
-    from .._report import figure, pretty_unit
+    from .._show import figure, pretty_unit
 
     notes = []
     for profile in fit.profiles:

@@ -69,7 +69,7 @@ def _draw(recordings: list[Recording], plot: Path) -> None:
 
 
 def _rows(description: dict[str, Any]) -> list[list[str]]:
-    from .._report import figure, pretty_unit, quantity
+    from .._show import figure, pretty_unit, quantity
 
     def extent(signal: dict) -> str:
         return f"{figure(signal['low'], 4)} to {quantity(signal['high'], signal['unit'])}"

@@ -136,9 +136,9 @@ def _summary(posterior: Posterior) -> Summary:
 
 def _figures(posterior: Posterior) -> Figures:
     """The table of parameters."""
-    from .._report import posterior_row
+    from .._posterior import posterior_row
 
     headers = ["", "mean", "sd", "95 % interval", "unit", "draws", "R-hat", "Laplace"]
     fields = ("name", "mean", "sd", "interval", "unit", "ess", "r_hat", "laplace")
-    rows = [posterior_row(row) for row in posterior.summary]
+    rows = [posterior_row(row) for row in posterior.rows]
     return headers, [[row[field] for field in fields] for row in rows]

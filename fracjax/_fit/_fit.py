@@ -74,6 +74,7 @@ def fit_of(model: Model, solved: Solved, loss: Loss = "least_squares") -> Fit:
         models=tuple(Model(block, model.name) for block in solved.blocks),
         combinations=uncertainty.combinations,
         residual_order=uncertainty.order,
+        correlation=uncertainty.correlation,
         robust=robust,
     )
 

@@ -37,6 +37,7 @@ class Uncertainty:
         combinations: well-determined combinations of them.
         curvature: (n,) standard errors from χ² alone, in the parameters' units.
         order: the order of the residual's autoregression, 0 where it is white.
+        correlation: (n, n) of the estimates, dimensionless.
     """
 
     estimates: tuple[Estimate, ...]
@@ -44,6 +45,7 @@ class Uncertainty:
     combinations: tuple[Combination, ...]
     curvature: np.ndarray
     order: int
+    correlation: np.ndarray
 
 
 def uncertainty_of(
@@ -118,7 +120,8 @@ def uncertainty_of(
     values = np.array([e.value for e in estimates])
     well_determined = combinations_of(labels, values, [e.unit for e in estimates], covariance)
     curvature = np.sqrt(np.diag(physical(np.eye(len(lengths)))))
-    return Uncertainty(estimates, pairs, well_determined, curvature, recursion.size - 1)
+    order = recursion.size - 1
+    return Uncertainty(estimates, pairs, well_determined, curvature, order, correlation)
 
 
 def _coloured(columns: np.ndarray, recursion: np.ndarray) -> np.ndarray:

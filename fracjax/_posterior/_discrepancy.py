@@ -109,15 +109,10 @@ def discrepancy_of(fit: Fit) -> Discrepancy:
     for state, time in product(_STATE_LENGTHS, _TIME_LENGTHS):
         kernel_columns = _kernel_factor(data.features / [state, state, time], data.used)
         columns, evidence, tau = _split_by_jacobian(
-            kernel_columns,
-            whiten(kernel_columns),
-            data,
-            free,
+            kernel_columns, whiten(kernel_columns), data, free
         )
         if evidence > best_evidence:
-            block = fit.model.block
-    free = len(layout_of(block).labels(block))
-    best_evidence, best_columns, best_size = evidence, columns, tau
+            best_evidence, best_columns, best_size = evidence, columns, tau
     unit = takes[0].recording.response_unit
     term = Term("discrepancy.size", unit, within_a_factor(best_size, _SIZE_FACTOR), best_size)
     return Discrepancy(tuple(np.split(best_columns, ends)), term)

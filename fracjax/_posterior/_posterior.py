@@ -24,7 +24,8 @@ from ._likelihood import Target, compressed, log_posteriors_of, physical_values,
 from ._marginal import Marginal, complete_draws, figures, marginal_of
 from ._noise_models import AbstractGaussianNoise, AbstractNoiseModel, MeasuredNoise, Signals, Term
 from ._prior import AbstractPrior
-from ._result import Band, Posterior, Row, strongly_correlated_pairs, summary_of
+from ._result import Posterior, strongly_correlated_pairs, summary_of
+from ._rows import Band, Row
 from ._sample import Chain, ChainFile, run_ensemble, split_r_hat
 
 _FARTHEST_START = 4.0
@@ -262,7 +263,7 @@ def _posterior_of(
         samples={name: by_walker[:, :, k] for k, name in enumerate(names)},
         log_posterior=chain.log_density[chain.burn_in :][::thinned].T,
         prior={name: prior[:, k] for k, name in enumerate(names)},
-        summary=tuple(rows),
+        rows=tuple(rows),
         known_only_together=strongly_correlated_pairs(names, values[:, :size].T),
         bands=_bands(fit, target, values, generator),
         steps=len(chain.coordinates),

@@ -1,6 +1,6 @@
 """The recording, validated once at the border, and the units it is written in."""
 
-from fracjax._recording._errors import InputError, closest, found_in, pair_of, require_kind
+from fracjax._recording._errors import InputError, closest, found_in, item, pair_of, require_kind
 from fracjax._recording._periods import Repeats, runs_of
 from fracjax._recording._recording import Recording, require_units_of
 from fracjax._recording._signals import (
@@ -22,6 +22,7 @@ __all__ = [
     "bridged",
     "closest",
     "found_in",
+    "item",
     "pair_of",
     "parse_quantity",
     "require_kind",

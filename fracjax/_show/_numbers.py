@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from math import floor, inf, isfinite, log10
 
 
 def figure(value: float | None, digits: int = 3) -> str:
@@ -34,3 +35,11 @@ def pretty_unit(unit: str) -> str:
 def quantity(value: float | None, unit: str) -> str:
     """A number with its unit."""
     return f"{figure(value)} {pretty_unit(unit)}".strip()
+
+
+def rounded(value: float, error: float) -> str:
+    """A value rounded to two significant digits of its error."""
+    if not (isfinite(value) and 0 < error < inf) or value == 0:
+        return figure(value)
+    digits = max(1, floor(log10(abs(value))) - floor(log10(error)) + 2)
+    return figure(float(f"{value:.{digits}g}"), digits)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ._files import folder
+from ._files import Content, folder
 from ._fit_table import fit_table
 from ._given import Given
 from ._jax import prepare_jax
@@ -109,7 +109,8 @@ def fit_command(
     all_names = set().union(*(accepted_names(model.block) for model in models))
 
     prepare_jax()
-    with folder(out), stages(results.quiet) as progress:
+    content = Content("fit", [each.source for each in data], [model.name for model in models])
+    with folder(out, content), stages(results.quiet) as progress:
         fits = []
         for model in models:
             options = options_for(requested, accepted_names(model.block), all_names)

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ._files import folder
+from ._files import Content, folder
 from ._given import Given
 from ._jax import prepare_jax
 from ._progress import stages
@@ -45,7 +45,8 @@ def fit_table(
     models = [parse_model(name, table.setting) for name in dict.fromkeys(names)]
     all_names = set().union(*(accepted_names(model.block) for model in models))
     prepare_jax()
-    with folder(out), stages(results.quiet) as progress:
+    content = Content("fit", [table.source], [model.name for model in models])
+    with folder(out, content), stages(results.quiet) as progress:
         fits = []
         for model in models:
             options = options_for(asked, accepted_names(model.block), all_names)

@@ -21,7 +21,6 @@ PACKAGE = Path(fracjax.__file__).parent
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        ("", "fracjax: Missing command; see fracjax --help."),
         ("bogus", "No such command 'bogus'"),
         ("fit", "Missing argument 'RECORDING...'"),
         ("fit LOOP --model foh", "Missing option '--out'"),

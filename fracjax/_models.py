@@ -5,6 +5,7 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Hashable, Mapping
 from types import MappingProxyType
+from typing import Any
 
 import equinox as eqx
 import jax
@@ -58,7 +59,7 @@ class Model(eqx.Module):
         pairs = named_parameters(self.block).items()
         return ByName(self.block, ((shown[path], parameter) for path, parameter in pairs))
 
-    def with_values(self, values: Mapping[str, ArrayLike]) -> Model:
+    def with_values(self, values: Mapping[str, Any]) -> Model:
         """The same model at other parameter values.
 
         Args:

@@ -106,5 +106,5 @@ def test_a_compensation_shows_itself():
     motion, drive, error = found.plot().axes
     assert len(motion.lines) == 2
     np.testing.assert_array_equal(error.lines[0].get_ydata(), found.error)
-    assert drive.lines[1].get_ydata()[0] == 0.0  # the lower limit
+    assert np.asarray(drive.lines[1].get_ydata())[0] == 0.0  # the lower limit
     assert len(found.plot_residuals().axes) == 1

@@ -20,7 +20,7 @@ def creep() -> fj.Fit:
 
 def test_the_error_that_is_stated_is_that_of_the_transfer_function(creep):
     system, band, error = creep.to_scipy((0.5, 100.0))
-    frequencies = np.geomspace(*band, 77)
+    frequencies = np.geomspace(band[0], band[1], 77)
     # k_c s^-mu, written out.
     values = {name: float(p.value) for name, p in creep.model.parameters.items()}
     exact = values["k_c"] * (2j * np.pi * frequencies) ** -values["mu"]

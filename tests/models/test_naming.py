@@ -47,6 +47,9 @@ def test_indices_of_components_and_recordings_stay():
 class OwnLaw(fj.blocks.Gain):
     """A block of a user, in a file of theirs."""
 
+    def __init__(self):
+        super().__init__(0.1)
+
 
 def test_a_block_from_elsewhere_is_named_by_its_class():
     assert block_name(OwnLaw()) == "own_law"

@@ -205,7 +205,7 @@ def test_on_a_terminal_lines_end_at_words(capsys, monkeypatch):
     print_text(sentence)
     assert capsys.readouterr().out == sentence + "\n"  # in a pipe it stays one line
     monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
-    monkeypatch.setenv("TERM", "dumb")
+    monkeypatch.setenv("TERM", "xterm")
     print_text(sentence)
     lines = capsys.readouterr().out.splitlines()
     assert len(lines) > 1

@@ -41,6 +41,7 @@ if TYPE_CHECKING:
     from ._fit import Comparison as Comparison
     from ._fit import Estimate as Estimate
     from ._fit import Fit as Fit
+    from ._fit import LinearSystem as LinearSystem
     from ._fit import Profile as Profile
     from ._fit import ResidualAnalysis as ResidualAnalysis
     from ._fit import analyse_residuals as analyse_residuals
@@ -117,6 +118,7 @@ _HOMES = {
         "Comparison",
         "Estimate",
         "Fit",
+        "LinearSystem",
         "Profile",
         "ResidualAnalysis",
         "analyse_residuals",
@@ -183,6 +185,7 @@ __all__ = [
     "FrequencyTable",
     "Grid",
     "InputError",
+    "LinearSystem",
     "MeasuredNoise",
     "Model",
     "Noise",

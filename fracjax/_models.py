@@ -5,12 +5,14 @@ from __future__ import annotations
 import ast
 from collections.abc import Callable, Hashable, Mapping
 from types import MappingProxyType
+from typing import Any
 
 import equinox as eqx
 import jax
 import numpy as np
 from jax.typing import ArrayLike
 
+from ._aliases import ALIASES, meant_by, spelt
 from ._blocks import (
     EFFECTS,
     FOH,
@@ -18,12 +20,15 @@ from ._blocks import (
     AbstractBlock,
     BoucWen,
     Creep,
+    Gain,
     PEADynamics,
     PrandtlIshlinskii,
     Setting,
 )
+from ._naming import ByName, path_of_name, prefixes_of, shown_names, unknown_parameter
 from ._parameters import Parameter, named_parameters, set_values
-from ._recording import InputError, require_kind
+from ._recording import InputError, closest, require_kind
+from ._show import Table, View, pretty_unit
 
 
 class Model(eqx.Module):
@@ -41,27 +46,50 @@ class Model(eqx.Module):
         self.block = block
         self.name = _catalogue_name(block) if name is None else name
 
-    @property
-    def parameters(self) -> dict[str, Parameter]:
-        """All parameters by dotted path, such as "first.alpha"."""
-        return named_parameters(self.block)
+    def __repr__(self) -> str:
+        return self._view().brief()
 
-    def with_values(self, values: dict) -> Model:
+    def _repr_html_(self) -> str:
+        return self._view().html()
+
+    def _view(self) -> View:
+        rows = [
+            [name, f"{np.array2string(np.asarray(p.value), precision=5)} {pretty_unit(p.unit)}"]
+            for name, p in self.parameters.items()
+        ]
+        return View(f"Model {self.name}", [Table([], rows)])
+
+    @property
+    def parameters(self) -> ByName[Parameter]:
+        """All parameters by the names of their blocks, such as "foh.alpha"; of one block, "alpha".
+
+        Blocks of the same name are numbered, "resonance_1.damping".  The place in the composition,
+        such as "first.alpha", reaches a parameter too.
+        """
+        shown = shown_names(self.block)
+        pairs = named_parameters(self.block).items()
+        return ByName(self.block, ((shown[path], parameter) for path, parameter in pairs))
+
+    def with_values(self, values: Mapping[str, Any]) -> Model:
         """The same model at other parameter values.
 
         Args:
-            values: Values by dotted path, each of its parameter's shape and unit; parameters that
-                are not named keep their values.
+            values: Values by name, as in `parameters`, each of its parameter's shape and unit;
+                parameters that are not named keep their values.
 
         Returns:
             The model with these values.
 
         Raises:
-            InputError: When a value has another shape than its parameter.
+            InputError: When a name is no parameter's, or a value has another shape than its
+                parameter.
         """
-        for name, parameter in self.parameters.items():
-            expected = np.shape(parameter.value)
-            shape = np.shape(values.get(name, parameter.value))
+        parameters, by_path = named_parameters(self.block), {}
+        for name, value in values.items():
+            path = path_of_name(name, self.block)
+            if path not in parameters:
+                raise unknown_parameter(name, self.parameters)
+            expected, shape = np.shape(parameters[path].value), np.shape(value)
             if shape != expected:
                 raise InputError.at(
                     f"{self.name}, {name}",
@@ -69,7 +97,8 @@ class Model(eqx.Module):
                     f"one of shape {shape}",
                     "give as many numbers as the parameter has",
                 )
-        return Model(set_values(self.block, values), self.name)
+            by_path[path] = value
+        return Model(set_values(self.block, by_path), self.name)
 
 
 def coupled() -> AbstractBlock:
@@ -142,6 +171,7 @@ MODELS: dict[str, Callable[[], AbstractBlock]] = {
     "bouc_wen": BoucWen,
     **_SIZED,
     "pea_dynamics": PEADynamics,
+    "gain": Gain,
     "coupled_model_1": coupled_model_1,
     "coupled_model_2": coupled_model_2,
     "coupled_model_3": coupled_model_3,
@@ -157,19 +187,21 @@ def _catalogue_name(block: AbstractBlock) -> str:
 
 
 def _typical_effect(
-    name: str, setting: Setting | None, own: Mapping[str, ArrayLike], ahead: bool
+    word: str, setting: Setting | None, own: Mapping[str, ArrayLike], ahead: bool
 ) -> AbstractBlock:
     """An effect's block at the middle trial of one of its forms, for composition by name.
 
-    An effect may have several forms: blocks of different classes or shapes.  The form is the one
-    whose parameters have the names and shapes of the values in `own`; else the first whose
-    parameters have these names; else, if `ahead` (another block follows in series), the first that
-    acts on the drive; else the first.
+    An effect may have several forms: blocks of different classes or shapes.  Of the forms that the
+    word means, it is the one whose parameters have the names and shapes of the values in `own`;
+    else the first whose parameters have these names; else, if `ahead` (another block follows in
+    series), the first that acts on the drive; else the first.
     """
+    name, meant = meant_by(word)
     effect = EFFECTS[name]
     forms: dict[Hashable, list[AbstractBlock]] = {}
     for trial in effect.trials(setting or ORDINARY):
-        forms.setdefault((type(trial), *_shapes(trial).items()), []).append(trial)
+        if meant in ("", type(trial).__name__):
+            forms.setdefault((type(trial), *_shapes(trial).items()), []).append(trial)
     shapes = {n: np.shape(v) for n, v in own.items()}
     matching = [form for form in forms.values() if _shapes(form[0]) == shapes]
     matching += [form for form in forms.values() if _shapes(form[0]).keys() == shapes.keys()]
@@ -191,6 +223,13 @@ def as_model(model: Model | str, setting: Setting | None = None) -> Model:
     return model
 
 
+class _AsNamed(ast.NodeTransformer):
+    """A composition with the other words in it replaced by the names that they lead to."""
+
+    def visit_Name(self, node: ast.Name) -> ast.Name:  # the visitor's name for it
+        return ast.Name(meant_by(node.id).name)
+
+
 def parse_model(
     text: str,
     setting: Setting | None = None,
@@ -198,17 +237,25 @@ def parse_model(
 ) -> Model:
     """A model from its name, or from names joined by `>>` (series) and `+` (parallel).
 
-    `+` binds tighter than `>>`; parentheses group.  A name alone is a model.  In a composition, a
-    name of both a model and an effect means the effect, at its typical size for `setting`.  An
-    effect with several forms is taken in the first, or, if another block follows in series, in the
-    first that acts on the drive, or in the one that has the parameters in `values`.
+    `+` binds tighter than `>>`; parentheses group.  A name alone is a model; that of an effect is
+    the effect on an actuator that otherwise follows its drive in proportion, `gain >> resonance`.
+    The field's other words lead to these names: "Bouc-Wen", "Prandtl-Ishlinskii", "Kelvin-Voigt".
+
+    Creep is one physical process with several laws.  The model `creep`, alone, is its power law
+    k_c s^-μ, drive to response, as the papers identify it.  In a composition the name means the
+    effect, which is added to a model that has gains already: the logarithmic law, or by its form
+    `kelvin_voigt` a few relaxations.  `coupled` is foh followed by the power law.
+
+    In a composition, effects are of their typical size for `setting`.  An effect with several forms
+    is taken in the first, or, if another block follows in series, in the first that acts on the
+    drive, or in the one that has the parameters in `values`.
 
     Args:
         text: The name or composition, such as "foh >> creep + resonance".
         setting: Ranges of the recordings, which set the typical size of effects and the radii of
             play operators; None for a common stack.
-        values: Values of the model's parameters by dotted path, as in `Model.parameters`, which
-            select the form of an effect.
+        values: Values of the model's parameters by name, as in `Model.parameters`, which select the
+            form of an effect.
 
     Returns:
         The model at its nominal parameters.
@@ -217,32 +264,65 @@ def parse_model(
         InputError: When a name is unknown or the text is no composition of names.
     """
     require_kind(text, str, "model", 'give a name such as "foh >> creep"')
+    words = [*MODELS, *EFFECTS, *(w for w, a in ALIASES.items() if a.name in MODELS | EFFECTS)]
 
-    def error(actual: str) -> InputError:
+    def error(actual: str, similar: str = "") -> InputError:
         return InputError(
-            f'model "{text}": expected names joined by >> and +, found {actual}; the models are '
-            f"{', '.join(MODELS)} and the effects {', '.join(EFFECTS)}"
+            f'model "{text}": expected names joined by >> and +, found {actual}{similar}; the '
+            f"models are {', '.join(MODELS)} and the effects {', '.join(EFFECTS)}"
         )
 
-    def build(node: ast.expr, path: str = "", ahead: bool = False) -> AbstractBlock:
+    def build(
+        node: ast.expr, own: Mapping[str, ArrayLike], path: str = "", ahead: bool = False
+    ) -> AbstractBlock:
         match node:
             case ast.BinOp(left, ast.RShift(), right):
-                return build(left, f"{path}first.", True) >> build(right, f"{path}second.", ahead)
+                first = build(left, own, f"{path}first.", True)
+                return first >> build(right, own, f"{path}second.", ahead)
             case ast.BinOp(left, ast.Add(), right):
-                return build(left, f"{path}first.") + build(right, f"{path}second.")
-            case ast.Name(name) if name in EFFECTS and node is not whole:
-                own = {n.removeprefix(path): v for n, v in values.items() if n.startswith(path)}
-                return _typical_effect(name, setting, own, ahead)
-            case ast.Name(name) if name in _SIZED:
-                return _SIZED[name](setting or ORDINARY)
-            case ast.Name(name) if name in MODELS:
-                return MODELS[name]()
+                return build(left, own, f"{path}first.") + build(right, own, f"{path}second.")
+            case ast.Name(word):
+                name = meant_by(word).name
+                if name in EFFECTS and node is not whole:
+                    here = {n.removeprefix(path): v for n, v in own.items() if n.startswith(path)}
+                    return _typical_effect(word, setting, here, ahead)
+                if name in _SIZED:
+                    return _SIZED[name](setting or ORDINARY)
+                if name in MODELS:
+                    return MODELS[name]()
+                raise error(f'"{word}"', closest(word, words))
         raise error(f'"{ast.unparse(node)}"')
 
     try:
-        whole = ast.parse(text.strip(), mode="eval").body
-        return Model(build(whole), ast.unparse(whole))
+        whole = ast.parse(spelt(text), mode="eval").body
+        if isinstance(whole, ast.Name) and _is_effect(whole.id):
+            whole = ast.parse(_alone(whole.id), mode="eval").body
+        block = build(whole, {})
+        if values:
+            # The names of the blocks do not depend on their forms, which the values select.
+            prefixes = prefixes_of(block)
+            block = build(whole, {_placed(name, prefixes): v for name, v in values.items()})
+        return Model(block, ast.unparse(_AsNamed().visit(whole)))
     except InputError:
         raise
     except (SyntaxError, ValueError, RecursionError, MemoryError):
         raise error("something else") from None
+
+
+def _is_effect(word: str) -> bool:
+    """Whether a word that stands alone means an effect, or a form of one, and no model."""
+    name, form = meant_by(word)
+    return name in EFFECTS and (bool(form) or name not in MODELS)
+
+
+def _alone(word: str) -> str:
+    """The model of an effect alone: inserted at its site into a proportional actuator."""
+    site = EFFECTS[meant_by(word).name].site
+    return {"drive": f"{word} >> gain", "additive": f"gain + {word}"}.get(site, f"gain >> {word}")
+
+
+def _placed(name: str, prefixes: Mapping[str, str]) -> str:
+    """The place of a parameter given by its block's name or by its place."""
+    places = [(place, shown) for place, shown in prefixes.items() if name.startswith(shown)]
+    place, shown = places[0] if places and all(prefixes.values()) else ("", "")
+    return place + name.removeprefix(shown)

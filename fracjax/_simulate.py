@@ -9,7 +9,7 @@ import numpy as np
 
 from ._models import Model, as_model
 from ._operators import HISTORIES, Grid, History, refine
-from ._recording import InputError
+from ._recording import InputError, Recording, parse_quantity
 
 _TOLERANCE = 1e-4
 """Largest change at the last halving of the step, by the response's span; by judgement."""
@@ -32,17 +32,22 @@ class Simulation(NamedTuple):
 
 
 def simulate(
-    model: Model | str, drive: np.ndarray, step: float, history: History = "constant"
+    model: Model | str,
+    drive: np.ndarray | Recording,
+    step: float | str | None = None,
+    history: History = "constant",
 ) -> Simulation:
-    """The response of a model to a drive.
+    """The response of a model to a drive, or to that of a recording.
 
     The grid is refined until halving its step changes the response by at most 1e-4 of its span, or
     to 32 steps per sample.
 
     Args:
         model: The model, or its name.
-        drive: The drive (N,), in the unit that the model was fitted with.
-        step: The time between samples [s].
+        drive: The drive (N,), in the unit that the model was fitted with; or a recording, of which
+            drive and step are taken.
+        step: The time between samples [s], or a text such as "1 ms"; not for a recording, whose
+            time steps it says.
         history: What the drive did before the first sample: "rest" (zero), "constant" (its first
             value) or "periodic" (the same cycles).
 
@@ -54,7 +59,7 @@ def simulate(
             not positive, or the history or the model's name is unknown.
     """
     model = as_model(model)
-    drive = np.asarray(drive)
+    drive, step = _samples(drive, step)
     if drive.ndim != 1 or drive.size < 5 or drive.dtype.kind not in "iuf":
         raise InputError.at(
             "simulate",
@@ -67,8 +72,6 @@ def simulate(
         raise InputError.at(
             f"simulate, sample {sample}", "a finite drive", f"{drive[sample]}", "correct or cut it"
         )
-    if not 0 < step < np.inf:
-        raise InputError.at("simulate", "a positive step in seconds", f"{step}", "correct it")
     if history not in HISTORIES:
         raise InputError.at(
             "simulate", f"a history out of {', '.join(HISTORIES)}", f'"{history}"', "correct it"
@@ -87,3 +90,20 @@ def simulate(
             coarse, response = response, respond(oversampling)
             error = float(np.abs(response - coarse).max() / max(np.ptp(response), 1e-300))
     return Simulation(response, error)
+
+
+def _samples(drive: object, step: float | str | None) -> tuple[np.ndarray, float]:
+    """The drive (N,) and its step [s].  Raises InputError where the step is missing or none."""
+    if isinstance(drive, Recording):
+        if step is not None:
+            expected = "a recording, or a drive and its step"
+            raise InputError.at("simulate", expected, "a recording and a step", "omit the step")
+        return drive.drive, drive.dt
+    if step is None:
+        raise InputError.at(
+            "simulate", "a recording, or a drive and its step", "no step", "give step in seconds"
+        )
+    seconds = parse_quantity(step, "s", "simulate, step")
+    if not 0 < seconds < np.inf:
+        raise InputError.at("simulate", "a positive step in seconds", f"{step}", "correct it")
+    return np.asarray(drive), seconds

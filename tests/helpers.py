@@ -1,5 +1,6 @@
 """What tests of several folders use."""
 
+import re
 from typing import Any
 
 import equinox as eqx
@@ -49,9 +50,15 @@ def specified(sigma: float) -> fj.Noise:
     return fj.Noise(sigma, "um", "specification", np.ones(1), sigma)
 
 
+def without_progress(err: str) -> str:
+    """What a command wrote on stderr beside its stages, each a line that begins with the time."""
+    return re.sub(r"(?m)^ *\d+\.\d s  .*\n", "", err)
+
+
 def failure(capsys, status: int = 2) -> str:
     """The one sentence on stderr, nothing being on stdout."""
     out, err = capsys.readouterr()
+    err = without_progress(err)
     assert out == "" or status != 2
     assert err.count("\n") == 1
     assert err.endswith(".\n")

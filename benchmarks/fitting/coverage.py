@@ -36,12 +36,12 @@ MODELS = {
     "lfdh": {"k_0": 0.02, "k_delta": 0.12, "chi": 0.2, "delta": 0.3, "mu": 0.6},
     "creep": {"k_c": 0.1, "mu": 0.02},
     "coupled": {
-        "first.k_l": 0.07,
-        "first.k_h": 0.04,
-        "first.k_p": 1.5e-4,
-        "first.alpha": 0.2,
-        "first.beta": -0.13,
-        "second.mu": 0.01,
+        "foh.k_l": 0.07,
+        "foh.k_h": 0.04,
+        "foh.k_p": 1.5e-4,
+        "foh.alpha": 0.2,
+        "foh.beta": -0.13,
+        "creep.mu": 0.01,
     },
     "pea_dynamics": {
         "gain": 0.1,

@@ -124,7 +124,7 @@ def one_draw(model: fj.Model, noise: str, draw: int, steps: int) -> list[dict[st
         fit, noise_model=NOISES[noise], priors=priors, steps=steps, seed=draw
     )
     picked = generator.choice(found.log_posterior.size, RANKED, replace=False)
-    intervals = {row.name: row.interval for row in found.summary}
+    intervals = {row.name: row.interval for row in found.rows}
     rows = []
     for name, value in truth.items():
         low, high = intervals[name]

@@ -57,6 +57,7 @@ from .electrostriction import Electrostriction as Electrostriction
 from .foh import FOH as FOH
 from .foh_linear import FOHLinear as FOHLinear
 from .foh_rate_term import FOHRateTerm as FOHRateTerm
+from .gain import Gain as Gain
 from .gain_drift import GainDrift as GainDrift
 from .inverse_lfdh import InverseLFDH as InverseLFDH
 from .lfdh import LFDH as LFDH

@@ -134,7 +134,7 @@ def _misfits(rows: pd.DataFrame) -> list[str]:
 
 def _spreads(rows: pd.DataFrame) -> Figures:
     """Each parameter's spread over the fitted recordings, for each unit that it has."""
-    from .._report import figure, pretty_unit
+    from .._show import figure, pretty_unit
 
     fitted = rows.loc[rows["status"] == "fitted"]
     labels = [c.removesuffix(".value") for c in rows.columns if c.endswith(".value")]

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ._files import folder
+from ._files import Content, folder
 from ._given import model_of_fit
 from ._jax import prepare_jax
 from ._options import (
@@ -103,7 +103,8 @@ def compensate_command(
     }
     suffix = Path(trajectory).suffix.lower()
     prepare_jax()
-    with folder(out), stages(results.quiet) as progress:
+    content = Content("compensation", [trajectory], [model.name])
+    with folder(out, content), stages(results.quiet) as progress:
         compensation = compensate(model, desired, progress=progress, **requested)
         drive_file = out / f"drive{suffix if suffix in SUFFIXES else '.csv'}"
         compensation.write_drive(drive_file)
@@ -136,7 +137,7 @@ def _write_streaming_inverse(
     import numpy as np
 
     from .._compensate import streaming_inverse
-    from .._report import figure
+    from .._show import figure
     from .._simulate import simulate
 
     # From a tenth of the trajectory's lowest frequency to 2 % of the sampling rate; by judgement.

@@ -8,7 +8,7 @@ from typing import Any
 
 import click
 
-from ._files import folder
+from ._files import Content, folder
 from ._given import Given
 from ._jax import prepare_jax
 from ._options import (
@@ -57,7 +57,9 @@ def crosscheck_command(
     from .._report import crosscheck_figures, crosscheck_sentence, write_report
 
     prepare_jax()
-    with nullcontext() if out is None else folder(out), stages(results.quiet) as progress:
+    content = Content("cross-check", [each.source for each in data], [model.name])
+    place = nullcontext() if out is None else folder(out, content)
+    with place, stages(results.quiet) as progress:
         checked = crosscheck(model, data, progress=progress, **settings, **asked)
         if out is not None:
             progress("writing the report")

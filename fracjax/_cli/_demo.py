@@ -8,7 +8,7 @@ from pathlib import Path
 import click
 
 from ._diagnosis import conclude, diagnose_and_save
-from ._files import folder
+from ._files import Content, folder
 from ._given import models_for
 from ._options import takes_results
 from ._results import Results
@@ -39,6 +39,6 @@ def demo_command(out: Path, results: Results) -> int:
         if not (results.quiet or results.as_json):
             print(f"{time.perf_counter() - start:6.1f} s  {sentence}", flush=True)
 
-    with folder(out):
+    with folder(out, Content("diagnosis", [training.source], [model.name])):
         diagnosis = diagnose_and_save(model, [training], out, results, show, holdout=held_out)
     return conclude(diagnosis, out, results)

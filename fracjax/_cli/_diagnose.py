@@ -8,7 +8,7 @@ from typing import Any
 import click
 
 from ._diagnosis import conclude, diagnose_and_save
-from ._files import folder
+from ._files import Content, folder
 from ._given import Given
 from ._options import (
     folder_option,
@@ -79,7 +79,8 @@ def diagnose_command(
         "max_time": max_time,
     }
     settings = given.how(data)
-    with folder(out), stages(results.quiet) as progress:
+    content = Content("diagnosis", [each.source for each in data], [model.name])
+    with folder(out, content), stages(results.quiet) as progress:
         diagnosis = diagnose_and_save(
             model, data, out, results, progress, **requested, **asked, **settings
         )

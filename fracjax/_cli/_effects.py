@@ -24,14 +24,20 @@ from ._tables import print_json, print_table
 @takes_results
 def effects_command(name: str | None, picture: Path | None, results: Results) -> None:
     """List the effects that `diagnose` can identify, or describe one in full."""
+    from .._aliases import meant_by, spelt
     from .._blocks import EFFECTS
-    from .._recording import InputError
+    from .._models import MODELS
+    from .._recording import InputError, closest
 
-    if name is not None and name not in EFFECTS:
-        raise InputError(
-            f'effect "{name}": expected one of {", ".join(EFFECTS)}, found none of that name; '
-            "correct it"
-        )
+    if name is not None:
+        asked, name = name, meant_by(spelt(name)).name
+        if name not in EFFECTS:
+            raise InputError.at(
+                f'effect "{asked}"',
+                f"one of {', '.join(EFFECTS)}",
+                f"none of that name{closest(asked, EFFECTS)}",
+                "see `fracjax models` for models" if name in MODELS else "correct it",
+            )
     if picture is not None:
         _draw(name, picture, results.saved)
     listed = [_effect(key) for key in ([name] if name else EFFECTS)]
@@ -76,7 +82,7 @@ def _effect(name: str) -> dict[str, Any]:
 
 def _rows(effect: dict[str, Any]) -> list[list[str]]:
     """A catalogue entry as rows of a table."""
-    from .._report import figure, pretty_unit, quantity
+    from .._show import figure, pretty_unit, quantity
 
     parameters = [
         f"{p['name']}: {figure(p['plausible'][0])} to {quantity(p['plausible'][1], p['unit'])}"

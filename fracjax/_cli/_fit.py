@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ._files import folder
+from ._files import Content, folder
 from ._fit_table import fit_table
 from ._given import Given
 from ._jax import prepare_jax
@@ -98,6 +98,7 @@ def fit_command(
     if to_table:
         return fit_table(recordings, names, out, given, results, asked)
     from .._fit import compare_fits, fit, with_profiles
+    from .._naming import accepted_names
     from .._prepare import options_for
     from .._report import file_name, write_report
 
@@ -105,13 +106,14 @@ def fit_command(
     data, models = given.understood(recordings, names)
     settings = given.how(data)
     held_out = [given.read(path) for path in held_out_paths]
-    all_names = {name for model in models for name in model.parameters}
+    all_names = set().union(*(accepted_names(model.block) for model in models))
 
     prepare_jax()
-    with folder(out), stages(results.quiet) as progress:
+    content = Content("fit", [each.source for each in data], [model.name for model in models])
+    with folder(out, content), stages(results.quiet) as progress:
         fits = []
         for model in models:
-            options = options_for(requested, model.parameters.keys(), all_names)
+            options = options_for(requested, accepted_names(model.block), all_names)
             to_profile = options.pop("profiled")
             fitted = fit(model, data, progress=progress, **settings, **options)
             fits.append(with_profiles(fitted, to_profile, progress))
@@ -148,7 +150,7 @@ def _summary(
 
 def _profile_notes(fit: Fit) -> list[str]:
     """The intervals of the requested profiles."""
-    from .._report import figure, pretty_unit
+    from .._show import figure, pretty_unit
 
     notes = []
     for profile in fit.profiles:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Any
 
 import click
 
-from ._files import folder
+from ._files import Content, folder
 from ._given import Given
 from ._jax import prepare_jax
 from ._progress import stages
@@ -31,6 +31,7 @@ def fit_table(
     """Fit each model to the table, print the result and return the exit status."""
     from .._frequency import fit_frequency_response, read_frequency_table
     from .._models import parse_model
+    from .._naming import accepted_names
     from .._prepare import options_for
     from .._report import file_name, write_report
 
@@ -42,12 +43,13 @@ def fit_table(
     units = given.columns["input_unit"], given.columns["output_unit"]
     table = read_frequency_table(paths[0], drive_unit=units[0], response_unit=units[1])
     models = [parse_model(name, table.setting) for name in dict.fromkeys(names)]
-    all_names = {name for model in models for name in model.parameters}
+    all_names = set().union(*(accepted_names(model.block) for model in models))
     prepare_jax()
-    with folder(out), stages(results.quiet) as progress:
+    content = Content("fit", [table.source], [model.name for model in models])
+    with folder(out, content), stages(results.quiet) as progress:
         fits = []
         for model in models:
-            options = options_for(asked, model.parameters.keys(), all_names)
+            options = options_for(asked, accepted_names(model.block), all_names)
             fits.append(
                 fit_frequency_response(model, table, seed=given.seed, progress=progress, **options)
             )

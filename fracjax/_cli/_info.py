@@ -10,7 +10,7 @@ import click
 from ._files import write_whole
 from ._options import given_of, mask_option, reading_options, recording_argument, takes_results
 from ._results import Results
-from ._tables import print_json, print_table
+from ._tables import print_json, print_table, print_text
 
 if TYPE_CHECKING:
     from .._recording import Recording
@@ -52,7 +52,7 @@ def info_command(
                 print()
             print_table([], _rows(one))
             for warning in one["warnings"]:
-                print(f"Warning: {warning}")
+                print_text(f"Warning: {warning}")
         if plot is not None:
             print(f"Written: {plot}")
 
@@ -69,7 +69,7 @@ def _draw(recordings: list[Recording], plot: Path) -> None:
 
 
 def _rows(description: dict[str, Any]) -> list[list[str]]:
-    from .._report import figure, percentage, pretty_unit, quantity
+    from .._show import figure, percentage, pretty_unit, quantity
 
     def extent(signal: dict) -> str:
         return f"{figure(signal['low'], 4)} to {quantity(signal['high'], signal['unit'])}"

@@ -43,13 +43,23 @@ _COMMANDS = (
 @click.group(
     commands=_COMMANDS,
     context_settings={"help_option_names": ["-h", "--help"]},
-    no_args_is_help=False,
+    invoke_without_command=True,
     epilog='Shell completion: eval "$(_FRACJAX_COMPLETE=bash_source fracjax)", or zsh_source, '
     "fish_source.",
 )
 @click.version_option(__version__, prog_name="fracjax")
-def cli() -> None:
-    """Find the physical effects that a simulation of a piezo actuator left out, and their size."""
+@click.pass_context
+def cli(context: click.Context) -> None:
+    """Find the physical effects that a simulation of a piezo actuator left out, and their size.
+
+    \b
+    To begin with:
+      fracjax info FILE                                what is understood of your file
+      fracjax diagnose FILE --model foh --out results  what the model leaves out of it
+      fracjax demo                                     the same on a recording in the package
+    """
+    if context.invoked_subcommand is None:
+        click.echo(context.get_help())
 
 
 def main() -> None:

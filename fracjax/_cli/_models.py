@@ -29,6 +29,8 @@ def models_command(results: Results) -> None:
         headers = ["model", "what it is", "equation", "parameters"]
         print_table(headers, [_row(model) for model in listed])
         print('Models and effects are joined in series by >> and in parallel by +: "foh >> creep".')
+        print("An effect alone is fitted on a gain: --model resonance is gain >> resonance.")
+        print("Creep alone is the power law above; in a composition, the effect of that name.")
 
 
 def _row(model: dict[str, Any]) -> list[str]:

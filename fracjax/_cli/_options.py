@@ -132,7 +132,7 @@ prior_option = click.option(
     "--prior", multiple=True, metavar='"alpha=0.1±0.02"', help="What was known of it (or +-)."
 )
 tie_option = click.option(
-    "--tie", multiple=True, metavar='"second.mu=2*first.alpha"', help="Let one equal another."
+    "--tie", multiple=True, metavar='"creep.mu=2*foh.alpha"', help="Let one equal another."
 )
 own_option = click.option(
     "--own", multiple=True, metavar="NAME", help="A value of its own for every recording."

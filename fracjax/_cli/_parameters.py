@@ -15,12 +15,14 @@ def free_parameters(block: AbstractBlock) -> list[dict[str, Any]]:
     """
     import numpy as np
 
+    from .._naming import shown_names
     from .._parameters import named_parameters
 
+    shown = shown_names(block)
     rows = []
     for name, parameter in named_parameters(block).items():
         if not parameter.fixed:
             low, high = (f(p) for f, p in zip((np.min, np.max), parameter.plausible, strict=True))
             plausible = [float(low), float(high)] if np.isfinite(high - low) else None
-            rows.append({"name": name, "unit": parameter.unit, "plausible": plausible})
+            rows.append({"name": shown[name], "unit": parameter.unit, "plausible": plausible})
     return rows

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING
 
 import click
 
-from ._files import folder
+from ._files import Content, folder
 from ._given import Given, models_for
 from ._jax import prepare_jax
 from ._options import (
@@ -85,7 +85,7 @@ def posterior_command(
 
     prepare_jax()
     chain = out / "chain.h5"
-    with folder(out):
+    with folder(out, Content("posterior", [data[0].source], [model.name])):
         try:
             with chain_bar(results.quiet, steps) as progress:
                 fitted = fit(model, data, noise=noise, **settings)
@@ -136,9 +136,9 @@ def _summary(posterior: Posterior) -> Summary:
 
 def _figures(posterior: Posterior) -> Figures:
     """The table of parameters."""
-    from .._report import posterior_row
+    from .._posterior import posterior_row
 
     headers = ["", "mean", "sd", "95 % interval", "unit", "draws", "R-hat", "Laplace"]
     fields = ("name", "mean", "sd", "interval", "unit", "ess", "r_hat", "laplace")
-    rows = [posterior_row(row) for row in posterior.summary]
+    rows = [posterior_row(row) for row in posterior.rows]
     return headers, [[row[field] for field in fields] for row in rows]

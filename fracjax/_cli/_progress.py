@@ -1,8 +1,10 @@
-"""Progress on stderr, if it is a terminal."""
+"""Progress on stderr: bars on a terminal, else plain lines."""
 
 from __future__ import annotations
 
 import sys
+import threading
+import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
@@ -12,16 +14,55 @@ if TYPE_CHECKING:
     from .._solve import Progress
 
 
-def _hidden(quiet: bool) -> bool:
-    """Whether no progress is shown."""
-    return quiet or not sys.stderr.isatty()
+_BRIEF = 0.5
+"""A stage that is shorter [s] gets no line."""
+_PAUSE = 10.0
+"""Time between two lines of a count [s]; chosen by judgement, for logs that are read later."""
+
+
+def _silent(*_: object) -> None:
+    """No progress."""
+
+
+class _Lines:
+    """Plain lines, for a pipe or a log: one a stage, and of a count one every ten seconds."""
+
+    def __init__(self) -> None:
+        self.start = self.last = time.monotonic()
+        self.due = threading.Timer(0, _silent)
+
+    def write(self, sentence: str) -> None:
+        """Write a line with the time since the start."""
+        seconds = time.monotonic() - self.start
+        print(f"{seconds:6.1f} s  {sentence}", file=sys.stderr, flush=True)
+
+    def begin(self, sentence: str) -> None:
+        """Begin a stage; its line is written once it lasts."""
+        self.due.cancel()
+        self.due = threading.Timer(_BRIEF, self.write, [sentence])
+        self.due.daemon = True
+        self.due.start()
+
+    def count(self, done: int, total: int, estimate: str = "") -> None:
+        """Count what is done, in a line if the last is old enough."""
+        now = time.monotonic()
+        if now - self.last >= _PAUSE:
+            self.last = now
+            self.write(f"{done} of {total}" + (f"; {estimate}" if estimate else ""))
 
 
 @contextmanager
 def stages(quiet: bool) -> Iterator[Progress]:
     """A function that begins a stage, shown with a spinner and the time that it takes."""
-    if _hidden(quiet):
-        yield lambda sentence: None
+    if quiet:
+        yield _silent
+        return
+    if not sys.stderr.isatty():
+        lines = _Lines()
+        try:
+            yield lines.begin
+        finally:
+            lines.due.cancel()
         return
     from rich.console import Console
     from rich.progress import Progress as Bars
@@ -45,8 +86,8 @@ def stages(quiet: bool) -> Iterator[Progress]:
 @contextmanager
 def bar(quiet: bool) -> Iterator[Count]:
     """A function that counts recordings, shown as a bar with the remaining time."""
-    if _hidden(quiet):
-        yield lambda done, total: None
+    if quiet or not sys.stderr.isatty():
+        yield _silent if quiet else _Lines().count
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, TimeElapsedColumn, TimeRemainingColumn
@@ -65,8 +106,8 @@ def bar(quiet: bool) -> Iterator[Count]:
 @contextmanager
 def chain_bar(quiet: bool, steps: int) -> Iterator[Callable[[int, int, str], None]]:
     """A function that counts steps, shown as a bar with the present estimate."""
-    if _hidden(quiet):
-        yield lambda done, most, estimate: None
+    if quiet or not sys.stderr.isatty():
+        yield _silent if quiet else _Lines().count
         return
     from rich.console import Console
     from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn

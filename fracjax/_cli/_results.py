@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import NamedTuple
 
 from ._files import write_whole
-from ._tables import Figures, print_json, print_table
+from ._tables import Figures, print_json, print_table, print_text
 
 
 class Summary(NamedTuple):
@@ -20,17 +20,14 @@ class Summary(NamedTuple):
 
     def show(self, saved: Sequence[Path]) -> None:
         """Print the summary and the paths of the saved files."""
-        from rich.console import Console
-
-        console = Console(markup=False, highlight=False)
-        console.print(self.sentence, style="bold", soft_wrap=True)
+        print_text(self.sentence, "bold")
         for headers, rows in (self.figures, self.parameters):
             if rows:
                 print_table(headers, rows)
         for note in self.notes:
-            print(note)
+            print_text(note)
         if saved:
-            print("Written: " + ", ".join(map(str, saved)))
+            print_text("Written: " + ", ".join(map(str, saved)))
 
 
 class Results(NamedTuple):

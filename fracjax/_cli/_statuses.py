@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import shutil
 import sys
+import textwrap
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
@@ -16,6 +18,9 @@ UNUSABLE, NOT_CONVERGED, INTERRUPTED = 2, 3, 130
 
 def fail(sentence: str, status: int) -> int:
     """Print a sentence on stderr and return the status."""
+    if sys.stderr.isatty():
+        width = shutil.get_terminal_size().columns
+        sentence = textwrap.fill(sentence, width, break_long_words=False, break_on_hyphens=False)
     print(sentence, file=sys.stderr)
     return status
 

@@ -18,6 +18,14 @@ def print_json(data: object) -> None:
     print(json.dumps(data, indent=1))
 
 
+def print_text(text: str, style: str | None = None) -> None:
+    """Print a sentence: on a terminal in lines that end at words, else in one line."""
+    from rich.console import Console
+
+    console = Console(markup=False, emoji=False, highlight=False)
+    console.print(text, style=style, soft_wrap=not console.is_terminal)
+
+
 def print_table(headers: list[str], rows: list[list[str]]) -> None:
     """Print a table, as wide as the terminal or 120 columns; without headers a list of facts."""
     from rich import box

@@ -14,6 +14,7 @@ from jax import Array
 from .._blocks import AbstractBlock, QuasiStaticForce
 from .._computing import compiled, computing
 from .._models import Model, as_model
+from .._naming import path_of_name
 from .._operators import HISTORIES, History, interpolate
 from .._parameters import set_values
 from .._prepare import layout_of, values_by_name
@@ -230,16 +231,17 @@ def _band(
     With the recording that the draws were sampled for, each response is shifted so that the mean
     response to that recording is the same for all draws.
     """
-    layout = layout_of(block)
-    for label in layout.labels:
-        if label not in draws:
+    labels = layout_of(block).labels(block)
+    placed = {path_of_name(name, block): draw for name, draw in draws.items()}
+    for label in labels:
+        if path_of_name(label, block) not in placed:
             raise InputError.at(
                 "compensate, draws",
-                f"values of {', '.join(layout.labels)}",
+                f"values of {', '.join(labels)}",
                 f"none of {label}",
                 "give draws of this model's posterior",
             )
-    values = np.stack([np.ravel(draws[label]) for label in layout.labels], axis=1)
+    values = np.stack([np.ravel(placed[path_of_name(label, block)]) for label in labels], axis=1)
     chosen = values[np.linspace(0, len(values) - 1, min(_DRAWS, len(values))).astype(int)]
     responses = np.asarray(_responses(block, chosen, plant, drive))
     if recording is not None:

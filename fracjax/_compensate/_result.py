@@ -5,14 +5,20 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any, Literal
+from typing import TYPE_CHECKING, Any, Literal
 
 import numpy as np
 
 from .._io import column_name, write
 from .._operators import History
 from .._recording import InputError, runs_of
+from .._show import Shown, Table, View, figure, quantity
 from ._unbounded import TOLERANCE
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .._show.drawing import Drawing
 
 SCHEMA = "fracjax.compensation/1"
 JSON = "compensation.json"
@@ -40,8 +46,8 @@ class Stretch:
     largest: float
 
 
-@dataclass(frozen=True, eq=False)
-class Compensation:
+@dataclass(frozen=True, eq=False, repr=False)
+class Compensation(Shown):
     """A drive (N,), the response (N,) that the model predicts for it, and its error.
 
     Attributes:
@@ -160,6 +166,64 @@ class Compensation:
         if self.max_error <= TOLERANCE * self.stroke:
             return "followed"
         return "limited" if self.binding else "approximate"
+
+    def _view(self) -> View:
+        drive, response = self.units
+
+        def error(value: float) -> str:
+            share = figure(100 * value / self.stroke)
+            return f"{quantity(value, response)}, {share} % of the stroke"
+
+        used = f"{figure(self.drive.min(), 4)} to {quantity(self.drive.max(), drive)}"
+        rows = [
+            ["drive", used],
+            ["largest predicted error", error(self.max_error)],
+            ["rms predicted error", error(self.rms_error)],
+            ["discretisation", f"{figure(100 * self.numerics)} % of the stroke"],
+            ["method", f"{self.method}, {self.iterations} iterations"],
+        ]
+        if self.band is not None:
+            width = float(np.max(self.band[1] - self.band[0]))
+            rows.append(["95 % band of the parameters", f"{quantity(width, response)} at most"])
+        state = "" if self.converged else "; not converged"
+        at_limits = [[s.kind, f"{s.start:.4g} to {s.stop:.4g} s"] for s in self.binding]
+        missed = [[s.kind, f"{s.start:.4g} to {s.stop:.4g} s"] for s in self.missed]
+        return View(
+            f"Drive of {self.model} along {Path(self.source).name}: {self.verdict}{state}.",
+            [Table([], rows), Table(["stretch", ""], [*at_limits, *missed], detail=True)],
+        )
+
+    def plot(self) -> Drawing:
+        """Draw the desired and the predicted response, the drive, and the predicted error.
+
+        Returns:
+            A matplotlib figure, in the compensation's units.
+        """
+        from ._picture import draw_compensation
+
+        signals = {"desired": self.desired, "predicted": self.predicted, "drive": self.drive}
+        return draw_compensation(self.times, signals, self.band, self.units, self.limits)
+
+    def plot_residuals(self) -> Drawing:
+        """Draw the predicted error over time.
+
+        Returns:
+            A matplotlib figure, in the response's unit.
+        """
+        from ._picture import draw_error
+
+        return draw_error(self.times, self.error, self.units[1])
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The signals as a table.
+
+        Returns:
+            A pandas table: time [s], and drive, desired and predicted response in their units.
+        """
+        import pandas as pd
+
+        signals = {name: getattr(self, name) for name in _SIGNALS}
+        return pd.DataFrame({"time_s": self.times, **signals})
 
     def to_dict(self) -> dict[str, Any]:
         """The compensation as plain data, as in compensation.json.

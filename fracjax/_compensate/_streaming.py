@@ -26,8 +26,9 @@ from scipy.signal import lfilter
 
 from .._models import Model
 from .._recording import InputError
+from .._show import Shown
+from .._systems import Band, rational
 from ._inverse import linear_part_of
-from ._systems import Band, rational
 
 SCHEMA = "fracjax.inverse/1"
 _FREQUENCIES = 200
@@ -39,8 +40,8 @@ _SOUND = 1e-6
 close to each other to be separated.  Chosen by judgement."""
 
 
-@dataclass(frozen=True, eq=False)
-class StreamingInverse:
+@dataclass(frozen=True, eq=False, repr=False)
+class StreamingInverse(Shown):
     """Difference equations from desired response to drive, at a step of `step` [s].
 
     Attributes:

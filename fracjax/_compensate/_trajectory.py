@@ -7,10 +7,11 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .._recording import LARGEST, InputError, parse_quantity, unit, varying
+from .._show import Shown
 
 
-@dataclass(frozen=True, eq=False)
-class Trajectory:
+@dataclass(frozen=True, eq=False, repr=False)
+class Trajectory(Shown):
     """Uniform samples of a desired response.
 
     Attributes:

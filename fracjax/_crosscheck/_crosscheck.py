@@ -33,6 +33,7 @@ from .._prepare import (
     require_whole_number,
 )
 from .._recording import InputError, Recording
+from .._show import Shown, Table, View, figure
 from .._solve import (
     Objective,
     Progress,
@@ -85,8 +86,8 @@ class Optimum:
     seconds: float
 
 
-@dataclass(frozen=True)
-class Crosscheck:
+@dataclass(frozen=True, repr=False)
+class Crosscheck(Shown):
     """The same objective minimised by several methods, the gradient fit first.
 
     Attributes:
@@ -111,6 +112,17 @@ class Crosscheck:
     def warning(self) -> str | None:
         """Why the gradient fit is not at the optimum; None if it is."""
         return next(iter(self.fit.warnings), None)
+
+    def _view(self) -> View:
+        rows = [
+            [row.method, figure(row.rmse, 5), f"{row.over_best:.6g}", "yes" if row.agrees else "no"]
+            for row in self.rows
+        ]
+        unit = self.fit.noise.unit
+        table = Table(["", f"rmse [{unit}]", "over the best", "agrees"], rows)
+        agree = sum(row.agrees for row in self.rows)
+        sentence = f"{self.fit.model.name} by {len(self.rows)} methods, of which {agree} agree."
+        return View(sentence, [table], self.fit.warnings)
 
     def to_dict(self) -> dict:
         """The result as plain data, as in crosscheck.json.
@@ -348,7 +360,7 @@ def _crosscheck_of(
         fit=replace(fit, warnings=_warnings(model.name, rows)),
         rows=tuple(rows),
         units={estimate.name: estimate.unit for estimate in fit.estimates},
-        bounds={label: (low[label], high[label]) for label in layout.labels},
+        bounds={label: (low[label], high[label]) for label in low},
     )
 
 
@@ -369,4 +381,4 @@ def _by_label(block: AbstractBlock, layout: Layout, field: str) -> dict[str, flo
     parameters = named_parameters(block)
     free = [parameters[name] for name, _ in layout.shapes + layout.gains]
     fields = [np.ravel(np.broadcast_to(getattr(p, field), np.shape(p.value))) for p in free]
-    return dict(zip(layout.labels, np.concatenate(fields).tolist(), strict=True))
+    return dict(zip(layout.labels(block), np.concatenate(fields).tolist(), strict=True))

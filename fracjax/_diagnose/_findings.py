@@ -355,5 +355,5 @@ def _inserted(base, explanation, memory: Layer):
 
 def _own(fit: Fit, path: str) -> tuple[Estimate, ...]:
     """The estimates of one layer, by its own names."""
-    own: Sequence[Estimate] = [e for e in fit.estimates if e.name.startswith(path)]
-    return tuple(replace(e, name=e.name.removeprefix(path)) for e in own)
+    own: Sequence[Estimate] = [e for e in fit.estimates if e.path.startswith(path)]
+    return tuple(replace(e, name=e.path.removeprefix(path)) for e in own)

@@ -5,14 +5,22 @@ from __future__ import annotations
 import json
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Literal
+from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from .._fit import Estimate, Fit
+from .._fit import Estimate, Fit, estimate_row
 from .._models import Model
+from .._operators import History
 from .._prepare import Noise
+from .._recording import Recording, item
+from .._show import Shown, Table, View, figure, quantity
 from ._next_experiment import Drive
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .._show.drawing import Drawing
 
 SCHEMA = "fracjax.diagnosis/1"
 
@@ -131,8 +139,8 @@ class NextExperiment:
     drive: Drive
 
 
-@dataclass(frozen=True)
-class Diagnosis:
+@dataclass(frozen=True, repr=False)
+class Diagnosis(Shown):
     """What a model leaves unexplained in a recording, where, and what physics would explain it.
 
     `verdict` is "none", "missing", "confusable" or "unexplained", and `sentence` says it in words.
@@ -163,8 +171,107 @@ class Diagnosis:
 
     @property
     def extended_model(self) -> Model:
-        """The model with what was found, or the base model where nothing was."""
-        return (self.extended or self.base).model
+        """The model with the adopted effects, or the base model if there are none."""
+        return self.fit.model
+
+    @property
+    def fit(self) -> Fit:
+        """The fit with the adopted effects, or that of the base model if there are none."""
+        return self.extended or self.base
+
+    def predict(
+        self,
+        drive: np.ndarray | Recording,
+        step: float | str | None = None,
+        history: History | None = None,
+    ) -> np.ndarray:
+        """The response that the model with the adopted effects predicts, as `Fit.predict`.
+
+        Args:
+            drive: (N,) in the recording's drive unit, or a recording in the same units.
+            step: the time between samples [s], by default that of the first recording.
+            history: the drive before the first sample, by default as in the first recording.
+
+        Returns:
+            The response (N,) in the recording's response unit, offset included.
+        """
+        return self.fit.predict(drive, step, history)
+
+    def plot(self, recording: int = 0) -> Drawing:
+        """Draw the residual without and with the adopted effects, and the evidence for each effect.
+
+        Args:
+            recording: which of the recordings, from 0.
+
+        Returns:
+            A matplotlib figure, in the recording's units.
+
+        Raises:
+            InputError: where there is no such recording.
+        """
+        from ._picture import draw_diagnosis
+
+        take = item(self.base.preparation.takes, recording, "recording")
+        fits = [self.base] if self.extended is None else [self.base, self.extended]
+        named = [effect.name for effect in self.effects]
+        evidence = {c.name: (c.score, c.name in named) for c in self.candidates}
+        simulations = {fit.model.name: fit.simulations[recording] for fit in fits}
+        return draw_diagnosis(take, self.noise, simulations, evidence)
+
+    def plot_residuals(self, recording: int = 0) -> Drawing:
+        """Draw the tests of the residual that remains with the adopted effects.
+
+        Args:
+            recording: which of the recordings, from 0.
+
+        Returns:
+            A matplotlib figure, the residual in units of the noise.
+
+        Raises:
+            InputError: where there is no such recording.
+        """
+        return self.fit.plot_residuals(recording)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The candidates as a table, a row per effect of the catalogue.
+
+        Returns:
+            A pandas table with the attributes of `Candidate`, in their units.
+        """
+        import pandas as pd
+
+        return pd.DataFrame([vars(candidate) for candidate in self.candidates]).set_index("name")
+
+    def _view(self) -> View:
+        unit = self.noise.unit
+        extended = self.extended
+        scores = [
+            ["rmse, fitted", quantity(self.base.scores.rmse, unit)],
+            ["rmse, held out", quantity(self.held_out.base_rmse, unit)],
+            ["noise floor", f"{quantity(self.noise.sigma, unit)} ({self.noise.method})"],
+        ]
+        headers = ["", self.base.model.name]
+        if extended is not None:
+            headers.append(extended.model.name)
+            scores[0].append(quantity(extended.scores.rmse, unit))
+            scores[1].append(quantity(self.held_out.extended_rmse, unit))
+            scores[2].append("")
+        parameters = [
+            [effect.name, *list(estimate_row(estimate).values())]
+            for effect in self.effects
+            for estimate in effect.parameters
+        ]
+        candidates = [[c.name, figure(c.score), c.reason] for c in self.candidates]
+        following = [] if self.next_experiment is None else [self.next_experiment.sentence]
+        return View(
+            f"{self.verdict}: {self.sentence}",
+            [
+                Table(headers, scores),
+                Table(["effect", "parameter", "value", "95 % interval", "unit", ""], parameters),
+                Table(["candidate", "|z|", ""], candidates, detail=True),
+            ],
+            [self.where, *self.warnings, *following],
+        )
 
     def to_dict(self) -> dict:
         """Plain data, as in diagnosis.json (schema fracjax.diagnosis/1)."""

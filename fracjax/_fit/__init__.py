@@ -14,10 +14,10 @@ from ._fit import fit_of as fit_of
 from ._fit import scores_of as scores_of
 from ._grade import is_useless as is_useless
 from ._grade import shortcomings_of as shortcomings_of
+from ._linear import LinearSystem as LinearSystem
 from ._profile import profile as profile
 from ._profile import with_profiled_intervals as with_profiled_intervals
 from ._profile import with_profiles as with_profiles
-from ._residuals import ResidualAnalysis as ResidualAnalysis
 from ._residuals import analyse_residuals as analyse_residuals
 from ._result import SCHEMA as SCHEMA
 from ._result import Fit as Fit
@@ -28,6 +28,11 @@ from ._robust import LOSSES as LOSSES
 from ._robust import Loss as Loss
 from ._robust import Robust as Robust
 from ._robust import shape_of as shape_of
+from ._rows import combination_row as combination_row
+from ._rows import estimate_row as estimate_row
+from ._rows import parameter_table as parameter_table
 from ._settle import settle as settle
 from ._settle import settle_finely as settle_finely
 from ._uncertainty import uncertainty_of as uncertainty_of
+from ._whiteness import ResidualAnalysis as ResidualAnalysis
+from ._whiteness import analyse_whitened as analyse_whitened

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 from dataclasses import asdict, dataclass, replace
 from math import log
 from pathlib import Path
-from typing import Any
+from typing import TYPE_CHECKING, Any
 
 import numpy as np
 from scipy.ndimage import maximum_filter1d
@@ -15,9 +15,15 @@ from scipy.ndimage import maximum_filter1d
 from .._computing import computing
 from .._models import Model
 from .._prepare import Preparation, Take, take_of
-from .._recording import InputError, Recording, require_units_of
+from .._recording import InputError, Recording, item, require_units_of
+from .._show import Shown, Table, View, figure
 from .._solve import Progress, silent, solve_from
 from ._fit import Fit, fit
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .._show.drawing import Drawing
 
 SCHEMA = "fracjax.comparison/2"
 _FOLDS = 5
@@ -70,8 +76,8 @@ class Row:
     converged: bool
 
 
-@dataclass(frozen=True)
-class Comparison:
+@dataclass(frozen=True, repr=False)
+class Comparison(Shown):
     """Fits of several models to the same recordings, best first by BIC.
 
     Attributes:
@@ -94,6 +100,73 @@ class Comparison:
         """The name of the model with the least rmse on data held out, None where none is scored."""
         scored = [(row.unseen.rmse, row.model) for row in self.rows if row.unseen is not None]
         return min(scored)[1] if scored else None
+
+    def _view(self) -> View:
+        unit = self.fits[0].noise.unit
+        headers = ["", "free", f"rmse, fitted [{unit}]", f"rmse, held out [{unit}]", "BIC", ""]
+        rows = [
+            [
+                row.model,
+                f"{row.parameters}",
+                figure(row.rmse),
+                figure(row.unseen.rmse if row.unseen else None),
+                f"{row.bic:.1f}",
+                "" if row.converged else "not converged",
+            ]
+            for row in self.rows
+        ]
+        unseen = f" and {self.best_unseen} on data held out" if self.best_unseen else ""
+        return View(
+            f"{len(self.rows)} models compared: best by BIC is {self.best}{unseen}.",
+            [Table(headers, rows)],
+            [f"Held out: {self.method}."],
+        )
+
+    def plot(self) -> Drawing:
+        """Draw the rms error of each model on the data fitted and on data held out.
+
+        Returns:
+            A matplotlib figure, in the response's unit.
+        """
+        from ._pictures import draw_errors
+
+        unseen = [row.unseen.rmse if row.unseen else np.nan for row in self.rows]
+        names, fitted = [row.model for row in self.rows], [row.rmse for row in self.rows]
+        return draw_errors(names, fitted, unseen, self.fits[0].noise)
+
+    def plot_residuals(self, recording: int = 0) -> Drawing:
+        """Draw the residual of each model over time, with the noise band.
+
+        Args:
+            recording: which of the recordings, from 0.
+
+        Returns:
+            A matplotlib figure, in the recording's units.
+
+        Raises:
+            InputError: where there is no such recording.
+        """
+        from ._pictures import draw_residuals
+
+        first = self.fits[0]
+        take = item(first.preparation.takes, recording, "recording")
+        simulations = [one.simulations[recording] for one in self.fits]
+        names = [one.model.name for one in self.fits]
+        return draw_residuals(take, take.noise or first.noise, names, simulations)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The scores as a table, a row per model.
+
+        Returns:
+            A pandas table; errors in the response's unit.
+        """
+        import pandas as pd
+
+        rows = [asdict(row) for row in self.rows]
+        for row in rows:
+            unseen = row.pop("unseen") or {}
+            row |= {f"held_out_{name}": unseen.get(name, np.nan) for name in ("rmse", "e_r")}
+        return pd.DataFrame(rows).set_index("model")
 
     def to_dict(self) -> dict[str, Any]:
         """The comparison as plain data, as in comparison.json.

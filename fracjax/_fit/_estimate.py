@@ -17,7 +17,8 @@ class Estimate:
     """A fitted parameter with its standard error.
 
     Attributes:
-        name: the parameter's name, with its index or recording where it has one.
+        name: the parameter's name, with its index or recording where it has one, by its block:
+            "resonance.damping", or "damping" where the model is one block.
         value: in `unit`.
         standard_error: in `unit`.
         unit: the parameter's unit.
@@ -28,6 +29,7 @@ class Estimate:
             known to half its value is known by a factor, and never negative.
         ends: the 95 % interval from the parameter's profile, in `unit`, None where none was
             requested.
+        path: the name by its place in the composition, such as "second.damping".
     """
 
     name: str
@@ -38,6 +40,7 @@ class Estimate:
     at_bound: bool
     logarithmic: bool = False
     ends: tuple[float, float] | None = None
+    path: str = ""
 
     @property
     def interval(self) -> tuple[float, float]:

@@ -74,6 +74,7 @@ def fit_of(model: Model, solved: Solved, loss: Loss = "least_squares") -> Fit:
         models=tuple(Model(block, model.name) for block in solved.blocks),
         combinations=uncertainty.combinations,
         residual_order=uncertainty.order,
+        correlation=uncertainty.correlation,
         robust=robust,
     )
 
@@ -113,7 +114,7 @@ def fit(
         progress: called with a sentence at each stage.
         **options: by parameter name, in the parameters' units: `fixed` holds parameters at values,
             `bounds` narrows their range, `priors` gives prior knowledge, `tied` sets one equal to
-            another, `{"second.mu": "first.alpha"}`, or to a multiple of it, `("first.alpha", 2.0)`.
+            another, `{"creep.mu": "foh.alpha"}`, or to a multiple of it, `("foh.alpha", 2.0)`.
             `own` names parameters of which each recording has its own value, reported as `name@1`,
             `name@2`, …; parameters that start anew with each recording, such as the mains' phases,
             always have.  `weights` (N,), one array per recording, multiply the squared residuals.

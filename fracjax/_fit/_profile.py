@@ -18,9 +18,10 @@ from scipy.stats import norm
 
 from .._blocks import AbstractBlock
 from .._computing import computing, map_in_threads
+from .._naming import path_of_name
 from .._parameters import Parameter, named_parameters, replace_parameters
 from .._prepare import Conditions, Preparation
-from .._recording import InputError, require_kind
+from .._recording import InputError, closest, require_kind
 from .._solve import Progress, silent, solve_from
 from ._fit import Fit
 from ._result import Interval, Profile
@@ -87,7 +88,9 @@ def with_profiles(fit: Fit, names: Iterable[str], progress: Progress = silent) -
 
 
 def with_profiled_intervals(fit: Fit, names: Iterable[str]) -> Fit:
-    """The fit with 95 % intervals of the named parameters that end where their profiles reach 3.84.
+    """The fit with 95 % intervals that end where the profiles of parameters reach 3.84.
+
+    `names` are the places of the parameters in the composition, as in `Estimate.path`.
 
     A time constant near the recording's length, or a threshold near the drive's peak, is known far
     better on one side than on the other, which a standard error cannot express.  Parameters that
@@ -97,7 +100,7 @@ def with_profiled_intervals(fit: Fit, names: Iterable[str]) -> Fit:
     vary it.
     """
     single = named_parameters(fit.model.block).keys() & set(names)
-    selected = [k for k, e in enumerate(fit.estimates) if e.name in single and e.identified]
+    selected = [k for k, e in enumerate(fit.estimates) if e.path in single and e.identified]
     if not selected:
         return fit
     curvatures = _curvatures(fit)
@@ -142,17 +145,19 @@ def profile(fit: Fit, name: str) -> Profile:
     Source: Venzon & Moolgavkar, Appl. Stat. 37 (1988) 87.
     """
     require_kind(fit, Fit, "fit", "fit a model first")
-    labels = [estimate.name for estimate in fit.estimates]
     parameters = named_parameters(fit.model.block)
-    if name not in labels or name not in parameters:
+    single = {e.path: k for k, e in enumerate(fit.estimates) if e.path in parameters}
+    path = path_of_name(name, fit.model.block)
+    if path not in single:
+        names = [fit.estimates[k].name for k in single.values()]
         raise InputError.at(
             f'profile of "{name}"',
-            f"one of {', '.join(label for label in labels if label in parameters)}",
-            "none of that name",
+            f"one of {', '.join(names)}",
+            f"none of that name{closest(name, names)}",
             "correct it",
         )
     with computing():
-        at = labels.index(name)
+        at = single[path]
         estimate = fit.estimates[at]
         constrained = _ConstrainedFit(estimate, fit.model.block, fit.weighed)
         centre = constrained.at(0.0)
@@ -163,7 +168,7 @@ def profile(fit: Fit, name: str) -> Profile:
     values = np.array([constrained.value(place) for place in z])
     lower = float(delta.min())
     return Profile(
-        name=name,
+        name=estimate.name,
         unit=estimate.unit,
         estimate=estimate.value,
         standard_error=estimate.standard_error,
@@ -197,7 +202,7 @@ class _ConstrainedFit:
         preparation: Preparation,
         beyond: float = 1.0,
     ):
-        self.block, self.name, self.error = block, estimate.name, estimate.standard_error
+        self.block, self.name, self.error = block, estimate.path, estimate.standard_error
         name, parameter = self.name, named_parameters(block)[self.name]
         self.parameter = parameter
         beyond = beyond if parameter.logarithmic else 1.0

@@ -3,27 +3,40 @@
 from __future__ import annotations
 
 import json
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
 from .._blocks import Setting
 from .._models import Model, parse_model
+from .._naming import ByName
+from .._operators import History
 from .._prepare import Noise, Preparation
-from .._recording import InputError
+from .._recording import InputError, Recording, item, require_units_of
+from .._show import Shown, Table, View, figure, quantity
+from .._simulate import simulate
 from ._combinations import Combination
 from ._estimate import Estimate
 from ._grade import shortcomings_of
+from ._linear import LinearSystem, to_control, to_scipy
 from ._robust import Robust
+from ._rows import correlation_table, parameter_table
+from ._whiteness import ResidualAnalysis, analyses_of
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from .._show.drawing import Drawing
 
 SCHEMA = "fracjax.fit/1"
 
 Interval = tuple[float | None, float | None]
 
 
-@dataclass(frozen=True)
-class Profile:
+@dataclass(frozen=True, repr=False)
+class Profile(Shown):
     """The profile likelihood of a parameter: Δχ² at values of the parameter.
 
     Attributes:
@@ -96,8 +109,8 @@ class Scores:
     bic: float
 
 
-@dataclass(frozen=True)
-class Fit:
+@dataclass(frozen=True, repr=False)
+class Fit(Shown):
     """A fitted model with its uncertainty, its scores and the assumptions of the fit.
 
     Attributes:
@@ -119,6 +132,7 @@ class Fit:
             errors allow.
         robust: how a robust loss weighted the samples, None for least squares.
         profiles: the profiles that were requested.
+        correlation: (n, n) of the estimates, dimensionless.
     """
 
     model: Model
@@ -136,6 +150,19 @@ class Fit:
     residual_order: int = 0
     robust: Robust | None = None
     profiles: tuple[Profile, ...] = ()
+    correlation: np.ndarray = field(default_factory=lambda: np.zeros((0, 0)))
+
+    @property
+    def parameters(self) -> ByName[Estimate]:
+        """The estimates by name, each in its unit: `fit.parameters["resonance.damping"].value`."""
+        return ByName(self.model.block, ((e.name, e) for e in self.estimates))
+
+    @property
+    def noise(self) -> Noise:
+        """The noise of the first recording, in the response's unit."""
+        noise = self.preparation.takes[0].noise
+        assert noise is not None  # fit() always ends with a noise model
+        return noise
 
     @property
     def weighed(self) -> Preparation:
@@ -151,13 +178,6 @@ class Fit:
         return tuple(take.recording.response - simulation for take, simulation in pairs)
 
     @property
-    def noise(self) -> Noise:
-        """The noise by which the residuals of the first recording were weighted."""
-        noise = self.preparation.takes[0].noise
-        assert noise is not None  # fit() always ends with a noise model
-        return noise
-
-    @property
     def at_bound(self) -> tuple[str, ...]:
         """The parameters that ended on a bound."""
         return tuple(estimate.name for estimate in self.estimates if estimate.at_bound)
@@ -168,6 +188,155 @@ class Fit:
         scores = self.scores
         return shortcomings_of(scores.rmse, self.noise.sigma, scores.r_squared, self.at_bound)
 
+    def predict(
+        self,
+        drive: np.ndarray | Recording,
+        step: float | str | None = None,
+        history: History | None = None,
+    ) -> np.ndarray:
+        """The response that the fitted model predicts, as the first recording's sensor reads it.
+
+        Args:
+            drive: (N,) in the recording's drive unit, or a recording in the same units.
+            step: the time between samples [s], by default that of the first recording.
+            history: the drive before the first sample, as in `simulate`; by default as it was in
+                the first recording, or "constant" where that was estimated.
+
+        Returns:
+            The response (N,) in the recording's response unit, offset included.
+
+        Raises:
+            InputError: where the drive is no finite signal, or a recording has other units.
+        """
+        take = self.preparation.takes[0]
+        first = take.recording
+        if history is None:
+            history = "constant" if take.history == "estimated" else take.history
+        if isinstance(drive, Recording):
+            require_units_of(first, drive)
+        elif step is None:
+            step = first.dt
+        return np.asarray(simulate(self.model, drive, step, history).response) + self.offsets[0]
+
+    def residual_tests(self) -> tuple[ResidualAnalysis, ...]:
+        """The tests of the residual of each recording, as `analyse_residuals` makes them.
+
+        Returns:
+            One analysis per recording, the residual in units of the noise.
+        """
+        return analyses_of(self.preparation, self.residuals)
+
+    def to_scipy(self, band: tuple[float, float] | None = None) -> LinearSystem:
+        """The fitted linear model as a state space of SciPy, from drive to response.
+
+        Powers of s become Oustaloup's filters, so that it holds on a band and to an error, which
+        both come with it.  Its offset is that of the sensor, `offsets`, which is not part of it.
+
+        Args:
+            band: lowest and highest frequency [Hz]; by default from one period in the recording to
+                half its sampling rate.
+
+        Returns:
+            The scipy.signal.StateSpace, the band [Hz] and the relative error.
+
+        Raises:
+            InputError: where the model is not linear, or holds more than powers of s.
+
+        Source: Oustaloup, Levron, Mathieu & Nanot, IEEE Trans. Circuits Syst. I 47 (2000) 25.
+        """
+        return to_scipy(self.model, self._band if band is None else band)
+
+    def to_control(self, band: tuple[float, float] | None = None) -> LinearSystem:
+        """The fitted linear model as a state space of python-control, as `to_scipy`.
+
+        Args:
+            band: lowest and highest frequency [Hz], as in `to_scipy`.
+
+        Returns:
+            The control.StateSpace, the band [Hz] and the relative error.
+
+        Raises:
+            InputError: as in `to_scipy`, or where python-control is not installed.
+        """
+        return to_control(self.model, self._band if band is None else band)
+
+    @property
+    def _band(self) -> tuple[float, float]:
+        """The frequencies [Hz] of which the first recording can hold a period."""
+        recording = self.preparation.takes[0].recording
+        return 1 / (len(recording) * recording.dt), 0.5 * recording.rate
+
+    def plot(self, recording: int = 0) -> Drawing:
+        """Draw measured and simulated response, and the residual, over the drive and over time.
+
+        Args:
+            recording: which of the recordings, from 0.
+
+        Returns:
+            A matplotlib figure, in the recording's units.
+
+        Raises:
+            InputError: where there is no such recording.
+        """
+        from ._pictures import draw_fit
+
+        take = item(self.preparation.takes, recording, "recording")
+        noise, simulation = take.noise or self.noise, self.simulations[recording]
+        return draw_fit(take, noise, simulation, self.model.name)
+
+    def plot_residuals(self, recording: int = 0) -> Drawing:
+        """Draw the residual's distribution, its correlations and its level over time.
+
+        Args:
+            recording: which of the recordings, from 0.
+
+        Returns:
+            A matplotlib figure, the residual in units of the noise.
+
+        Raises:
+            InputError: where there is no such recording.
+        """
+        return item(self.residual_tests(), recording, "recording").plot()
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The parameters as a table, a row each by name.
+
+        Returns:
+            A pandas table: value, standard error and 95 % interval, in the unit that it states.
+        """
+        import pandas as pd
+
+        return pd.DataFrame({e.name: e.to_dict() for e in self.estimates}).T
+
+    def _view(self) -> View:
+        recordings = [take.recording for take in self.preparation.takes]
+        names = ", ".join(dict.fromkeys(Path(recording.source).name for recording in recordings))
+        noise, scores = self.noise, self.scores
+        floor = f"{quantity(noise.sigma, noise.unit)} ({noise.method})"
+        ratio = f", {figure(scores.rmse / noise.sigma)} times the noise floor of {floor}"
+        error = quantity(scores.rmse, noise.unit) + (ratio if noise.method != "residual" else "")
+        state = "" if self.converged else "; not converged"
+        used = sum(int(take.used.sum()) for take in self.preparation.takes)
+        loss = "least squares" if self.robust is None else self.robust.loss
+        statistics = [
+            ["samples used", f"{used} of {sum(map(len, recordings))}"],
+            ["free parameters and offsets", f"{len(self.estimates) + len(self.offsets)}"],
+            ["rms error", quantity(scores.rmse, noise.unit)],
+            ["noise floor", floor],
+            ["NRMSE fit, R²", f"{scores.nrmse_percent:.5g} %, {scores.r_squared:.7g}"],
+            ["BIC", f"{scores.bic:.1f}"],
+            ["loss, starts", f"{loss}, {len(self.start_costs)}"],
+        ]
+        return View(
+            f"{self.model.name} fitted to {names}: error {error}{state}.",
+            [
+                parameter_table(self.estimates, self.combinations),
+                Table([], statistics, detail=True),
+                correlation_table([e.name for e in self.estimates], self.correlation),
+            ],
+            self.warnings,
+        )
+
     def to_dict(self) -> dict:
         """The fit as plain data, as in fit.json.
 
@@ -175,6 +344,7 @@ class Fit:
             Model, parameters, scores and assumptions by name.
         """
         first = self.preparation.takes[0]
+
         return {
             "schema": SCHEMA,
             "model": self.model.name,
@@ -188,7 +358,7 @@ class Fit:
             "parameters": {e.name: e.to_dict() for e in self.estimates},
             "known_only_together": list(self.correlated),
             "combinations": [combination.to_dict() for combination in self.combinations],
-            **self.preparation.conditions.to_dict(),
+            **self.preparation.conditions.to_dict(self.model.block),
             "offsets": list(self.offsets),
             "scores": asdict(self.scores),
             "noise": self.noise.to_dict(),

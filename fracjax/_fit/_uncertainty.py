@@ -10,6 +10,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from .._blocks import AbstractBlock
+from .._naming import path_of_name
 from .._parameters import named_parameters
 from .._prepare import Conditions, FreeParameter, autoregression, free_parameters_of, prior_rows
 from .._solve import Linearised, sensitivity
@@ -36,6 +37,7 @@ class Uncertainty:
         combinations: well-determined combinations of them.
         curvature: (n,) standard errors from χ² alone, in the parameters' units.
         order: the order of the residual's autoregression, 0 where it is white.
+        correlation: (n, n) of the estimates, dimensionless.
     """
 
     estimates: tuple[Estimate, ...]
@@ -43,6 +45,7 @@ class Uncertainty:
     combinations: tuple[Combination, ...]
     curvature: np.ndarray
     order: int
+    correlation: np.ndarray
 
 
 def uncertainty_of(
@@ -117,7 +120,8 @@ def uncertainty_of(
     values = np.array([e.value for e in estimates])
     well_determined = combinations_of(labels, values, [e.unit for e in estimates], covariance)
     curvature = np.sqrt(np.diag(physical(np.eye(len(lengths)))))
-    return Uncertainty(estimates, pairs, well_determined, curvature, recursion.size - 1)
+    order = recursion.size - 1
+    return Uncertainty(estimates, pairs, well_determined, curvature, order, correlation)
 
 
 def _coloured(columns: np.ndarray, recursion: np.ndarray) -> np.ndarray:
@@ -166,4 +170,5 @@ def _estimate(
         bool(identified),
         is_at_bound(parameter, k),
         parameter.logarithmic,
+        path=path_of_name(free_parameter.label, blocks[0]),
     )

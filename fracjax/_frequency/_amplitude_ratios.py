@@ -10,6 +10,7 @@ from numpy.typing import ArrayLike
 from scipy.signal.windows import blackmanharris
 
 from .._recording import InputError, Recording, varying
+from .._show import Shown
 
 _LEAST_PERIODS = 3
 """Fewest periods of each of several successive tones, and lowest bin of a spectral line."""
@@ -33,8 +34,8 @@ _EXPLAINED = 0.95
 """Share of the drive's power that its tones must explain; a triangle's fundamental has 98.5 %."""
 
 
-@dataclass(frozen=True)
-class AmplitudeRatios:
+@dataclass(frozen=True, repr=False)
+class AmplitudeRatios(Shown):
     """Ratios A_r of response to drive amplitude, one for each tone of the drive [F 15].
 
     Attributes:

@@ -26,6 +26,7 @@ from .._blocks import AbstractLinearBlock, Creep, PEADynamics
 from .._computing import compiled, computing
 from .._parameters import named_parameters, set_values
 from .._recording import InputError
+from .._show import Shown
 from ._creep_estimates import (
     BOUNDED,
     CreepEstimate,
@@ -57,8 +58,8 @@ _ROUGH = optx.LevenbergMarquardt(rtol=1e-3, atol=1e-3)
 _ACCURATE = optx.LevenbergMarquardt(rtol=1e-8, atol=1e-8)
 
 
-@dataclass(frozen=True)
-class CreepIdentification:
+@dataclass(frozen=True, repr=False)
+class CreepIdentification(Shown):
     """Creep identified from amplitude ratios [response/drive].
 
     Attributes:

@@ -26,11 +26,13 @@ from jax.flatten_util import ravel_pytree
 
 from .._blocks import AbstractBlock, AbstractLinearBlock
 from .._computing import compiled, computing
-from .._fit import SCHEMA, Combination, Estimate, uncertainty_of
+from .._fit import SCHEMA, Combination, Estimate, parameter_table, uncertainty_of
 from .._models import Model, as_model
+from .._naming import ByName
 from .._parameters import named_parameters, set_values
 from .._prepare import Conditions, ModelOptions, apply_options, require_whole_number
 from .._recording import InputError, require_kind
+from .._show import Shown, Table, View, figure
 from .._solve import Objective, Progress, begin, descend, silent, starts_of
 from ._table import FrequencyTable
 
@@ -93,8 +95,8 @@ def _complex(stacked: np.ndarray) -> np.ndarray:
     return real + 1j * imaginary
 
 
-@dataclass(frozen=True)
-class FrequencyFit:
+@dataclass(frozen=True, repr=False)
+class FrequencyFit(Shown):
     """A linear model fitted to a frequency response.
 
     Attributes:
@@ -134,6 +136,25 @@ class FrequencyFit:
         """Offsets of recordings; a frequency response has none."""
         return ()
 
+    @property
+    def parameters(self) -> ByName[Estimate]:
+        """The estimates by name, each in its unit."""
+        return ByName(self.model.block, ((e.name, e) for e in self.estimates))
+
+    def _view(self) -> View:
+        statistics = [
+            ["frequencies", f"{len(self.table)}"],
+            ["amplitude residual", f"{figure(self.amplitude_rms_dB)} dB rms"],
+            ["phase residual", f"{figure(self.phase_rms_deg)} degrees rms"],
+            ["BIC", f"{self.bic:.1f}"],
+        ]
+        state = "" if self.converged else "; not converged"
+        return View(
+            f"{self.model.name} fitted to {self.table.source}{state}.",
+            [parameter_table(self.estimates, self.combinations), Table([], statistics)],
+            self.warnings,
+        )
+
     def to_dict(self) -> dict[str, Any]:
         """The fit as plain data, as in fit.json, from which `load_model` reads the model.
 
@@ -151,7 +172,7 @@ class FrequencyFit:
             "parameters": {e.name: e.to_dict() for e in self.estimates},
             "known_only_together": list(self.correlated),
             "combinations": [combination.to_dict() for combination in self.combinations],
-            **self.conditions.to_dict(),
+            **self.conditions.to_dict(self.model.block),
             "scores": {
                 "amplitude_rms_dB": self.amplitude_rms_dB,
                 "phase_rms_deg": self.phase_rms_deg,

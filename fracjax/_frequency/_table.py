@@ -12,6 +12,7 @@ from numpy.typing import ArrayLike
 from .._blocks import Setting
 from .._io import read_table as table_of
 from .._recording import InputError, parse_quantity, unit
+from .._show import Shown
 
 _LEAST = 3
 """Fewest frequencies of a table; chosen by judgement."""
@@ -30,8 +31,8 @@ _UNITS = re.compile(
 )
 
 
-@dataclass(frozen=True)
-class FrequencyTable:
+@dataclass(frozen=True, repr=False)
+class FrequencyTable(Shown):
     """A measured frequency response at rising frequencies.
 
     Attributes:

@@ -22,8 +22,9 @@ from ._prior import Normal as Normal
 from ._prior import TruncatedNormal as TruncatedNormal
 from ._prior import Uniform as Uniform
 from ._prior import prior_of as prior_of
-from ._result import Band as Band
 from ._result import Posterior as Posterior
-from ._result import Row as Row
 from ._result import load_posterior as load_posterior
+from ._rows import Band as Band
+from ._rows import Row as Row
+from ._rows import posterior_row as posterior_row
 from ._sample import split_r_hat as split_r_hat

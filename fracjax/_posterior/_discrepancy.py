@@ -103,11 +103,13 @@ def discrepancy_of(fit: Fit) -> Discrepancy:
         pieces = zip(problems, np.split(columns, ends), strict=True)
         return np.concatenate([p.whiten(piece) for p, piece in pieces])
 
+    block = fit.model.block
+    free = len(layout_of(block).labels(block))
     best_evidence, best_columns, best_size = -np.inf, np.zeros((0, 0)), 1.0
     for state, time in product(_STATE_LENGTHS, _TIME_LENGTHS):
         kernel_columns = _kernel_factor(data.features / [state, state, time], data.used)
         columns, evidence, tau = _split_by_jacobian(
-            kernel_columns, whiten(kernel_columns), data, len(layout_of(fit.model.block).labels)
+            kernel_columns, whiten(kernel_columns), data, free
         )
         if evidence > best_evidence:
             best_evidence, best_columns, best_size = evidence, columns, tau

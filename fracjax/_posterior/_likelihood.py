@@ -15,9 +15,10 @@ from jax import Array
 from .._blocks import AbstractBlock
 from .._computing import compiled, compiler_options
 from .._fit import Fit, physical_unit
+from .._naming import shown_name
 from .._parameters import named_parameters, set_values
 from .._prepare import AbstractProblem, Problem, layout_of, values_by_name
-from .._recording import InputError
+from .._recording import InputError, closest
 from .._solve import compress, jacobian
 from ._discrepancy import Discrepancy
 from ._noise_models import AbstractNoiseModel, Signals, Term
@@ -206,12 +207,13 @@ def target_of(
     )
     terms = (*model, *noise.terms(fit, residuals, problems))
     names = [term.name for term in terms]
+    priors = {shown_name(name, fit.model.block): prior for name, prior in priors.items()}
     for name in priors:
         if name not in names:
             raise InputError.at(
                 f'prior of "{name}"',
                 f"one of {', '.join(names)}",
-                "no parameter of this name",
+                f"no parameter of this name{closest(name, names)}",
                 "correct it",
             )
     terms = tuple(t._replace(prior=priors.get(t.name, t.prior)) for t in terms)
@@ -280,7 +282,8 @@ def _model_terms(fit: Fit) -> tuple[Term, ...]:
     used = np.concatenate([np.asarray(p.weights) > 0 for p in problems])
     response = np.concatenate([np.asarray(p.response) for p in problems])[used]
     layout, parameters = layout_of(block), named_parameters(block)
-    columns = np.asarray(jacobian(block, problems)[0])[used][:, : len(layout.labels)]
+    labels = layout.labels(block)
+    columns = np.asarray(jacobian(block, problems)[0])[used][:, : len(labels)]
     sizes = response.std() / np.maximum(columns.std(axis=0), 1e-300)
     recording = fit.preparation.takes[0].recording
     units = (recording.drive_unit, recording.response_unit)
@@ -292,5 +295,5 @@ def _model_terms(fit: Fit) -> tuple[Term, ...]:
             prior_of(parameters[name], k, size),
             float(np.ravel(parameters[name].value)[k]),
         )
-        for label, (name, k), size in zip(layout.labels, components, sizes, strict=True)
+        for label, (name, k), size in zip(labels, components, sizes, strict=True)
     )

@@ -14,6 +14,7 @@ from scipy.signal import lfilter
 
 from .._computing import compiled, computing
 from .._fit import Fit
+from .._naming import shown_names
 from .._prepare import free_parameters_of
 from .._recording import InputError, require_kind
 from ._discrepancy import discrepancy_of
@@ -23,7 +24,8 @@ from ._likelihood import Target, compressed, log_posteriors_of, physical_values,
 from ._marginal import Marginal, complete_draws, figures, marginal_of
 from ._noise_models import AbstractGaussianNoise, AbstractNoiseModel, MeasuredNoise, Signals, Term
 from ._prior import AbstractPrior
-from ._result import Band, Posterior, Row, strongly_correlated_pairs, summary_of
+from ._result import Posterior, strongly_correlated_pairs, summary_of
+from ._rows import Band, Row
 from ._sample import Chain, ChainFile, run_ensemble, split_r_hat
 
 _FARTHEST_START = 4.0
@@ -98,11 +100,12 @@ def sample_posterior(
     require_kind(fit, Fit, "posterior", "fit the model first: sample_posterior(fit(...))")
     conditions = fit.preparation.conditions
     own = free_parameters_of(fit.model.block, len(fit.preparation.takes), conditions).own
+    shown = shown_names(fit.model.block)
     if conditions.ties or own:
         raise InputError.at(
             "posterior",
             "a fit without parameters that are tied or differ between recordings",
-            f"{', '.join((*conditions.ties, *own))} fitted in this way",
+            f"{', '.join(shown[name] for name in (*conditions.ties, *own))} fitted in this way",
             "fit without these options, or fix the parameters",
         )
     noise = MeasuredNoise() if noise_model is None else noise_model
@@ -262,7 +265,7 @@ def _posterior_of(
         samples={name: by_walker[:, :, k] for k, name in enumerate(names)},
         log_posterior=chain.log_density[chain.burn_in :][::thinned].T,
         prior={name: prior[:, k] for k, name in enumerate(names)},
-        summary=tuple(rows),
+        rows=tuple(rows),
         known_only_together=strongly_correlated_pairs(names, values[:, :size].T),
         bands=_bands(fit, target, values, generator),
         steps=len(chain.coordinates),

@@ -11,85 +11,29 @@ from typing import TYPE_CHECKING, Any
 
 import numpy as np
 
-from .._recording import InputError
+from .._fit import analyse_whitened
+from .._recording import InputError, item
+from .._show import Shown, Table, View
+from ._rows import Band, Row, posterior_row
 
 if TYPE_CHECKING:
+    import pandas as pd
     from xarray import DataArray, DataTree
+
+    from .._show.drawing import Drawing
 
 SCHEMA = "fracjax.posterior/1"
 NETCDF, JSON = "posterior.nc", "posterior.json"
 _STRONG_CORRELATION = 0.995
 """Correlation beyond which two parameters are reported as a pair; chosen by judgement."""
-_MEAN_LIMIT, _SD_LIMIT = 0.5, 1.25
-"""Up to where the Laplace approximation agrees: difference of the means in standard deviations, and
-ratio of the standard deviations; chosen by judgement."""
+_HALF_WIDTH = 1.96
+"""Half the width of the central 95 % of a normal distribution, in standard deviations."""
 _SHARE = 0.95
 """Probability of the reported intervals."""
 
 
-@dataclass(frozen=True)
-class Row:
-    """Summary of one parameter, all values in `unit`.
-
-    Attributes:
-        name: The parameter's name.
-        unit: Its unit.
-        mean: Mean of the draws.
-        sd: Standard deviation of the draws.
-        interval: Shortest interval that holds 95 % of them.
-        ess: Effective number of draws.
-        r_hat: Split R-hat.
-        laplace_mean: Mean of the Laplace approximation.
-        laplace_sd: Standard deviation of the Laplace approximation.
-        prior: The prior's central 95 %.
-    """
-
-    name: str
-    unit: str
-    mean: float
-    sd: float
-    interval: tuple[float, float]
-    ess: float
-    r_hat: float
-    laplace_mean: float
-    laplace_sd: float
-    prior: tuple[float, float]
-
-    @property
-    def agrees(self) -> bool:
-        """Means within 0.5 standard deviations, and standard deviations within a factor of 1.25."""
-        apart = abs(self.mean - self.laplace_mean) / self.laplace_sd
-        ratio = self.sd / self.laplace_sd
-        return bool(apart <= _MEAN_LIMIT and 1 / _SD_LIMIT <= ratio <= _SD_LIMIT)
-
-
-@dataclass(frozen=True)
-class Band:
-    """A recording, and what the posterior predicts for its response.
-
-    Attributes:
-        source: The recording's name.
-        times: Times (N,) [s].
-        drive: Drive (N,), in its unit.
-        response: Measured response (N,), in its unit.
-        used: Whether each sample counts (N,).
-        median: Median (N,) of the predicted response without noise, in its unit.
-        model: Lower and upper end (2, N) of its central 95 %, in the same unit.
-        predictive: Lower and upper end (2, N) of the central 95 % with noise, in the same unit.
-    """
-
-    source: str
-    times: np.ndarray
-    drive: np.ndarray
-    response: np.ndarray
-    used: np.ndarray
-    median: np.ndarray
-    model: np.ndarray
-    predictive: np.ndarray
-
-
-@dataclass(frozen=True)
-class Posterior:
+@dataclass(frozen=True, repr=False)
+class Posterior(Shown):
     """Draws from the posterior, their summary, and whether they are reliable.
 
     Attributes:
@@ -99,11 +43,11 @@ class Posterior:
         doubt: Why the model does not describe the recording, from the fit or from a diagnosis;
             empty if it does.
         units: Units of drive and response.
-        samples: Draws (walkers, draws) by parameter, in the units of `summary`.
+        samples: Draws (walkers, draws) by parameter, in the units of `rows`.
         log_posterior: Log density (walkers, draws) of the walkers' parameters, with all others
             integrated out.
         prior: Draws (draws,) from the prior by parameter, in the same units.
-        summary: One row per parameter.
+        rows: One row per parameter.
         known_only_together: Pairs of parameters that are strongly correlated.
         bands: What the posterior predicts for each recording.
         steps: Steps of the ensemble.
@@ -124,7 +68,7 @@ class Posterior:
     samples: dict[str, np.ndarray]
     log_posterior: np.ndarray
     prior: dict[str, np.ndarray]
-    summary: tuple[Row, ...]
+    rows: tuple[Row, ...]
     known_only_together: tuple[str, ...]
     bands: tuple[Band, ...]
     steps: int
@@ -138,14 +82,14 @@ class Posterior:
     @property
     def disagreeing(self) -> tuple[str, ...]:
         """Parameters for which sampling and Laplace approximation disagree (`Row.agrees`)."""
-        return tuple(row.name for row in self.summary if not row.agrees)
+        return tuple(row.name for row in self.rows if not row.agrees)
 
     @property
     def sentence(self) -> str:
         """The result in one sentence or two, with what limits its reliability."""
         walkers, draws = self.log_posterior.shape
-        least = min(row.ess for row in self.summary)
-        worst = max(row.r_hat for row in self.summary)
+        least = min(row.ess for row in self.rows)
+        worst = max(row.r_hat for row in self.rows)
         kept = self.steps - self.burn_in
         length = (
             f"{kept / self.autocorrelation:.0f} autocorrelation times, split R-hat {worst:.3f}, "
@@ -168,6 +112,105 @@ class Posterior:
             f"kept of {self.steps} steps ({length}); {agreement}."
         )
 
+    def _view(self) -> View:
+        headers = ["", "mean", "sd", "95 % interval", "unit", "draws", "R-hat", "Laplace", "remark"]
+        table = Table(headers, [list(posterior_row(row).values()) for row in self.rows])
+        correlated = [f"Strongly correlated: {pair}." for pair in self.known_only_together]
+        return View(self.sentence, [table], correlated)
+
+    def plot(self, recording: int = 0) -> Drawing:
+        """Draw what is predicted over time, and the residual within its 95 % band.
+
+        Args:
+            recording: Which of the recordings, from 0.
+
+        Returns:
+            A matplotlib figure, in the recording's units.
+
+        Raises:
+            InputError: When there is no such recording.
+        """
+        from ._pictures import draw_series
+
+        return draw_series(item(self.bands, recording, "recording"), self.units)
+
+    def plot_loop(self, recording: int = 0) -> Drawing:
+        """Draw what is predicted over the drive.
+
+        Args:
+            recording: Which of the recordings, from 0.
+
+        Returns:
+            A matplotlib figure, in the recording's units.
+
+        Raises:
+            InputError: When there is no such recording.
+        """
+        from ._pictures import draw_loop
+
+        return draw_loop(item(self.bands, recording, "recording"), self.units)
+
+    def plot_residuals(self, recording: int = 0) -> Drawing:
+        """Draw the residual of the median prediction: its distribution and its correlations.
+
+        Args:
+            recording: Which of the recordings, from 0.
+
+        Returns:
+            A matplotlib figure, the residual over the standard deviation of the prediction.
+
+        Raises:
+            InputError: When there is no such recording.
+        """
+        band = item(self.bands, recording, "recording")
+        low, high = band.predictive
+        scaled = (band.response - band.median) / ((high - low) / (2 * _HALF_WIDTH))
+        step = float(band.times[1] - band.times[0])
+        return analyse_whitened(scaled, band.used, band.drive, step, band.source).plot()
+
+    def plot_corner(self) -> Drawing:
+        """Draw the density of every parameter and of every pair.
+
+        Returns:
+            A matplotlib figure, parameters in their units.
+        """
+        from ._pictures import draw_corner
+
+        return draw_corner(self.rows, self.samples)
+
+    def plot_trace(self) -> Drawing:
+        """Draw all walkers over the steps that were kept.
+
+        Returns:
+            A matplotlib figure, parameters in their units.
+        """
+        from ._pictures import draw_trace
+
+        return draw_trace(self.rows, self.samples, self.burn_in, self.thinned)
+
+    def plot_prior(self) -> Drawing:
+        """Draw prior and posterior; where they coincide the data contain no information.
+
+        Returns:
+            A matplotlib figure, parameters in their units.
+        """
+        from ._pictures import draw_prior
+
+        return draw_prior(self.rows, self.samples, self.prior)
+
+    def to_dataframe(self) -> pd.DataFrame:
+        """The draws as a table, a row per draw of a walker.
+
+        Returns:
+            A pandas table with a column per parameter, in its unit, indexed by walker and draw.
+        """
+        import pandas as pd
+
+        index = pd.MultiIndex.from_product(
+            [range(size) for size in self.log_posterior.shape], names=["walker", "draw"]
+        )
+        return pd.DataFrame({name: draws.ravel() for name, draws in self.samples.items()}, index)
+
     def to_dict(self) -> dict:
         """The summary as plain data, as in posterior.json; posterior.nc holds the draws.
 
@@ -185,7 +228,7 @@ class Posterior:
             "parameters": {
                 row.name: {k: v for k, v in asdict(row).items() if k != "name"}
                 | {"agrees_with_laplace": row.agrees}
-                for row in self.summary
+                for row in self.rows
             },
             "known_only_together": list(self.known_only_together),
             "steps": self.steps,
@@ -221,7 +264,7 @@ def _tree_of(posterior: Posterior) -> DataTree:
     """ArviZ's groups as a DataTree, which ArviZ 1.x uses and ArviZ 0.23 reads from a file."""
     import xarray as xr  # takes half a second, which other commands save
 
-    units = {row.name: row.unit for row in posterior.summary}
+    units = {row.name: row.unit for row in posterior.rows}
     prior = {
         n: (("chain", "draw"), v[None], {"units": units[n]}) for n, v in posterior.prior.items()
     }
@@ -312,7 +355,7 @@ def _loaded(content: dict, path: Path) -> Posterior:
         samples=samples,
         log_posterior=log_posterior,
         prior=prior,
-        summary=tuple(_row(name, row) for name, row in content["parameters"].items()),
+        rows=tuple(_row(name, row) for name, row in content["parameters"].items()),
         known_only_together=tuple(content["known_only_together"]),
         bands=tuple(bands),
         steps=content["steps"],

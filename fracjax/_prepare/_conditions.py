@@ -18,6 +18,7 @@ import numpy as np
 from jax.typing import ArrayLike
 
 from .._blocks import AbstractBlock, linear_gains
+from .._naming import path_of_name, shown_names, unknown_parameter
 from .._parameters import Parameter, named_parameters, replace_parameters, set_values
 from .._recording import InputError, require_kind
 from ._layout import Layout, layout_of, values_by_name
@@ -28,7 +29,7 @@ Tied = Mapping[str, str | tuple[str, float]]
 
 @dataclass(frozen=True)
 class Conditions:
-    """Conditions on a block's parameters.
+    """Conditions on a block's parameters, which are named by their places in the block.
 
     Attributes:
         ties: for each tied parameter's name, the name of the parameter that it follows, and the
@@ -44,14 +45,24 @@ class Conditions:
     def __bool__(self) -> bool:
         return bool(self.ties or self.own or self.priors)
 
-    def to_dict(self) -> dict:
-        """The conditions as plain data, as in fit.json."""
+    def as_shown(self, block: AbstractBlock) -> Conditions:
+        """The same conditions by the names that are shown of the block's parameters."""
+        shown = shown_names(block)
+        return Conditions(
+            {shown[name]: (shown[source], f) for name, (source, f) in self.ties.items()},
+            tuple(shown[name] for name in self.own),
+            {shown[name]: prior for name, prior in self.priors.items()},
+        )
+
+    def to_dict(self, block: AbstractBlock) -> dict:
+        """The conditions on a block as plain data, as in fit.json."""
+        named = self.as_shown(block)
         return {
-            "tied": {name: {"to": s, "factor": f} for name, (s, f) in self.ties.items()},
-            "own": list(self.own),
+            "tied": {name: {"to": s, "factor": f} for name, (s, f) in named.ties.items()},
+            "own": list(named.own),
             "priors": {
                 name: {"mean": prior.mean.tolist(), "sd": prior.sd.tolist()}
-                for name, prior in self.priors.items()
+                for name, prior in named.priors.items()
             },
         }
 
@@ -64,8 +75,8 @@ class FreeParameter(NamedTuple):
     """One free parameter of a fit: a component of a parameter, of one recording or of all.
 
     Attributes:
-        label: the name that results show.
-        name: the parameter's name in the block.
+        label: the name that results show, of the parameter in its own block.
+        name: the parameter's place in the whole block.
         component: the index of the component, 0 for a parameter that is one number.
         recording: the index of the recording that it belongs to, None where all share it.
     """
@@ -221,14 +232,16 @@ def free_parameters_of(
     if recordings > 1:
         parameters = named_parameters(block).items()
         own |= {name for name, p in parameters if p.per_recording and not p.fixed}
-    shapes, shape_maps = _parameters_and_maps(layout.shapes, recordings, conditions.ties, own)
-    gains, gain_maps = _parameters_and_maps(layout.gains, recordings, conditions.ties, own)
+    shown, ties = shown_names(block), conditions.ties
+    shapes, shape_maps = _parameters_and_maps(layout.shapes, shown, recordings, ties, own)
+    gains, gain_maps = _parameters_and_maps(layout.gains, shown, recordings, ties, own)
     scale = _scale_of(block, shapes)
     return FreeParameters(layout, shapes, gains, scale, shape_maps, gain_maps, not own)
 
 
 def _parameters_and_maps(
     sizes: tuple[tuple[str, int], ...],
+    shown: Mapping[str, str],
     recordings: int,
     ties: Mapping[str, tuple[str, float]],
     own: Collection[str],
@@ -241,7 +254,7 @@ def _parameters_and_maps(
             continue
         owners = range(recordings) if name in own else (None,)
         for k in range(size):
-            label = name if size == 1 else f"{name}[{k}]"
+            label = shown[name] if size == 1 else f"{shown[name]}[{k}]"
             free += [
                 FreeParameter(label if r is None else f"{label}@{r + 1}", name, k, r)
                 for r in owners
@@ -308,38 +321,45 @@ def conditions_of(
     eliminated are both iterated.  Raises InputError for names that are unknown, fixed, or tied to a
     parameter that is itself tied.
     """
+
+    def place(name: str) -> str:
+        """The place of a free parameter."""
+        return _free_path(name, block)
+
     ties = {
-        name: (to, 1.0) if isinstance(to, str) else (to[0], float(to[1]))
+        place(name): (place(to), 1.0) if isinstance(to, str) else (place(to[0]), float(to[1]))
         for name, to in (tied or {}).items()
     }
-    priors = dict(priors or {})
-    parameters = named_parameters(block)
-    for name in (*ties, *(source for source, _ in ties.values()), *own, *priors):
-        _require_free(name, parameters)
+    own = [place(name) for name in own]
+    priors = {place(name): prior for name, prior in (priors or {}).items()}
+    parameters, shown = named_parameters(block), shown_names(block)
     for name, (source, factor) in ties.items():
         if source in ties or source == name or name in own:
             raise InputError.at(
-                f'parameter "{name}", tied to "{source}"',
+                f'parameter "{shown[name]}", tied to "{shown[source]}"',
                 "a parameter that is neither tied itself nor own to each recording",
                 "one that is",
                 "tie all to one parameter",
             )
         if not (np.isfinite(factor) and factor != 0):
             raise InputError.at(
-                f'parameter "{name}", tied', "a factor other than 0", f"{factor:g}", "correct it"
+                f'parameter "{shown[name]}", tied',
+                "a factor other than 0",
+                f"{factor:g}",
+                "correct it",
             )
         if parameters[name].value.shape != parameters[source].value.shape:
             raise InputError.at(
-                f'parameter "{name}", tied to "{source}"',
+                f'parameter "{shown[name]}", tied to "{shown[source]}"',
                 "two parameters of the same size", "different sizes", "tie parameters of one size",
             )  # fmt: skip
     for name, prior in priors.items():
-        require_kind(prior, Normal, f'prior of "{name}"', "write Normal(mean, sd)")
+        require_kind(prior, Normal, f'prior of "{shown[name]}"', "write Normal(mean, sd)")
         size = max(prior.mean.size, prior.sd.size)
         fits = size in (1, parameters[name].value.size)
         if not (fits and np.all(np.isfinite(prior.mean)) and np.all(prior.sd > 0)):
             raise InputError.at(
-                f'prior of "{name}"',
+                f'prior of "{shown[name]}"',
                 "finite means and standard deviations above 0, one or one per component",
                 f"mean {prior.mean.tolist()} and standard deviation {prior.sd.tolist()}",
                 "correct it",
@@ -348,16 +368,18 @@ def conditions_of(
     return block, Conditions(ties, tuple(own), priors)
 
 
-def _require_free(name: str, parameters: Mapping[str, Parameter]) -> None:
-    """Raise InputError where no free parameter has this name."""
-    free = [n for n, p in parameters.items() if not p.fixed]
-    if name not in free:
+def _free_path(name: str, block: AbstractBlock) -> str:
+    """The place of a free parameter.  Raises InputError where none has this name."""
+    parameters, shown = named_parameters(block), shown_names(block)
+    path = path_of_name(name, block)
+    free = [shown[each] for each, p in parameters.items() if not p.fixed]
+    if path not in parameters:
+        raise unknown_parameter(name, free)
+    if parameters[path].fixed:
         raise InputError.at(
-            f'parameter "{name}"',
-            f"one of {', '.join(free)}",
-            "a fixed one" if name in parameters else "none of that name",
-            "correct it",
+            f'parameter "{name}"', f"one of {', '.join(free)}", "a fixed one", "correct it"
         )
+    return path
 
 
 def _tie_parameters(
@@ -365,6 +387,7 @@ def _tie_parameters(
 ) -> dict[str, Parameter]:
     """Tied parameters and their sources: within both bounds, eliminated only if both can be."""
     parameters, eliminated = named_parameters(block), linear_gains(block)
+    shown = shown_names(block)
     changed: dict[str, Parameter] = {}
     for name, (source, factor) in ties.items():
         target, leader = parameters[name], changed.get(source, parameters[source])
@@ -374,7 +397,8 @@ def _tie_parameters(
         try:
             changed[source] = _narrowed(leader, low, high, gain)
         except ValueError as error:
-            raise InputError(f'parameter "{name}", tied to "{source}": {error}.') from None
+            where = f'parameter "{shown[name]}", tied to "{shown[source]}"'
+            raise InputError(f"{where}: {error}.") from None
         follower = factor * changed[source].value
         changed[name] = _narrowed(target, target.lower, target.upper, gain).with_value(follower)
     return changed

@@ -3,19 +3,21 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TypedDict
+from typing import TypedDict, TypeVar
 
 import numpy as np
 
 from .._blocks import AbstractBlock
 from .._models import Model
-from .._parameters import Parameter, replace_parameters
+from .._naming import path_of_name, shown_names, unknown_parameter
+from .._parameters import Parameter, named_parameters, replace_parameters
 from .._recording import InputError, pair_of
 from ._conditions import Conditions, Tied, conditions_of
 from ._normal import Normal
 from ._weights import Mask, Weights
 
 Bounds = Mapping[str, tuple[float, float]]
+T = TypeVar("T")
 
 
 class RangeOptions(TypedDict, total=False):
@@ -62,34 +64,35 @@ def apply_options(
     tied: Tied | None = None,
     own: Sequence[str] = (),
 ) -> tuple[AbstractBlock, Conditions]:
-    """The model's block with the options applied, and the conditions.  Raises InputError."""
-    changed = constrain_parameters(model.parameters, fixed or {}, bounds or {})
-    block = replace_parameters(model.block, changed)
+    """The model's block with the options applied, and the conditions.  Raises InputError.
+
+    The options name parameters by their blocks or by their places; the conditions by their places.
+    """
+
+    def placed(options: Mapping[str, T] | None) -> dict[str, T]:
+        """An option by the places of the parameters."""
+        return {path_of_name(n, model.block): value for n, value in (options or {}).items()}
+
+    block = _constrain(model.block, placed(fixed), placed(bounds))
     return conditions_of(block, tied=tied, own=own, priors=priors)
 
 
-def constrain_parameters(
-    parameters: dict[str, Parameter],
-    fixed: Mapping[str, float],
-    bounds: Bounds,
-) -> dict[str, Parameter]:
-    """The parameters that a call fixes or bounds, changed accordingly.  Raises InputError."""
+def _constrain(block: AbstractBlock, fixed: Mapping[str, float], bounds: Bounds) -> AbstractBlock:
+    """The block with the parameters that a call fixes or bounds changed.  Raises InputError."""
+    parameters, shown = named_parameters(block), shown_names(block)
     for name in (*fixed, *bounds):
         if name not in parameters:
-            raise InputError(
-                f'parameter "{name}": expected one of {", ".join(parameters)}, found none of that '
-                "name; correct it"
-            )
+            raise unknown_parameter(name, shown.values())
     changed = {}
     for name in {*fixed, *bounds}:
-        p = parameters[name]
+        p, called = parameters[name], shown[name]
         low, high = p.lower, p.upper
         if name in bounds:
-            where = f'bounds of "{name}"'
+            where = f'bounds of "{called}"'
             low, high = pair_of(bounds[name], where, "a lower and an upper one", "write (0.1, 0.2)")
         if name in bounds and not np.isfinite(np.subtract(high, low)):
             raise InputError(
-                f'parameter "{name}": expected two finite bounds, found {low} and {high}; '
+                f'parameter "{called}": expected two finite bounds, found {low} and {high}; '
                 "give the widest range that makes sense"
             )
         value = fixed[name] if name in fixed else np.clip(p.value, low, high)
@@ -105,5 +108,5 @@ def constrain_parameters(
                 fixed=name in fixed,
             )
         except ValueError as error:
-            raise InputError(f'parameter "{name}": {error}.') from None
-    return changed
+            raise InputError(f'parameter "{called}": {error}.') from None
+    return replace_parameters(block, changed)

@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from .._blocks import AbstractBlock, linear_gains
+from .._naming import shown_names
 from .._parameters import named_parameters, set_values
 
 
@@ -24,11 +25,11 @@ class Layout(NamedTuple):
     shapes: tuple[tuple[str, int], ...]
     gains: tuple[tuple[str, int], ...]
 
-    @property
-    def labels(self) -> tuple[str, ...]:
-        """One label per free component: `name`, or `name[k]` of a vector."""
+    def labels(self, block: AbstractBlock) -> tuple[str, ...]:
+        """One label per free component, as results show it: `name`, or `name[k]` of a vector."""
+        shown = shown_names(block)
         return tuple(
-            name if size == 1 else f"{name}[{k}]"
+            shown[name] if size == 1 else f"{shown[name]}[{k}]"
             for name, size in self.shapes + self.gains
             for k in range(size)
         )

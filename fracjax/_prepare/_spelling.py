@@ -93,7 +93,7 @@ def _prior(text: str) -> tuple[str, Normal]:
 
 def _tie(text: str) -> tuple[str, tuple[str, float]]:
     """A name, and the name and factor that it is tied to."""
-    match = _match("tie", rf"(?:({_NUMBER})\s*\*\s*)?({_NAME})", "second.mu=2*first.alpha", text)
+    match = _match("tie", rf"(?:({_NUMBER})\s*\*\s*)?({_NAME})", "creep.mu=2*foh.alpha", text)
     return match[1], (match[3], float(match[2] or 1))
 
 

@@ -1,6 +1,6 @@
 """The recording, validated once at the border, and the units it is written in."""
 
-from fracjax._recording._errors import InputError, found_in, pair_of, require_kind
+from fracjax._recording._errors import InputError, closest, found_in, item, pair_of, require_kind
 from fracjax._recording._periods import Repeats, runs_of
 from fracjax._recording._recording import Recording, require_units_of
 from fracjax._recording._signals import (
@@ -20,7 +20,9 @@ __all__ = [
     "Recording",
     "Repeats",
     "bridged",
+    "closest",
     "found_in",
+    "item",
     "pair_of",
     "parse_quantity",
     "require_kind",

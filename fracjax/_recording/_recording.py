@@ -3,6 +3,8 @@
 import math
 from dataclasses import dataclass, replace
 from functools import cached_property
+from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 
@@ -11,10 +13,16 @@ from fracjax._recording._periods import Repeats, repeats_in, stretches_at_rest, 
 from fracjax._recording._signals import LARGEST, signal_of, varying, without_missing
 from fracjax._recording._units import parse_quantity, unit
 from fracjax._recording._warnings import warnings_about
+from fracjax._show import Shown, Table, View, figure, quantity
+
+if TYPE_CHECKING:
+    import pandas as pd
+
+    from fracjax._show.drawing import Drawing
 
 
-@dataclass(frozen=True, eq=False)
-class Recording:
+@dataclass(frozen=True, eq=False, repr=False)
+class Recording(Shown):
     """Uniform samples of a drive u and the response y it caused.
 
     A constant drive is a rest: it shows noise and drift next to recordings that move.
@@ -121,6 +129,51 @@ class Recording:
         """
         minimum = max(64, len(self) // 100, math.ceil(minimum_seconds * self.rate))
         return stretches_at_rest(unit_range(self.drive), minimum)
+
+    def _view(self) -> View:
+        def span(signal: np.ndarray, unit_: str) -> str:
+            counted = signal if self.masked is None else signal[~self.masked]
+            return f"{figure(counted.min(), 4)} to {quantity(counted.max(), unit_)}"
+
+        period = self.drive_period()
+        rows = [
+            ["drive", span(self.drive, self.drive_unit)],
+            ["response", span(self.response, self.response_unit)],
+            ["period", "none" if period is None else f"{period.period * self.dt:.4g} s"],
+        ]
+        if self.masked is not None:
+            rows.append(["masked", f"{np.count_nonzero(self.masked)} samples"])
+        clock = f"{self.rate:.6g} Hz, {len(self) * self.dt:.6g} s"
+        notes = [f"Warning: {warning}" for warning in (*self.warnings, *self.checks())]
+        sentence = f"Recording of {Path(self.source).name}: {len(self)} samples at {clock}."
+        return View(sentence, [Table([], rows)], notes)
+
+    def plot(self) -> "Drawing":
+        """Draw drive and response over time, and the loop.
+
+        Returns:
+            A matplotlib figure, in the recording's units.
+        """
+        from fracjax._recording._picture import draw_recording
+
+        units = self.drive_unit, self.response_unit
+        return draw_recording(self.times, (self.drive, self.response), units, self.masked)
+
+    def to_dataframe(self) -> "pd.DataFrame":
+        """The samples as a table.
+
+        Returns:
+            A pandas table: time [s], drive and response in the units that their names end in.
+        """
+        import pandas as pd
+
+        return pd.DataFrame(
+            {
+                "time_s": self.times,
+                f"drive_{self.drive_unit}": self.drive,
+                f"response_{self.response_unit}": self.response,
+            }
+        )
 
     def checks(self) -> tuple[str, ...]:
         """Plain warnings about the data that a fit would not reveal."""

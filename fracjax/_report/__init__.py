@@ -9,10 +9,6 @@ if TYPE_CHECKING:
     from ._compensation_page import compensation_warnings as compensation_warnings
     from ._description import describe as describe
     from ._effect_picture import draw_effect as draw_effect
-    from ._numbers import figure as figure
-    from ._numbers import percentage as percentage
-    from ._numbers import pretty_unit as pretty_unit
-    from ._numbers import quantity as quantity
     from ._posterior_page import posterior_row as posterior_row
     from ._recording_picture import draw_recordings as draw_recordings
     from ._report import write_report as write_report
@@ -34,12 +30,6 @@ _HOMES = {
     ),
     "_description": ("describe",),
     "_effect_picture": ("draw_effect",),
-    "_numbers": (
-        "figure",
-        "percentage",
-        "pretty_unit",
-        "quantity",
-    ),
     "_posterior_page": ("posterior_row",),
     "_recording_picture": ("draw_recordings",),
     "_report": ("write_report",),

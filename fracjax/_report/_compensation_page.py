@@ -10,8 +10,8 @@ import numpy as np
 from markupsafe import Markup
 
 from .._compensate import Compensation, Stretch
-from ._figures import _BAND, _STYLE, COLOURS, MEASURED, _canvas, _svg, _thinned
-from ._numbers import figure, pretty_unit, quantity
+from .._show import figure, pretty_unit, quantity
+from .._show.drawing import BAND, COLOURS, MEASURED, STYLE, canvas, svg, thinned
 from ._text import download
 
 _BADGES = {
@@ -135,53 +135,53 @@ def _stretch_row(stretch: Stretch, compensation: Compensation) -> dict[str, str]
     }
 
 
-@mpl.rc_context(_STYLE)
+@mpl.rc_context(STYLE)
 def _motion(compensation: Compensation) -> Markup:
     """Desired and predicted response over time."""
-    drawing, axes = _canvas(3.4)
+    drawing, axes = canvas(3.4)
     panel, times = axes[0, 0], compensation.times
     if compensation.band is not None:
-        panel.fill_between(times, *compensation.band, color=_BAND, lw=0, rasterized=True)
+        panel.fill_between(times, *compensation.band, color=BAND, lw=0, rasterized=True)
     panel.plot(
-        *_thinned(times, compensation.desired), color=MEASURED, lw=2.4, alpha=0.5, label="desired"
+        *thinned(times, compensation.desired), color=MEASURED, lw=2.4, alpha=0.5, label="desired"
     )
-    panel.plot(*_thinned(times, compensation.predicted), color=COLOURS[1], label="predicted")
+    panel.plot(*thinned(times, compensation.predicted), color=COLOURS[1], label="predicted")
     panel.set(xlabel="time [s]", ylabel=f"response [{pretty_unit(compensation.units[1])}]")
     panel.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0)
-    return _svg(drawing)
+    return svg(drawing)
 
 
-@mpl.rc_context(_STYLE)
+@mpl.rc_context(STYLE)
 def _drive(compensation: Compensation) -> Markup:
     """The drive over time with its limits, and over the response."""
-    drawing, axes = _canvas(3.4, 1, 2, gridspec_kw={"width_ratios": (2, 1)})
+    drawing, axes = canvas(3.4, 1, 2, gridspec_kw={"width_ratios": (2, 1)})
     panel, loop = axes[0]
-    panel.plot(*_thinned(compensation.times, compensation.drive), color=COLOURS[0])
+    panel.plot(*thinned(compensation.times, compensation.drive), color=COLOURS[0])
     for level in compensation.limits or ():
         panel.axhline(level, color=MEASURED, lw=0.8, ls="--")
     for stretch in compensation.binding:
-        panel.axvspan(stretch.start, stretch.stop, color=_BAND, lw=0, zorder=0)
+        panel.axvspan(stretch.start, stretch.stop, color=BAND, lw=0, zorder=0)
     unit = f"drive [{pretty_unit(compensation.units[0])}]"
     panel.set(xlabel="time [s]", ylabel=unit)
     loop.plot(compensation.predicted, compensation.drive, color=COLOURS[0], rasterized=True)
     loop.set(xlabel=f"response [{pretty_unit(compensation.units[1])}]")
-    return _svg(drawing)
+    return svg(drawing)
 
 
-@mpl.rc_context(_STYLE)
+@mpl.rc_context(STYLE)
 def _error(compensation: Compensation) -> Markup:
     """Predicted minus desired response over time."""
-    drawing, axes = _canvas(2.6)
+    drawing, axes = canvas(2.6)
     panel = axes[0, 0]
     if compensation.band is not None:
         panel.fill_between(
             compensation.times,
             *(compensation.band - compensation.desired),
-            color=_BAND,
+            color=BAND,
             lw=0,
             rasterized=True,
         )
-    panel.plot(*_thinned(compensation.times, compensation.error), color=COLOURS[1], lw=0.7)
+    panel.plot(*thinned(compensation.times, compensation.error), color=COLOURS[1], lw=0.7)
     unit = pretty_unit(compensation.units[1])
     panel.set(xlabel="time [s]", ylabel=f"predicted − desired [{unit}]")
-    return _svg(drawing)
+    return svg(drawing)

@@ -13,8 +13,8 @@ from .._models import parse_model
 from .._operators import Grid
 from .._prepare import prepare
 from .._recording import Recording
-from ._figures import _STYLE, COLOURS, MEASURED, _canvas
-from ._numbers import figure
+from .._show import figure
+from .._show.drawing import COLOURS, MEASURED, STYLE, canvas
 
 _STEP = 5e-4
 """Time step of the picture's drive [s]."""
@@ -51,8 +51,8 @@ def draw_effect(name: str, path: Path) -> None:
     times = _STEP * np.arange(drive.size)
     factor = max(1.0, _VISIBLE * np.ptp(plain) / max(float(np.abs(change).max()), 1e-12))
     factor = float(f"{factor:.1g}")
-    with mpl.rc_context(_STYLE):
-        drawing, axes = _canvas(4.0, 1, 2)
+    with mpl.rc_context(STYLE):
+        drawing, axes = canvas(4.0, 1, 2)
         loop, series = axes.flat
         loop.plot(drive, plain, color=MEASURED, lw=2.4, alpha=0.5, label="without")
         magnified = "" if factor == 1 else f", magnified {factor:g} times"

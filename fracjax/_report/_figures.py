@@ -2,46 +2,30 @@
 
 from __future__ import annotations
 
-import io
-import re
 from collections.abc import Sequence
-from typing import Any
 
 import matplotlib as mpl
 import numpy as np
 from markupsafe import Markup
-from matplotlib.axes import Axes
-from matplotlib.figure import Figure
 from numpy.lib.stride_tricks import sliding_window_view
 
 from .._diagnose import Axis, Candidate, Drive, HeldOut
 from .._fit import Fit
 from .._prepare import Noise
-from ._numbers import figure, p_value, percent, pretty_unit, quantity
+from .._show import figure, p_value, percent, pretty_unit, quantity
+from .._show.drawing import (
+    BAND,
+    COLOURS,
+    DENSE,
+    MEASURED,
+    MOST_POINTS,
+    STYLE,
+    canvas,
+    noise_band,
+    svg,
+    thinned,
+)
 
-# Okabe & Ito's palette, which colour-blind readers can distinguish.
-MEASURED = "#444444"
-COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7")
-_BAND = "#DDDDDD"
-_WIDTH = 10.4
-_DENSE = 4000
-"""Longer recordings are drawn as pixels, which keep the file small."""
-_MOST_POINTS = 20_000
-"""Most points of a loop."""
-_STYLE: dict[Any, Any] = {
-    "font.size": 11,
-    "axes.titlesize": 11,
-    "axes.titlelocation": "left",
-    "axes.spines.top": False,
-    "axes.spines.right": False,
-    "axes.grid": True,
-    "grid.color": "#EEEEEE",
-    "axes.axisbelow": True,
-    "legend.frameon": False,
-    "lines.linewidth": 1.2,
-    "svg.fonttype": "none",
-    "svg.hashsalt": "fracjax",
-}
 _AXIS_NAMES = {
     "time": "time",
     "phase": "phase of the cycle",
@@ -53,55 +37,22 @@ _AXIS_NAMES = {
 }
 
 
-def _canvas(height: float, rows: int = 1, columns: int = 1, **shared) -> tuple[Figure, np.ndarray]:
-    """An empty figure of this height [inch] and its axes, shape (rows, columns)."""
-    drawing = Figure(figsize=(_WIDTH, height), layout="constrained", dpi=150)
-    return drawing, drawing.subplots(rows, columns, squeeze=False, **shared)
-
-
-def _svg(drawing: Figure) -> Markup:
-    """The figure as an <svg> element that scales with the page."""
-    file = io.StringIO()
-    drawing.savefig(file, format="svg", metadata={"Date": None})
-    text = file.getvalue()
-    return Markup(re.sub(r"\s+", " ", text[text.index("<svg") :]))
-
-
-def _thinned(x: np.ndarray, y: np.ndarray, bins: int = 1500) -> tuple[np.ndarray, np.ndarray]:
-    """A long series (N,) reduced to the extremes of its bins, which looks the same on a screen."""
-    if x.size <= 2 * bins:
-        return x, y
-    starts = np.linspace(0, x.size, bins, endpoint=False).astype(int)
-    pieces = np.split(y, starts[1:])
-    lowest = starts + [piece.argmin() for piece in pieces]
-    highest = starts + [piece.argmax() for piece in pieces]
-    chosen = np.unique([lowest, highest])
-    return x[chosen], y[chosen]
-
-
-def _band(axes: Axes, sigma: float) -> None:
-    """Draw the band of ±2 standard deviations of the noise."""
-    axes.axhspan(-2 * sigma, 2 * sigma, color=_BAND, lw=0)
-    for edge in (-2 * sigma, 2 * sigma):
-        axes.axhline(edge, color=MEASURED, lw=0.8, ls="--", zorder=3)
-
-
-@mpl.rc_context(_STYLE)
+@mpl.rc_context(STYLE)
 def loops(fits: Sequence[Fit], index: int, noise: Noise) -> Markup:
     """Response and residual over drive, one column per model."""
     if len(fits) == 1:
-        drawing, axes = _canvas(4.2, 1, 2)
+        drawing, axes = canvas(4.2, 1, 2)
         panels = axes.T
     else:
-        drawing, axes = _canvas(
+        drawing, axes = canvas(
             6.4, 2, len(fits), sharex=True, sharey="row", gridspec_kw={"height_ratios": (3, 2)}
         )
         panels = axes
     take = fits[0].preparation.takes[index]
     recording, used = take.recording, take.used
-    rasterized = len(recording) > _DENSE
+    rasterized = len(recording) > DENSE
     chosen = np.flatnonzero(used)
-    chosen = chosen[:: -(-chosen.size // _MOST_POINTS)]
+    chosen = chosen[:: -(-chosen.size // MOST_POINTS)]
     # A long recording is drawn as points: lines between distant samples would cut across the loop.
     style = {"marker": ".", "ms": 1.5, "ls": ""} if chosen.size < used.sum() else {}
     unit = pretty_unit(recording.response_unit)
@@ -119,39 +70,39 @@ def loops(fits: Sequence[Fit], index: int, noise: Noise) -> Markup:
             )
         top.set_title(fit.model.name)
         top.legend(["measured", "simulated"], loc="upper left", markerscale=6)
-        _band(bottom, noise.sigma)
+        noise_band(bottom, noise.sigma)
         bottom.set_xlabel(f"drive [{pretty_unit(recording.drive_unit)}]")
     first_top, first_bottom = panels[:, 0]
     first_top.set_ylabel(f"response [{unit}]")
     first_bottom.set_ylabel(f"measured − simulated [{unit}]")
     first_top.set_xlabel(first_bottom.get_xlabel() if len(fits) == 1 else "")
-    return _svg(drawing)
+    return svg(drawing)
 
 
-@mpl.rc_context(_STYLE)
+@mpl.rc_context(STYLE)
 def series(fits: Sequence[Fit], index: int) -> Markup:
     """Measured and simulated response over time, and a stretch where the first model errs most."""
     take = fits[0].preparation.takes[index]
     recording = take.recording
     times, unit = recording.times, pretty_unit(recording.response_unit)
-    drawing, axes = _canvas(5.4, 2, 1)
+    drawing, axes = canvas(5.4, 2, 1)
     residual = np.where(take.used, fits[0].residuals[index], 0.0)
     begin, end = _error_window(residual, recording.response)
     for panel, part in zip(axes[:, 0], (slice(None), slice(begin, end)), strict=True):
         panel.plot(
-            *_thinned(times[part], recording.response[part]),
+            *thinned(times[part], recording.response[part]),
             color=MEASURED, lw=2.4, alpha=0.5, label="measured",
         )  # fmt: skip
         for fit, colour in zip(fits, COLOURS, strict=False):
             simulation = fit.simulations[index][part]
-            panel.plot(*_thinned(times[part], simulation), color=colour, label=fit.model.name)
+            panel.plot(*thinned(times[part], simulation), color=colour, label=fit.model.name)
         panel.set_ylabel(f"response [{unit}]")
     whole, zoom = axes[:, 0]
-    whole.axvspan(times[begin], times[end - 1], color=_BAND, lw=0, zorder=0)
+    whole.axvspan(times[begin], times[end - 1], color=BAND, lw=0, zorder=0)
     whole.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=1 + len(fits), borderaxespad=0)
     zoom.set_title(f"the shaded stretch, where the error of {fits[0].model.name} is easiest to see")
     zoom.set_xlabel("time [s]")
-    return _svg(drawing)
+    return svg(drawing)
 
 
 def _error_window(residual: np.ndarray, response: np.ndarray) -> tuple[int, int]:
@@ -168,30 +119,30 @@ def _error_window(residual: np.ndarray, response: np.ndarray) -> tuple[int, int]
     return begin, begin + width
 
 
-@mpl.rc_context(_STYLE)
+@mpl.rc_context(STYLE)
 def residuals(fits: Sequence[Fit], index: int, noise: Noise) -> Markup:
     """The residual of each model over time, with the noise band."""
     take = fits[0].preparation.takes[index]
     recording = take.recording
-    drawing, axes = _canvas(0.9 + 1.75 * len(fits), len(fits), 1, sharex=True, sharey=True)
+    drawing, axes = canvas(0.9 + 1.75 * len(fits), len(fits), 1, sharex=True, sharey=True)
     for panel, fit, colour in zip(axes[:, 0], fits, COLOURS, strict=False):
-        _band(panel, noise.sigma)
+        noise_band(panel, noise.sigma)
         times = recording.times[take.used]
-        panel.plot(*_thinned(times, fit.residuals[index][take.used]), color=colour, lw=0.7)
+        panel.plot(*thinned(times, fit.residuals[index][take.used]), color=colour, lw=0.7)
         error = quantity(fit.scores.rmse, recording.response_unit)
         panel.set_title(f"{fit.model.name}: {error} rms")
     axes[-1, 0].set_xlabel("time [s]")
     drawing.supylabel(f"measured − simulated [{pretty_unit(recording.response_unit)}]", fontsize=11)
-    return _svg(drawing)
+    return svg(drawing)
 
 
-@mpl.rc_context({**_STYLE, "axes.grid": False, "axes.spines.left": False})
+@mpl.rc_context({**STYLE, "axes.grid": False, "axes.spines.left": False})
 def places(located: Sequence[Axis]) -> Markup:
     """One strip of equal bins per axis, darker where the mismatch is stronger.
 
     Brackets mark the intervals where it is significant.
     """
-    drawing, panels = _canvas(1.05 * len(located) + 0.2, len(located), 1)
+    drawing, panels = canvas(1.05 * len(located) + 0.2, len(located), 1)
     top = max(float(axis.strength.max()) for axis in located)
     image = None
     for panel, axis in zip(panels[:, 0], located, strict=True):
@@ -219,17 +170,17 @@ def places(located: Sequence[Axis]) -> Markup:
             panel.set_xticks(ticks, [figure(float(edges[tick])) for tick in ticks])
     assert image is not None  # a diagnosis has at least one axis
     drawing.colorbar(image, ax=panels.ravel().tolist(), label="strength |z|", aspect=40, pad=0.01)
-    return _svg(drawing)
+    return svg(drawing)
 
 
-@mpl.rc_context({**_STYLE, "axes.grid.axis": "x"})
+@mpl.rc_context({**STYLE, "axes.grid.axis": "x"})
 def hidden(candidates: Sequence[Candidate], noise: Noise, span: float) -> Markup:
     """The smallest detectable amplitude of each effect, and the share that the model conceals.
 
     Bars end at the response's span [response], the largest possible change.
     """
     ordered = sorted(candidates, key=lambda c: c.detectable_amplitude)
-    drawing, axes = _canvas(0.9 + 0.32 * len(ordered))
+    drawing, axes = canvas(0.9 + 0.32 * len(ordered))
     panel = axes[0, 0]
     amplitudes = [min(c.detectable_amplitude, span) for c in ordered]
     panel.barh([c.name for c in ordered], amplitudes, color="#56B4E9", height=0.65)
@@ -246,13 +197,13 @@ def hidden(candidates: Sequence[Candidate], noise: Noise, span: float) -> Markup
     panel.set_xscale("log")
     panel.set_xlim(0.5 * min(*amplitudes, noise.sigma), 6 * max(amplitudes))
     panel.set_xlabel(f"smallest detectable change of the response [{pretty_unit(noise.unit)} rms]")
-    return _svg(drawing)
+    return svg(drawing)
 
 
-@mpl.rc_context({**_STYLE, "axes.grid.axis": "y"})
+@mpl.rc_context({**STYLE, "axes.grid.axis": "y"})
 def held_out(scores: HeldOut, names: Sequence[str], noise: Noise) -> Markup:
     """Error on held-out data, fold by fold."""
-    drawing, axes = _canvas(3.2)
+    drawing, axes = canvas(3.2)
     panel = axes[0, 0]
     groups = [folds for folds in (scores.base_folds, scores.extended_folds) if folds]
     width = 0.8 / len(groups)
@@ -264,15 +215,15 @@ def held_out(scores: HeldOut, names: Sequence[str], noise: Noise) -> Markup:
     panel.set_xlabel("fold")
     panel.set_ylabel(f"RMSE [{pretty_unit(noise.unit)}]")
     panel.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, borderaxespad=0)
-    return _svg(drawing)
+    return svg(drawing)
 
 
-@mpl.rc_context(_STYLE)
+@mpl.rc_context(STYLE)
 def drive(proposed: Drive, unit: str) -> Markup:
     """A drive over time."""
-    drawing, axes = _canvas(2.2)
+    drawing, axes = canvas(2.2)
     (panel,) = axes.flat
-    panel.plot(*_thinned(proposed.times, proposed.values), color=COLOURS[0])
+    panel.plot(*thinned(proposed.times, proposed.values), color=COLOURS[0])
     panel.set_xlabel("time [s]")
     panel.set_ylabel(f"drive [{pretty_unit(unit)}]")
-    return _svg(drawing)
+    return svg(drawing)

@@ -1,4 +1,4 @@
-"""Figures of fits: tests of the residual, Bode plots and profiles."""
+"""Figures of fits: Bode plots and profiles."""
 
 from __future__ import annotations
 
@@ -7,73 +7,22 @@ from collections.abc import Sequence
 import matplotlib as mpl
 import numpy as np
 from markupsafe import Markup
-from matplotlib.axes import Axes
-from scipy.stats import norm
 
-from .._fit import Profile, ResidualAnalysis
+from .._fit import Profile
 from .._frequency import FrequencyFit
-from ._figures import _BAND, _STYLE, COLOURS, MEASURED, _canvas, _svg
-from ._numbers import pretty_unit
+from .._show import pretty_unit
+from .._show.drawing import BAND, COLOURS, MEASURED, STYLE, canvas, svg
 
-_BINS = 41
-"""Edges of the histogram's bins."""
-_WIDEST = 5.0
-"""The histogram ends at most at so many standard deviations, or at 4 if that is more."""
 _COLUMNS = 3
 """Profiles side by side."""
 _LOGARITHMIC = 30.0
 """Profiles that span more than this factor have a logarithmic axis."""
 
 
-def _within(panel: Axes, low: float, high: float) -> None:
-    """Draw the band that holds 99 % of what chance causes."""
-    panel.axhspan(low, high, color=_BAND, lw=0)
-    for edge in (low, high):
-        panel.axhline(edge, color=MEASURED, lw=0.8, ls="--", zorder=3)
-
-
-def _stems(panel: Axes, places: np.ndarray, heights: np.ndarray, band: float) -> None:
-    """Draw correlations (L,) over lags (L,), with the band of ± `band`."""
-    _within(panel, -band, band)
-    panel.vlines(places, 0, heights, color=COLOURS[1], lw=2)
-    top = 1.15 * max(float(np.abs(heights).max()), 2 * band)
-    panel.set_ylim(-top, top)
-    panel.set_xlabel("lag [samples]")
-
-
-@mpl.rc_context(_STYLE)
-def residual_tests(analysis: ResidualAnalysis) -> Markup:
-    """The residual's histogram, autocorrelation, correlation with the drive, and level in time."""
-    drawing, ((histogram, auto), (cross, spread)) = _canvas(6.4, 2, 2)
-    width = float(np.clip(np.abs(analysis.residual).max(), 4, _WIDEST * analysis.residual.std()))
-    bins = np.linspace(-width, width, _BINS)
-    histogram.hist(
-        np.clip(analysis.residual, -width, width), bins=bins, density=True, color=COLOURS[1]
-    )
-    histogram.plot(bins, norm.pdf(bins), color=MEASURED, label="normal")
-    histogram.legend(loc="upper right")
-    histogram.set_title("distribution")
-    histogram.set_xlabel("residual over noise")
-    lags = analysis.autocorrelation.size
-    _stems(auto, np.arange(1, lags + 1), analysis.autocorrelation, analysis.band)
-    auto.set_title("autocorrelation")
-    _stems(cross, np.arange(-lags, lags + 1), analysis.cross_correlation, analysis.cross_band)
-    cross.set_title("correlation with the drive, which leads at positive lags")
-    per_bin = analysis.residual.size / analysis.spreads.size
-    level = float(np.sqrt(np.mean(analysis.residual**2)))
-    reach = level * norm.ppf(0.995) / np.sqrt(2 * per_bin)
-    _within(spread, level - reach, level + reach)
-    spread.stairs(analysis.spreads, analysis.edges, color=COLOURS[1], lw=2)
-    spread.set_ylim(0, 1.2 * float(np.nanmax([level + reach, *analysis.spreads])))
-    spread.set_title("standard deviation over time, in units of the noise")
-    spread.set_xlabel("time [s]")
-    return _svg(drawing)
-
-
-@mpl.rc_context(_STYLE)
+@mpl.rc_context(STYLE)
 def bode_plot(fits: Sequence[FrequencyFit]) -> Markup:
     """Magnitude and phase measured and fitted, and the residuals below them."""
-    drawing, panels = _canvas(6.4, 2, 2, sharex=True, gridspec_kw={"height_ratios": (3, 2)})
+    drawing, panels = canvas(6.4, 2, 2, sharex=True, gridspec_kw={"height_ratios": (3, 2)})
     table = fits[0].table
     frequencies, ratio = table.frequencies_Hz, table.response
     (magnitude, phase), (magnitude_residual, phase_residual) = panels
@@ -86,7 +35,7 @@ def bode_plot(fits: Sequence[FrequencyFit]) -> Markup:
     ):
         if errors is not None:
             panel.fill_between(
-                frequencies, -2 * scale * errors, 2 * scale * errors, color=_BAND, lw=0
+                frequencies, -2 * scale * errors, 2 * scale * errors, color=BAND, lw=0
             )
     for fit, colour in zip(fits, COLOURS, strict=False):
         quotient = ratio / fit.fitted
@@ -108,15 +57,15 @@ def bode_plot(fits: Sequence[FrequencyFit]) -> Markup:
     magnitude.legend(loc="best")
     for panel in panels[1]:
         panel.set_xlabel("frequency [Hz]")
-    return _svg(drawing)
+    return svg(drawing)
 
 
-@mpl.rc_context(_STYLE)
+@mpl.rc_context(STYLE)
 def profiles(computed: Sequence[Profile]) -> Markup:
     """Δχ² of each parameter, with the levels of 68 and 95 %."""
     rows = -(-len(computed) // _COLUMNS)
     columns = min(len(computed), _COLUMNS)
-    drawing, panels = _canvas(0.4 + 2.9 * rows, rows, columns, sharey=True)
+    drawing, panels = canvas(0.4 + 2.9 * rows, rows, columns, sharey=True)
     for panel in panels.flat[len(computed) :]:
         panel.set_axis_off()
     for panel, profile in zip(panels.flat, computed, strict=False):
@@ -134,7 +83,7 @@ def profiles(computed: Sequence[Profile]) -> Markup:
         panel.set_title("open" if profile.open else "")
     for row in panels:
         row[0].set_ylabel("Δχ²")
-    return _svg(drawing)
+    return svg(drawing)
 
 
 def _parabola(profile: Profile) -> np.ndarray:

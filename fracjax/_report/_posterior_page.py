@@ -5,10 +5,10 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
-from .._posterior import Posterior, Row
-from . import _posterior_figures as figures
-from ._numbers import figure, pretty_unit
-from ._text import download, rounded
+from .._posterior import Posterior, posterior_row
+from .._show import figure
+from .._show.drawing import svg
+from ._text import download
 
 _MOST_RECORDINGS = 3
 
@@ -23,19 +23,19 @@ def posterior_content(posterior: Posterior) -> dict[str, Any]:
         "badge": "converged" if posterior.converged else "not converged",
         "verdict": "none" if posterior.converged else "unexplained",
         "facts": _facts(posterior),
-        "rows": [posterior_row(row) for row in posterior.summary],
+        "rows": [posterior_row(row) for row in posterior.rows],
         "correlated": posterior.known_only_together,
         "warnings": _warnings(posterior),
-        "corner": figures.corner_plot(posterior),
-        "overlay": figures.prior_and_posterior(posterior),
-        "traces": figures.traces(posterior),
+        "corner": svg(posterior.plot_corner()),
+        "overlay": svg(posterior.plot_prior()),
+        "traces": svg(posterior.plot_trace()),
         "recordings": [
             {
                 "source": band.source,
-                "loops": figures.loop_band(band, posterior.units),
-                "series": figures.series_band(band, posterior.units),
+                "loops": svg(posterior.plot_loop(index)),
+                "series": svg(posterior.plot(index)),
             }
-            for band in drawn
+            for index, band in enumerate(drawn)
         ],
         "omitted": len(posterior.bands) - len(drawn),
         "downloads": [download("posterior.json", posterior.to_dict())],
@@ -55,21 +55,6 @@ def _facts(posterior: Posterior) -> list[tuple[str, str]]:
         ("Autocorrelation time", f"{figure(posterior.autocorrelation)} steps"),
         ("Moves accepted", f"{100 * posterior.acceptance:.0f} %"),
     ]
-
-
-def posterior_row(row: Row) -> dict[str, str]:
-    """A parameter as a row of the table, with as many digits as its uncertainty justifies."""
-    return {
-        "name": row.name,
-        "mean": rounded(row.mean, row.sd),
-        "sd": figure(row.sd, 2),
-        "interval": " to ".join(rounded(end, row.sd) for end in row.interval),
-        "unit": pretty_unit(row.unit),
-        "ess": f"{row.ess:.0f}",
-        "r_hat": f"{row.r_hat:.3f}",
-        "laplace": f"{rounded(row.laplace_mean, row.laplace_sd)} ± {figure(row.laplace_sd, 2)}",
-        "remark": "" if row.agrees else "sampling and Laplace approximation differ",
-    }
 
 
 def _warnings(posterior: Posterior) -> list[str]:

@@ -12,9 +12,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from .._recording import Recording
+from .._show import pretty_unit, quantity
+from .._show.drawing import COLOURS, MEASURED, STYLE
 from ._description import describe
-from ._figures import _STYLE, COLOURS, MEASURED
-from ._numbers import pretty_unit, quantity
 
 _MOST = 4
 """Segments that are drawn."""
@@ -30,7 +30,7 @@ def draw_recordings(recordings: Sequence[Recording], path: Path, form: str) -> N
     descriptions = [describe(recording) for recording in shown]
     notes = [_notes(one) for one in descriptions]
     heights = [3.4 + 0.19 * len(lines) for lines in notes]
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         drawing = Figure(figsize=(9.5, sum(heights)), layout="constrained")
         FigureCanvasAgg(drawing)
         rows = drawing.subfigures(len(shown), 1, height_ratios=heights, squeeze=False)[:, 0]

@@ -14,19 +14,19 @@ from markupsafe import Markup
 from .._compensate import Compensation
 from .._crosscheck import Crosscheck
 from .._diagnose import Candidate, Diagnosis, entry_of
-from .._fit import Comparison, Fit, analyse_residuals
+from .._fit import Comparison, Fit, analyse_residuals, estimate_row
 from .._frequency import FrequencyFit
 from .._posterior import Posterior
 from .._recording import InputError, found_in
+from .._show import figure, p_value, percent, quantity
+from .._show.drawing import svg
 from . import _figures, _fit_figures
 from ._compensation_page import compensation_content
-from ._numbers import figure, p_value, percent, quantity
 from ._posterior_page import posterior_content
 from ._text import (
     crosscheck_figures,
     crosscheck_sentence,
     download,
-    estimate_row,
     file_name,
     fit_badge,
     fit_sentence,
@@ -194,7 +194,7 @@ def _residual_tests(fit: Fit) -> list[dict[str, Any]]:
         {
             "source": analysis.source,
             "findings": analysis.findings,
-            "figure": _fit_figures.residual_tests(analysis),
+            "figure": svg(analysis.plot()),
         }
         for analysis in analyse_residuals(drawn)
     ]
@@ -329,7 +329,7 @@ def _assumptions(fit: Fit) -> list[str]:
 
 def _conditions(fit: Fit) -> list[str]:
     """The conditions on parameters and the loss, a sentence each."""
-    conditions = fit.preparation.conditions
+    conditions = fit.preparation.conditions.as_shown(fit.model.block)
     sentences = [
         f"{name} was tied to {source}"
         + ("." if factor == 1 else f", as {factor:g} times its value.")

@@ -5,7 +5,6 @@ from __future__ import annotations
 import base64
 import json
 from collections.abc import Sequence
-from math import floor, isfinite, log10
 from pathlib import Path
 
 import numpy as np
@@ -14,17 +13,17 @@ from markupsafe import Markup
 from .._crosscheck import Crosscheck
 from .._diagnose import Diagnosis
 from .._fit import (
-    Combination,
     Comparison,
-    Estimate,
     Fit,
+    combination_row,
+    estimate_row,
     is_useless,
     rank_fits,
     shortcomings_of,
 )
 from .._frequency import FrequencyFit
 from .._prepare import Noise
-from ._numbers import figure, percentage, pretty_unit, quantity
+from .._show import figure, percentage, pretty_unit, quantity
 
 _METHODS = {
     "repeats": "from repeats",
@@ -98,51 +97,12 @@ def file_name(model: str) -> str:
     return model.replace(" >> ", "-then-").replace(" + ", "-plus-")
 
 
-def estimate_row(estimate: Estimate) -> dict[str, str]:
-    """Name, value, 95 % interval, unit and remark of a parameter, with significant digits only."""
-    if not estimate.identified:
-        value, remark = f"about {estimate.value:.1g}", "not identified by this recording"
-    else:
-        value, remark = rounded(estimate.value, estimate.standard_error), ""
-    if estimate.at_bound:
-        remark = "; ".join(filter(None, (remark, "ended on its bound")))
-    low, high = (rounded(end, estimate.standard_error) for end in estimate.interval)
-    return {
-        "name": estimate.name,
-        "value": value,
-        "interval": f"{low} to {high}" if estimate.identified else "–",
-        "unit": pretty_unit(estimate.unit),
-        "remark": remark,
-    }
-
-
-def combination_row(combination: Combination) -> dict[str, str]:
-    """A combination of parameters as a row like that of `estimate_row`."""
-    value, error = combination.value, combination.standard_error
-    low, high = (rounded(value + side * 1.96 * error, error) for side in (-1, 1))
-    return {
-        "name": combination.text,
-        "value": rounded(value, error),
-        "interval": f"{low} to {high}",
-        "unit": pretty_unit(combination.unit),
-        "remark": f"combination determined to {combination.percent:.2g} %",
-    }
-
-
 def parameter_rows(fit: Fit | FrequencyFit) -> list[dict[str, str]]:
     """Rows of the table of parameters and of the combinations that the data determine."""
     return [
         *(estimate_row(estimate) for estimate in fit.estimates),
         *(combination_row(combination) for combination in fit.combinations),
     ]
-
-
-def rounded(value: float, error: float) -> str:
-    """A value rounded to two significant digits of its error."""
-    if not (isfinite(value) and 0 < error < np.inf) or value == 0:
-        return figure(value)
-    digits = max(1, floor(log10(abs(value))) - floor(log10(error)) + 2)
-    return figure(float(f"{value:.{digits}g}"), digits)
 
 
 def key_figures(

@@ -80,7 +80,9 @@ def test_a_name_is_made_a_model_for_each_recording(quick):
     save(Path("a.csv"), 1)
     large = replace(recording(0), response=100 * recording(0).response, source="large")
     fj.fit_batch("creep + mains_interference", [recording(0), large], out=OUT)
-    sizes = {c["source"]: c["model"].parameters["second.cosines"].value.max() for c in quick}
+    sizes = {
+        c["source"]: c["model"].parameters["mains_interference.cosines"].value.max() for c in quick
+    }
     assert sizes["large"] == pytest.approx(100 * sizes["recording"])
 
 

@@ -1,8 +1,10 @@
 """Calls that cannot be used, help, completion, and the program itself."""
 
 import os
+import re
 import subprocess
 import sys
+import time
 from pathlib import Path
 
 import pytest
@@ -10,6 +12,8 @@ import pytest
 import fracjax._diagnose
 from fracjax._cli import run
 from fracjax._cli._main import cli
+from fracjax._cli._progress import _BRIEF, chain_bar, stages
+from fracjax._cli._tables import print_text
 from tests.helpers import failure
 
 PACKAGE = Path(fracjax.__file__).parent
@@ -21,7 +25,6 @@ PACKAGE = Path(fracjax.__file__).parent
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        ("", "fracjax: Missing command; see fracjax --help."),
         ("bogus", "No such command 'bogus'"),
         ("fit", "Missing argument 'RECORDING...'"),
         ("fit LOOP --model foh", "Missing option '--out'"),
@@ -133,3 +136,92 @@ def test_the_package_runs_as_a_program():
     script = [sys.executable, "-m", "fracjax", "--version"]
     told = subprocess.run(script, cwd=PACKAGE.parent, capture_output=True, text=True, check=True)
     assert told.stdout == f"fracjax, version {fracjax.__version__}\n"
+
+
+def test_a_bare_call_says_where_to_begin(capsys):
+    assert run([]) == 0
+    text = capsys.readouterr().out
+    assert text.startswith("Usage: fracjax")
+    for command in ("fracjax info FILE", "fracjax diagnose FILE --model foh", "fracjax demo"):
+        assert command in text
+
+
+def test_results_of_another_call_are_not_overwritten(loop, quick, capsys):
+    other = str(Path(loop).with_name("other.csv"))
+    Path(other).write_bytes(Path(loop).read_bytes())
+    fit, diagnose = (["fit", "--model", "foh", loop], ["diagnose", "--model", "foh", loop])
+    assert run([*fit, "--out", "results", "--quiet"]) == 0
+    page = Path("results/report.html").read_text()
+    for call in (
+        [*diagnose, "--out", "results"],
+        ["fit", "--model", "foh", other, "--out", "results"],
+        ["fit", "--model", "lfdh", loop, "--out", "results"],
+    ):
+        calls = len(quick)
+        assert run(call) == 2
+        assert "--out results: expected an empty folder, or earlier results of" in failure(capsys)
+        assert len(quick) == calls  # said at once, and not after the work
+        assert Path("results/report.html").read_text() == page
+    # The same call again replaces its own results, and one with more models keeps all of them.
+    assert run([*fit, "--out", "results", "--quiet"]) == 0
+    assert run([*fit, "--model", "lfdh", "--out", "results", "--quiet"]) == 0
+    assert run([*diagnose, "--out", "other", "--quiet"]) == 0
+
+
+def test_files_of_others_in_the_folder_do_not_hinder(loop, quick):
+    Path("results").mkdir()
+    Path("results/fit.json").write_text("my own notes")
+    Path("results/notes.txt").write_text("more")
+    assert run(["fit", "--model", "foh", loop, "--out", "results", "--quiet"]) == 0
+    assert Path("results/notes.txt").read_text() == "more"
+
+
+def test_a_stage_that_lasts_is_a_line_where_there_is_no_terminal(capsys):
+    with stages(quiet=False) as progress:
+        progress("a brief one")
+        progress("a long one")
+        time.sleep(1.5 * _BRIEF)
+    assert re.fullmatch(r" *\d+\.\d s  a long one\n", capsys.readouterr().err)
+    with stages(quiet=True) as progress:
+        progress("a long one")
+        time.sleep(1.5 * _BRIEF)
+    assert capsys.readouterr().err == ""
+
+
+def test_a_count_is_a_line_now_and_then(capsys, monkeypatch):
+    clock = iter(range(0, 100, 4))
+    monkeypatch.setattr("fracjax._cli._progress.time.monotonic", lambda: next(clock))
+    with chain_bar(quiet=False, steps=100) as count:
+        for done in range(10):
+            count(done, 100, "k = 1")
+    lines = capsys.readouterr().err.splitlines()
+    assert 2 <= len(lines) <= 5
+    assert lines[0].endswith("of 100; k = 1")
+
+
+def test_on_a_terminal_lines_end_at_words(capsys, monkeypatch):
+    monkeypatch.setenv("COLUMNS", "30")
+    sentence = "A sentence that is rather longer than thirty columns of a terminal."
+    print_text(sentence)
+    assert capsys.readouterr().out == sentence + "\n"  # in a pipe it stays one line
+    monkeypatch.setattr(sys.stdout, "isatty", lambda: True)
+    monkeypatch.setenv("TERM", "xterm")
+    print_text(sentence)
+    lines = capsys.readouterr().out.splitlines()
+    assert len(lines) > 1
+    assert " ".join(line.strip() for line in lines) == sentence
+
+
+@pytest.mark.parametrize(
+    ("call", "most"), [(["-m", "fracjax", "--help"], 0.4), (["-c", "import fracjax"], 0.5)]
+)
+def test_a_cold_start_is_quick(call, most):
+    """In seconds of the processor, which others on the machine do not change."""
+    script = "import resource, subprocess, sys; subprocess.run([sys.executable, *sys.argv[1:]], "
+    script += "stdout=subprocess.DEVNULL, check=True); "
+    script += "print(sum(resource.getrusage(resource.RUSAGE_CHILDREN)[:2]))"
+    runs = [
+        float(subprocess.check_output([sys.executable, "-c", script, *call], text=True))
+        for _ in range(3)
+    ]
+    assert min(runs) <= most

@@ -91,3 +91,20 @@ def test_a_model_without_a_drive_is_refused():
         fj.compensate(model(drift), wanted())
     with pytest.raises(fj.InputError, match="whose response follows its drive"):
         fj.compensate(model(blocks.Creep(0.0, 0.01)), wanted())
+
+
+def test_a_compensation_shows_itself():
+    found = fj.compensate(model(blocks.Creep(0.1, 0.01)), wanted(source="sine.csv"), limits=(0, 70))
+    text = repr(found)
+    assert len(text.splitlines()) < 20
+    assert text.startswith("Drive of ")
+    assert "along sine.csv: limited" in text
+    assert "upper limit" in found.summary()
+    assert "<table>" in found._repr_html_()
+    table = found.to_dataframe()
+    np.testing.assert_array_equal(table["drive"], found.drive)
+    motion, drive, error = found.plot().axes
+    assert len(motion.lines) == 2
+    np.testing.assert_array_equal(error.lines[0].get_ydata(), found.error)
+    assert np.asarray(drive.lines[1].get_ydata())[0] == 0.0  # the lower limit
+    assert len(found.plot_residuals().axes) == 1

@@ -136,11 +136,11 @@ def test_beside_a_number_at_its_bound_an_interval_is_no_shorter_than_its_error(l
 LONG = 0.02 * SAMPLES
 DRIFTING = fj.Model(fj.parse_model("creep").block + fj.blocks.ThermalDrift(3.0, longest=LONG))
 DRIFT = {
-    "first.k_c": 0.08,
-    "first.mu": 0.02,
-    "second.amplitude": 0.5,
-    "second.slope": 0.02,
-    "second.time_constant": 1.5 * LONG,
+    "creep.k_c": 0.08,
+    "creep.mu": 0.02,
+    "thermal_drift.amplitude": 0.5,
+    "thermal_drift.slope": 0.02,
+    "thermal_drift.time_constant": 1.5 * LONG,
 }
 
 
@@ -154,7 +154,7 @@ def drifting(seed: int) -> fj.Fit:
 
 def test_a_time_constant_longer_than_the_recording_is_within_its_interval():
     """A parabola at an optimum far too short leaves it out, and often."""
-    name = "second.time_constant"
+    name = "thermal_drift.time_constant"
     fits = [drifting(seed) for seed in range(16)]
     ends = [intervals(found, name)[name] for found in fits if by_name(found)[name].identified]
     assert len(ends) >= 8
@@ -169,21 +169,21 @@ def test_a_vector_of_one_number_has_its_profile():
     model = fj.Model(fj.parse_model("creep").block + line)
     hum = 0.05 * np.sin(2 * np.pi * 50 * TIMES)
     recording = fj.Recording(DRIVE, CREEP.response + hum, STEP)
-    found = fj.fit(model, recording, fixed={"second.frequency": 50.0}, **OPTIONS)
-    told = intervals(found, "second.sines", "second.cosines")
-    for name in ("second.sines", "second.cosines"):
+    found = fj.fit(model, recording, fixed={"mains_interference.frequency": 50.0}, **OPTIONS)
+    told = intervals(found, "mains_interference.sines", "mains_interference.cosines")
+    for name in ("mains_interference.sines", "mains_interference.cosines"):
         assert told[name] == pytest.approx(by_name(found)[name].interval, rel=1e-3), name
-    assert not fj.profile(found, "second.sines").open
+    assert not fj.profile(found, "mains_interference.sines").open
 
 
 def test_ties_and_priors_are_kept_while_a_parameter_is_held():
     model = fj.Model(fj.blocks.Creep() >> fj.blocks.Creep(fixed_gain=True))
     found = fj.fit(
-        model, CREEP, tied={"second.mu": "first.mu"},
-        priors={"first.mu": fj.Normal(0.01, 1e-3)}, **OPTIONS,
+        model, CREEP, tied={"creep_2.mu": "creep_1.mu"},
+        priors={"creep_1.mu": fj.Normal(0.01, 1e-3)}, **OPTIONS,
     )  # fmt: skip
-    profile = fj.profile(found, "first.mu")
-    estimate = next(e for e in found.estimates if e.name == "first.mu")
+    profile = fj.profile(found, "creep_1.mu")
+    estimate = next(e for e in found.estimates if e.name == "creep_1.mu")
     assert profile.interval_95 == pytest.approx(estimate.interval, rel=0.05)
     assert not profile.lower_found
 

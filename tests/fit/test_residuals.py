@@ -8,7 +8,7 @@ import pytest
 from scipy.stats import norm
 
 import fracjax as fj
-from fracjax._fit._residuals import LAGS, ResidualAnalysis, analyse_whitened
+from fracjax._fit._whiteness import LAGS, ResidualAnalysis, analyse_whitened
 
 SAMPLES, STEP = 2000, 1e-3
 STEPS = np.random.default_rng(9).standard_normal(SAMPLES)

@@ -86,10 +86,12 @@ def test_phases_may_wind():
     exact = fj.frequency_response(law.block, FREQUENCIES)
     data = fj.frequency_table(FREQUENCIES, np.abs(exact), np.degrees(np.angle(exact)))
     assert np.any(np.abs(np.diff(np.angle(exact))) > np.pi)
-    start = law.with_values({"second.frequency": 80.0, "first.damping": 0.08})
+    start = law.with_values({"pea_dynamics_2.frequency": 80.0, "pea_dynamics_1.damping": 0.08})
     estimates = by_name(fit(data, start, fixed={"second.creep_gain": 0, "second.mu": -0.1}))
     # Which of them is first, nothing tells.
-    modes = sorted(estimates[f"{part}.frequency"].value for part in ("first", "second"))
+    modes = sorted(
+        estimates[f"{part}.frequency"].value for part in ("pea_dynamics_1", "pea_dynamics_2")
+    )
     assert modes == pytest.approx([20.0, 90.0], rel=1e-4)
 
 

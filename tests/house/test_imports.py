@@ -18,9 +18,11 @@ ROOT = ""  # fracjax/__init__.py, which may gather anything but the command line
 
 # Lowest first; a module imports from its own layer and those below.
 LAYERS = [
+    {"_show"},
     {"_recording", "_parameters", "_computing"},
     {"_operators"},
     {"_blocks"},
+    {"_naming", "_aliases", "_systems"},
     {"_models"},
     {"_simulate"},
     {"_io"},

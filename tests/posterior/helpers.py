@@ -46,7 +46,7 @@ def fit_of(block: fj.AbstractBlock, recording: fj.Recording, sigma: float) -> fj
 
 
 def by_name(posterior: fj.Posterior) -> dict[str, Row]:
-    return {row.name: row for row in posterior.summary}
+    return {row.name: row for row in posterior.rows}
 
 
 SHARP = {"noise.sigma": Logarithmic(Normal(np.log(0.05), 1e-9))}

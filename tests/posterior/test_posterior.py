@@ -52,7 +52,7 @@ def test_what_is_saved_is_loaded_without_loss(sampled, tmp_path):
     sampled.save(tmp_path)
     loaded = fj.load_posterior(tmp_path)
     assert loaded.to_dict() == sampled.to_dict()
-    assert loaded.summary == sampled.summary
+    assert loaded.rows == sampled.rows
     for name, draws in sampled.samples.items():
         np.testing.assert_array_equal(loaded.samples[name], draws)
         np.testing.assert_array_equal(loaded.prior[name], sampled.prior[name])

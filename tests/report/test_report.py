@@ -108,6 +108,23 @@ def diagnosis(fitted: Fit) -> Diagnosis:
     )
 
 
+def test_a_diagnosis_shows_itself(diagnosis):
+    text = repr(diagnosis)
+    assert len(text.splitlines()) < 20
+    assert text.startswith("confusable: foh leaves out creep & <something>")
+    assert "reason 3" not in text
+    assert "reason 3" in diagnosis.summary()
+    assert "creep &amp; &lt;something&gt;" in diagnosis._repr_html_()
+    assert diagnosis.to_dataframe().loc["creep", "score"] == 12.0
+    before, after, scores = diagnosis.plot().axes
+    assert before.get_title().startswith("foh: ")
+    assert after.get_title().startswith("foh >> creep: ")
+    assert [bar.get_width() for bar in scores.patches] == [12.0, 11.5, 3.0, 0.4]
+    assert len(diagnosis.plot_residuals().axes) == 4
+    drive = diagnosis.base.preparation.takes[0].recording.drive
+    assert np.array_equal(diagnosis.predict(drive), diagnosis.extended.predict(drive))
+
+
 class Page(HTMLParser):
     """A page's text and links, once its tags are seen to balance."""
 

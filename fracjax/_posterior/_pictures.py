@@ -1,16 +1,18 @@
-"""The figures of a posterior: corner plot, traces, prior and posterior, predictive bands."""
+"""Pictures of a posterior: corner plot, traces, prior and posterior, predictive bands."""
 
 from __future__ import annotations
+
+from collections.abc import Mapping, Sequence
 
 import corner
 import matplotlib as mpl
 import numpy as np
-from markupsafe import Markup
-from matplotlib.figure import Figure
 
-from .._posterior import Band, Posterior, Row
-from ._figures import _BAND, _STYLE, _WIDTH, COLOURS, MEASURED, _canvas, _svg, _thinned
-from ._numbers import pretty_unit
+from .._show import pretty_unit
+from .._show.drawing import BAND, COLOURS, MEASURED, STYLE, WIDTH, Drawing, canvas, thinned
+from ._rows import Band, Row
+
+Draws = Mapping[str, np.ndarray]
 
 _MOST_DRAWS = 5000
 """Most draws in the corner plot."""
@@ -24,15 +26,15 @@ def _label(row: Row, separator: str = " ") -> str:
     return f"{row.name}{separator}[{unit}]" if unit else row.name
 
 
-@mpl.rc_context({**_STYLE, "axes.grid": False, "font.size": 8})
-def corner_plot(posterior: Posterior) -> Markup:
+@mpl.rc_context({**STYLE, "axes.grid": False, "font.size": 8})
+def draw_corner(summary: Sequence[Row], samples: Draws) -> Drawing:
     """The density of every parameter and of every pair."""
-    draws = np.stack([posterior.samples[row.name].ravel() for row in posterior.summary], axis=1)
+    draws = np.stack([samples[row.name].ravel() for row in summary], axis=1)
     draws = draws[:: -(-len(draws) // _MOST_DRAWS)]
-    drawing = Figure(figsize=(_WIDTH, _WIDTH), dpi=150)
+    drawing = Drawing(figsize=(WIDTH, WIDTH), dpi=150)
     corner.corner(
         draws,
-        labels=[_label(row, "\n") for row in posterior.summary],
+        labels=[_label(row, "\n") for row in summary],
         fig=drawing,
         color=COLOURS[1],
         plot_datapoints=False,
@@ -45,16 +47,16 @@ def corner_plot(posterior: Posterior) -> Markup:
         labelpad=0.15,
     )
     drawing.subplots_adjust(left=0.13, bottom=0.13, right=0.99, top=0.99)
-    return _svg(drawing)
+    return drawing
 
 
-@mpl.rc_context({**_STYLE, "font.size": 9})
-def prior_and_posterior(posterior: Posterior) -> Markup:
+@mpl.rc_context({**STYLE, "font.size": 9})
+def draw_prior(summary: Sequence[Row], samples: Draws, priors: Draws) -> Drawing:
     """Densities of prior and posterior; where they coincide the data contain no information."""
-    rows = -(-len(posterior.summary) // _COLUMNS)
-    drawing, axes = _canvas(2.1 * rows, rows, _COLUMNS)
-    for panel, row in zip(axes.flat, posterior.summary, strict=False):
-        draws, prior = posterior.samples[row.name].ravel(), posterior.prior[row.name]
+    rows = -(-len(summary) // _COLUMNS)
+    drawing, axes = canvas(2.1 * rows, rows, _COLUMNS)
+    for panel, row in zip(axes.flat, summary, strict=False):
+        draws, prior = samples[row.name].ravel(), priors[row.name]
         low, high = np.percentile(draws, [0.1, 99.9])
         margin = 1.5 * (high - low)
         edges = np.linspace(max(low - margin, min(low, prior.min())), high + margin, 60)
@@ -66,31 +68,31 @@ def prior_and_posterior(posterior: Posterior) -> Markup:
         panel.ticklabel_format(axis="x", scilimits=(-3, 4))
         panel.xaxis.get_major_locator().set_params(nbins=4)
         panel.set_yticks([])
-    for panel in axes.flat[len(posterior.summary) :]:
+    for panel in axes.flat[len(summary) :]:
         panel.set_axis_off()
     axes.flat[0].legend(loc="upper left", fontsize=8)
-    return _svg(drawing)
+    return drawing
 
 
-@mpl.rc_context({**_STYLE, "font.size": 9})
-def traces(posterior: Posterior) -> Markup:
+@mpl.rc_context({**STYLE, "font.size": 9})
+def draw_trace(summary: Sequence[Row], samples: Draws, burn_in: int, thinned_by: int) -> Drawing:
     """All walkers over the steps that were kept."""
-    count = len(posterior.summary)
-    drawing, axes = _canvas(0.6 + 1.1 * count, count, 1, sharex=True)
-    for panel, row in zip(axes[:, 0], posterior.summary, strict=True):
-        walkers = posterior.samples[row.name]
-        steps = posterior.burn_in + posterior.thinned * np.arange(walkers.shape[1])
+    count = len(summary)
+    drawing, axes = canvas(0.6 + 1.1 * count, count, 1, sharex=True)
+    for panel, row in zip(axes[:, 0], summary, strict=True):
+        walkers = samples[row.name]
+        steps = burn_in + thinned_by * np.arange(walkers.shape[1])
         panel.plot(steps, walkers.T, color=MEASURED, lw=0.3, alpha=0.4, rasterized=True)
         panel.plot(steps, walkers.mean(axis=0), color=COLOURS[0], lw=1)
         panel.set_ylabel(_label(row, "\n"), rotation=0, ha="right", va="center")
     axes[-1, 0].set_xlabel("step")
-    return _svg(drawing)
+    return drawing
 
 
-@mpl.rc_context(_STYLE)
-def loop_band(band: Band, units: tuple[str, str]) -> Markup:
+@mpl.rc_context(STYLE)
+def draw_loop(band: Band, units: tuple[str, str]) -> Drawing:
     """The loop measured and predicted, and the residual of the prediction within its band."""
-    drawing, axes = _canvas(4.4, 1, 2)
+    drawing, axes = canvas(4.4, 1, 2)
     loop, below = axes[0]
     drive, unit = band.drive[band.used], pretty_unit(units[1])
     loop.plot(drive, band.response[band.used], color=MEASURED, lw=2.4, alpha=0.5, rasterized=True)
@@ -105,24 +107,24 @@ def loop_band(band: Band, units: tuple[str, str]) -> Markup:
     below.set_ylabel(f"measured − median [{unit}]")
     for panel in (loop, below):
         panel.set_xlabel(f"drive [{pretty_unit(units[0])}]")
-    return _svg(drawing)
+    return drawing
 
 
-@mpl.rc_context(_STYLE)
-def series_band(band: Band, units: tuple[str, str]) -> Markup:
+@mpl.rc_context(STYLE)
+def draw_series(band: Band, units: tuple[str, str]) -> Drawing:
     """The response over time, and below it the residual within the predictive band."""
-    drawing, axes = _canvas(5.4, 2, 1, sharex=True)
+    drawing, axes = canvas(5.4, 2, 1, sharex=True)
     whole, below = axes[:, 0]
     unit = pretty_unit(units[1])
     whole.plot(
-        *_thinned(band.times, band.response), color=MEASURED, lw=2.4, alpha=0.5, label="measured"
+        *thinned(band.times, band.response), color=MEASURED, lw=2.4, alpha=0.5, label="measured"
     )
-    whole.plot(*_thinned(band.times, band.median), color=COLOURS[1], label="median prediction")
+    whole.plot(*thinned(band.times, band.median), color=COLOURS[1], label="median prediction")
     whole.set_ylabel(f"response [{unit}]")
     whole.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0)
     noisy, model = band.predictive - band.median, band.model - band.median
     below.fill_between(
-        band.times, *noisy, color=_BAND, lw=0, label="95 % with noise", rasterized=True
+        band.times, *noisy, color=BAND, lw=0, label="95 % with noise", rasterized=True
     )
     below.fill_between(
         band.times, *model, color=COLOURS[0], lw=0, label="95 % without noise", rasterized=True
@@ -131,4 +133,4 @@ def series_band(band: Band, units: tuple[str, str]) -> Markup:
     below.plot(band.times, residual, color=COLOURS[1], lw=0.7, label="measured", rasterized=True)
     below.set(xlabel="time [s]", ylabel=f"minus the median [{unit}]")
     below.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=3, borderaxespad=0)
-    return _svg(drawing)
+    return drawing

@@ -14,17 +14,18 @@ from itertools import count
 
 import numpy as np
 
-from .._blocks import (
+from ._blocks import (
     AbstractLinearBlock,
+    Gain,
     Inverse,
     LinearParallel,
     LinearSeries,
     LogarithmicCreep,
     QuasiStaticForce,
 )
-from .._blocks.creep import _NODES, _WEIGHTS
-from .._operators import oustaloup
-from .._recording import InputError
+from ._blocks.creep import _NODES, _WEIGHTS
+from ._operators import oustaloup
+from ._recording import InputError
 
 _PAIRS_PER_DECADE = 3
 """Poles, each with a zero, per decade of Oustaloup's filter; chosen by judgement."""
@@ -195,6 +196,8 @@ def rational(block: AbstractLinearBlock, band: Band) -> System:
             return rational(block.block, band).reciprocal()
         case QuasiStaticForce():
             return System.constant(float(block.stiffness.value))
+        case Gain():
+            return System.constant(float(block.k.value))
         case LogarithmicCreep():
             # It is defined as a sum of relaxations, which are its partial fractions.
             poles, share = _NODES / block.onset.value, block.gamma.value / np.log(10)
@@ -208,8 +211,8 @@ def rational(block: AbstractLinearBlock, band: Band) -> System:
 def _unsupported(actual: str) -> InputError:
     """The error for a block that has no rational transfer function."""
     return InputError.at(
-        "streaming inverse",
+        "rational transfer function",
         "a model made of sums, products and powers of s above -1",
         actual,
-        "use compensate instead",
+        "for a drive use compensate, for a response simulate",
     )

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from math import floor, inf, isfinite, log10
 
 
 def figure(value: float | None, digits: int = 3) -> str:
@@ -39,3 +40,11 @@ def quantity(value: float | None, unit: str) -> str:
 def percentage(share: float) -> str:
     """A share in per cent, to one digit, and whole from 1 % on."""
     return f"{100 * share:.1g}" if share < 0.01 else f"{100 * share:.0f}"
+
+
+def rounded(value: float, error: float) -> str:
+    """A value rounded to two significant digits of its error."""
+    if not (isfinite(value) and 0 < error < inf) or value == 0:
+        return figure(value)
+    digits = max(1, floor(log10(abs(value))) - floor(log10(error)) + 2)
+    return figure(float(f"{value:.{digits}g}"), digits)

@@ -54,7 +54,7 @@ def crosscheck_command(
     data, (model,) = given.understood(recordings, [name])
     settings = given.how(data)
     from .._crosscheck import crosscheck
-    from .._report import crosscheck_figures, crosscheck_sentence, write_report
+    from .._report import crosscheck_figures, crosscheck_sentence
 
     prepare_jax()
     with nullcontext() if out is None else folder(out), stages(results.quiet) as progress:
@@ -63,7 +63,7 @@ def crosscheck_command(
             progress("writing the report")
             results.save(checked.save, out / "crosscheck.json")
             results.save(checked.fit.save, out / "fit.json")
-            results.save(lambda path: write_report(checked, path), out / "report.html")
+            results.save_report(checked, out / "report.html", given.seed)
     results.show(
         checked.to_dict,
         lambda: Summary(

@@ -14,6 +14,7 @@ if TYPE_CHECKING:
     from ._numbers import quantity as quantity
     from ._posterior_page import posterior_row as posterior_row
     from ._recording_picture import draw_recordings as draw_recordings
+    from ._report import Reported as Reported
     from ._report import write_report as write_report
     from ._text import crosscheck_figures as crosscheck_figures
     from ._text import crosscheck_sentence as crosscheck_sentence
@@ -40,7 +41,7 @@ _HOMES = {
     ),
     "_posterior_page": ("posterior_row",),
     "_recording_picture": ("draw_recordings",),
-    "_report": ("write_report",),
+    "_report": ("Reported", "write_report"),
     "_text": (
         "crosscheck_figures",
         "crosscheck_sentence",

@@ -10,7 +10,8 @@ import numpy as np
 from markupsafe import Markup
 
 from .._compensate import Compensation, Stretch
-from ._figures import _BAND, _STYLE, COLOURS, MEASURED, _canvas, _svg, _thinned
+from ._colours import COLOURS
+from ._figures import _BAND, _STYLE, MEASURED, _canvas, _svg, _thinned
 from ._numbers import figure, pretty_unit, quantity
 from ._text import download
 

@@ -13,7 +13,8 @@ from .._models import parse_model
 from .._operators import Grid
 from .._prepare import prepare
 from .._recording import Recording
-from ._figures import _STYLE, COLOURS, MEASURED, _canvas
+from ._colours import COLOURS
+from ._figures import _STYLE, MEASURED, _canvas
 from ._numbers import figure
 
 _STEP = 5e-4

@@ -10,24 +10,16 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from markupsafe import Markup
-from matplotlib.axes import Axes
 from matplotlib.figure import Figure
-from numpy.lib.stride_tricks import sliding_window_view
 
-from .._diagnose import Axis, Candidate, Drive, HeldOut
-from .._fit import Fit
+from .._diagnose import Candidate, Drive, HeldOut
 from .._prepare import Noise
-from ._numbers import figure, p_value, percent, pretty_unit, quantity
+from ._colours import COLOURS
+from ._numbers import percent, pretty_unit
 
-# Okabe & Ito's palette, which colour-blind readers can distinguish.
 MEASURED = "#444444"
-COLOURS = ("#D55E00", "#0072B2", "#009E73", "#CC79A7")
 _BAND = "#DDDDDD"
 _WIDTH = 10.4
-_DENSE = 4000
-"""Longer recordings are drawn as pixels, which keep the file small."""
-_MOST_POINTS = 20_000
-"""Most points of a loop."""
 _STYLE: dict[Any, Any] = {
     "font.size": 11,
     "axes.titlesize": 11,
@@ -41,15 +33,6 @@ _STYLE: dict[Any, Any] = {
     "lines.linewidth": 1.2,
     "svg.fonttype": "none",
     "svg.hashsalt": "fracjax",
-}
-_AXIS_NAMES = {
-    "time": "time",
-    "phase": "phase of the cycle",
-    "frequency": "frequency",
-    "level": "drive",
-    "rate": "rate of the drive",
-    "reversal": "time since reversal",
-    "harmonics": "harmonic of the drive",
 }
 
 
@@ -77,149 +60,6 @@ def _thinned(x: np.ndarray, y: np.ndarray, bins: int = 1500) -> tuple[np.ndarray
     highest = starts + [piece.argmax() for piece in pieces]
     chosen = np.unique([lowest, highest])
     return x[chosen], y[chosen]
-
-
-def _band(axes: Axes, sigma: float) -> None:
-    """Draw the band of ±2 standard deviations of the noise."""
-    axes.axhspan(-2 * sigma, 2 * sigma, color=_BAND, lw=0)
-    for edge in (-2 * sigma, 2 * sigma):
-        axes.axhline(edge, color=MEASURED, lw=0.8, ls="--", zorder=3)
-
-
-@mpl.rc_context(_STYLE)
-def loops(fits: Sequence[Fit], index: int, noise: Noise) -> Markup:
-    """Response and residual over drive, one column per model."""
-    if len(fits) == 1:
-        drawing, axes = _canvas(4.2, 1, 2)
-        panels = axes.T
-    else:
-        drawing, axes = _canvas(
-            6.4, 2, len(fits), sharex=True, sharey="row", gridspec_kw={"height_ratios": (3, 2)}
-        )
-        panels = axes
-    take = fits[0].preparation.takes[index]
-    recording, used = take.recording, take.used
-    rasterized = len(recording) > _DENSE
-    chosen = np.flatnonzero(used)
-    chosen = chosen[:: -(-chosen.size // _MOST_POINTS)]
-    # A long recording is drawn as points: lines between distant samples would cut across the loop.
-    style = {"marker": ".", "ms": 1.5, "ls": ""} if chosen.size < used.sum() else {}
-    unit = pretty_unit(recording.response_unit)
-    for (top, bottom), fit, colour in zip(panels.T, fits, COLOURS, strict=False):
-        for panel, signal, appearance in (
-            (top, recording.response, {"color": MEASURED, "lw": 2.4, "alpha": 0.5}),
-            (top, fit.simulations[index], {"color": colour}),
-            (bottom, fit.residuals[index], {"color": colour, "lw": 0.7}),
-        ):
-            panel.plot(
-                recording.drive[chosen],
-                signal[chosen],
-                rasterized=rasterized,
-                **{**appearance, **style},
-            )
-        top.set_title(fit.model.name)
-        top.legend(["measured", "simulated"], loc="upper left", markerscale=6)
-        _band(bottom, noise.sigma)
-        bottom.set_xlabel(f"drive [{pretty_unit(recording.drive_unit)}]")
-    first_top, first_bottom = panels[:, 0]
-    first_top.set_ylabel(f"response [{unit}]")
-    first_bottom.set_ylabel(f"measured − simulated [{unit}]")
-    first_top.set_xlabel(first_bottom.get_xlabel() if len(fits) == 1 else "")
-    return _svg(drawing)
-
-
-@mpl.rc_context(_STYLE)
-def series(fits: Sequence[Fit], index: int) -> Markup:
-    """Measured and simulated response over time, and a stretch where the first model errs most."""
-    take = fits[0].preparation.takes[index]
-    recording = take.recording
-    times, unit = recording.times, pretty_unit(recording.response_unit)
-    drawing, axes = _canvas(5.4, 2, 1)
-    residual = np.where(take.used, fits[0].residuals[index], 0.0)
-    begin, end = _error_window(residual, recording.response)
-    for panel, part in zip(axes[:, 0], (slice(None), slice(begin, end)), strict=True):
-        panel.plot(
-            *_thinned(times[part], recording.response[part]),
-            color=MEASURED, lw=2.4, alpha=0.5, label="measured",
-        )  # fmt: skip
-        for fit, colour in zip(fits, COLOURS, strict=False):
-            simulation = fit.simulations[index][part]
-            panel.plot(*_thinned(times[part], simulation), color=colour, label=fit.model.name)
-        panel.set_ylabel(f"response [{unit}]")
-    whole, zoom = axes[:, 0]
-    whole.axvspan(times[begin], times[end - 1], color=_BAND, lw=0, zorder=0)
-    whole.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=1 + len(fits), borderaxespad=0)
-    zoom.set_title(f"the shaded stretch, where the error of {fits[0].model.name} is easiest to see")
-    zoom.set_xlabel("time [s]")
-    return _svg(drawing)
-
-
-def _error_window(residual: np.ndarray, response: np.ndarray) -> tuple[int, int]:
-    """First and last sample of a fortieth of the recording in which the error is easy to see.
-
-    Of all stretches with at least half the squared error of the worst one it is that with the
-    smallest span of the response.  `residual`, `response`: (N,).
-    """
-    width = max(residual.size // 40, min(64, residual.size))
-    stride = max(1, width // 8)
-    errors = np.sum(sliding_window_view(residual**2, width)[::stride], axis=1)
-    spans = np.ptp(sliding_window_view(response, width)[::stride], axis=1)
-    begin = stride * int(np.argmin(np.where(errors >= 0.5 * errors.max(), spans, np.inf)))
-    return begin, begin + width
-
-
-@mpl.rc_context(_STYLE)
-def residuals(fits: Sequence[Fit], index: int, noise: Noise) -> Markup:
-    """The residual of each model over time, with the noise band."""
-    take = fits[0].preparation.takes[index]
-    recording = take.recording
-    drawing, axes = _canvas(0.9 + 1.75 * len(fits), len(fits), 1, sharex=True, sharey=True)
-    for panel, fit, colour in zip(axes[:, 0], fits, COLOURS, strict=False):
-        _band(panel, noise.sigma)
-        times = recording.times[take.used]
-        panel.plot(*_thinned(times, fit.residuals[index][take.used]), color=colour, lw=0.7)
-        error = quantity(fit.scores.rmse, recording.response_unit)
-        panel.set_title(f"{fit.model.name}: {error} rms")
-    axes[-1, 0].set_xlabel("time [s]")
-    drawing.supylabel(f"measured − simulated [{pretty_unit(recording.response_unit)}]", fontsize=11)
-    return _svg(drawing)
-
-
-@mpl.rc_context({**_STYLE, "axes.grid": False, "axes.spines.left": False})
-def places(located: Sequence[Axis]) -> Markup:
-    """One strip of equal bins per axis, darker where the mismatch is stronger.
-
-    Brackets mark the intervals where it is significant.
-    """
-    drawing, panels = _canvas(1.05 * len(located) + 0.2, len(located), 1)
-    top = max(float(axis.strength.max()) for axis in located)
-    image = None
-    for panel, axis in zip(panels[:, 0], located, strict=True):
-        bins = axis.strength.size
-        positions = np.arange(bins + 1)
-        image = panel.pcolormesh(
-            positions, [0, 1], axis.strength[None, :], cmap="Blues", vmin=0, vmax=top,
-            edgecolors="white", linewidth=0.5,
-        )  # fmt: skip
-        for interval in axis.intervals:
-            low, high = np.interp(interval, axis.edges, positions)
-            bracket = ([low + 0.08, low + 0.08, high - 0.08, high - 0.08], [1.12, 1.3, 1.3, 1.12])
-            panel.plot(*bracket, color=COLOURS[0], lw=2, clip_on=False)
-        unit = pretty_unit(axis.unit)
-        name = _AXIS_NAMES[axis.axis] + (f" [{unit}]" if unit else "")
-        label = f"{name}\n{p_value(axis.p_value)}"
-        panel.set(xlim=(0, bins), ylim=(0, 1), yticks=[])
-        panel.set_ylabel(label, rotation=0, ha="right", va="center")
-        if axis.axis == "harmonics":
-            orders = axis.edges[:-1] + 0.5
-            panel.set_xticks(positions[:-1] + 0.5, [figure(float(order)) for order in orders])
-        else:
-            ticks = positions[:: -(-bins // 8)]
-            edges = np.where(np.abs(axis.edges) > 1e-6 * np.abs(axis.edges).max(), axis.edges, 0)
-            panel.set_xticks(ticks, [figure(float(edges[tick])) for tick in ticks])
-    assert image is not None  # a diagnosis has at least one axis
-    drawing.colorbar(image, ax=panels.ravel().tolist(), label="strength |z|", aspect=40, pad=0.01)
-    return _svg(drawing)
 
 
 @mpl.rc_context({**_STYLE, "axes.grid.axis": "x"})

@@ -12,7 +12,8 @@ from scipy.stats import norm
 
 from .._fit import Profile, ResidualAnalysis
 from .._frequency import FrequencyFit
-from ._figures import _BAND, _STYLE, COLOURS, MEASURED, _canvas, _svg
+from ._colours import COLOURS
+from ._figures import _BAND, _STYLE, MEASURED, _canvas, _svg
 from ._numbers import pretty_unit
 
 _BINS = 41

@@ -9,7 +9,8 @@ from markupsafe import Markup
 from matplotlib.figure import Figure
 
 from .._posterior import Band, Posterior, Row
-from ._figures import _BAND, _STYLE, _WIDTH, COLOURS, MEASURED, _canvas, _svg, _thinned
+from ._colours import COLOURS
+from ._figures import _BAND, _STYLE, _WIDTH, MEASURED, _canvas, _svg, _thinned
 from ._numbers import pretty_unit
 
 _MOST_DRAWS = 5000

@@ -12,8 +12,9 @@ from matplotlib.backends.backend_agg import FigureCanvasAgg
 from matplotlib.figure import Figure
 
 from .._recording import Recording
+from ._colours import COLOURS
 from ._description import describe
-from ._figures import _STYLE, COLOURS, MEASURED
+from ._figures import _STYLE, MEASURED
 from ._numbers import pretty_unit, quantity
 
 _MOST = 4

@@ -13,6 +13,7 @@ from pathlib import Path
 import click
 
 from .. import __version__
+from ._app import app_command
 from ._batch import batch_command
 from ._compensate import compensate_command
 from ._crosscheck import crosscheck_command
@@ -39,6 +40,7 @@ _COMMANDS = (
     info_command,
     models_command,
     effects_command,
+    app_command,
 )
 
 

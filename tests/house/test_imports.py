@@ -33,6 +33,7 @@ LAYERS = [
     {"_compensate"},
     {"_report"},
     {"_registry", "_demo"},
+    {"_app"},
     {ROOT},
     {"_cli"},
     {"__main__"},

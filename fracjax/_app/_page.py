@@ -71,11 +71,11 @@ class _Page:
         self.dropper.param.watch(self._upload, "value")
         self.roles = pn.Column()
         self.columns = {
-            role: widgets.Select(name=f"{label} column", options=[_AUTOMATIC], width=300)
+            role: widgets.Select(label=f"{label} column", options=[_AUTOMATIC], width=300)
             for role, label in zip(_OF_ROLES, ("time", "drive", "response"), strict=True)
         }
         self.units = {
-            f"{role}_unit": widgets.Select(name=f"{label} unit", options=options, width=300)
+            f"{role}_unit": widgets.Select(label=f"{label} unit", options=options, width=300)
             for role, label, options in (
                 ("time", "time", ["as in the file", "s", "ms", "us"]),
                 ("input", "drive", ["as in the file", "V", "mV", "kV", "A", "mA"]),
@@ -83,19 +83,19 @@ class _Page:
             )
         }
         self.rate = widgets.TextInput(
-            name="sampling rate, without a time column", placeholder="200Hz"
+            label="sampling rate, without a time column", placeholder="200Hz"
         )
         for widget in (*self.columns.values(), *self.units.values(), self.rate):
             widget.param.watch(lambda event: self._choose_reading(), "value")
         self.model = widgets.AutocompleteInput(
-            name="model, or a composition such as foh >> creep", options=list(MODELS), value="foh",
+            label="model, or a composition such as foh >> creep", options=list(MODELS), value="foh",
             restrict=False, min_characters=0, width=300,
         )  # fmt: skip
-        self.noise = widgets.TextInput(name="sensor noise, rms", placeholder="0.07 um")
-        self.limit = widgets.IntInput(name="time limit [s]", value=_LIMIT, start=10, end=36_000)
-        self.fit = widgets.Button(name="Fit", button_type="primary")
-        self.diagnose = widgets.Button(name="Diagnose", button_type="primary")
-        self.stop = widgets.Button(name="Stop", disabled=True)
+        self.noise = widgets.TextInput(label="sensor noise, rms", placeholder="0.07 um")
+        self.limit = widgets.IntInput(label="time limit [s]", value=_LIMIT, start=10, end=36_000)
+        self.fit = widgets.Button(label="Fit", color="primary")
+        self.diagnose = widgets.Button(label="Diagnose", color="primary")
+        self.stop = widgets.Button(label="Stop", disabled=True)
         self.fit.on_click(lambda event: self._begin("fit"))
         self.diagnose.on_click(lambda event: self._begin("diagnose"))
         self.stop.on_click(lambda event: self.job and self.job.stop())
@@ -105,24 +105,24 @@ class _Page:
         self.stage, self.message = widgets.StaticText(), pn.pane.Alert("", visible=False)
         self.sentence, self.facts = pn.pane.Markdown(""), pn.pane.Markdown("")
         self.masked = widgets.StaticText()
-        self.models = widgets.CheckBoxGroup(name="models", options={})
+        self.models = widgets.CheckBoxGroup(label="models", options={})
         self.models.param.watch(lambda event: self._draw(), "value")
-        self.leave_out = widgets.Button(name="Leave out what is brushed")
-        self.count_all = widgets.Button(name="Count all samples")
+        self.leave_out = widgets.Button(label="Leave out what is brushed")
+        self.count_all = widgets.Button(label="Count all samples")
         self.leave_out.on_click(lambda event: self._mask(brushed_times(self.plots.samples)))
         self.count_all.on_click(lambda event: self._mask([]))
-        self.report = widgets.Button(name="Save report", disabled=True)
+        self.report = widgets.Button(label="Save report", disabled=True)
         self.report.on_click(lambda event: self._save_report())
         self.next_drive = widgets.FileDownload(
             label="Download next drive", filename="next_experiment.csv", callback=self._drive_file,
             disabled=True,
         )  # fmt: skip
         self.command, self.python = (
-            widgets.TextAreaInput(name=name, disabled=True, sizing_mode="stretch_width", rows=rows)
+            widgets.TextAreaInput(label=name, disabled=True, sizing_mode="stretch_width", rows=rows)
             for name, rows in (("Command line", 2), ("Python", 5))
         )
         self.copy_command, self.copy_python = (
-            widgets.Button(name=f"Copy {text.name}") for text in (self.command, self.python)
+            widgets.Button(label=f"Copy {text.label}") for text in (self.command, self.python)
         )
         self.copy_command.js_on_click(args={"text": self.command}, code=_COPY)
         self.copy_python.js_on_click(args={"text": self.python}, code=_COPY)
@@ -145,7 +145,7 @@ class _Page:
         rows = []
         for name in self.workspace.names():
             role = self.workspace.roles.get(name, ROLES[0])
-            row = pn.widgets.Select(name=name, options=list(ROLES), value=role, width=300)
+            row = pn.widgets.Select(label=name, options=list(ROLES), value=role, width=300)
             row.param.watch(partial(self._choose_role, name), "value")
             rows.append(row)
         self.roles.objects = rows

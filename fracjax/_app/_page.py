@@ -47,19 +47,25 @@ class _Page:
         self._make_outputs()
         self._list_files()
         pn.state.add_periodic_callback(self._look, period=_EVERY)
-        left = pn.Column(
-            "## Files", self.dropper, self.roles, "## Columns and units", *self.columns.values(),
-            *self.units.values(), self.rate, "## Model", self.model, self.noise, self.limit,
-            pn.Row(self.fit, self.diagnose, self.stop), self.stage, width=330,
-        )  # fmt: skip
-        right = pn.Column(
-            self.message, self.sentence, self.facts, self.models, self.plots.pane,
-            pn.Row(self.leave_out, self.count_all), self.masked,
-            pn.Row(self.report, self.next_drive, self.copy_command, self.copy_python),
-            self.command, self.python, sizing_mode="stretch_width", min_width=320,
-        )  # fmt: skip
-        self.layout = pn.FlexBox(left, right, flex_wrap="wrap", sizing_mode="stretch_width")
-        right.styles = {"flex": "1 1 30rem"}
+        inputs = [
+            *("## Files", self.dropper, self.roles),
+            *("## Columns and units", *self.columns.values(), *self.units.values(), self.rate),
+            *("## Model", self.model, self.noise, self.limit),
+            *(pn.Row(self.fit, self.diagnose, self.stop), self.stage),
+        ]
+        outputs = [
+            *(self.message, self.sentence, self.facts, self.models, self.plots.pane),
+            *(pn.Row(self.leave_out, self.count_all), self.masked),
+            pn.FlexBox(self.report, self.next_drive, self.copy_command, self.copy_python),
+            *(self.command, self.python),
+        ]
+        self.layout = pn.FlexBox(
+            pn.Column(*inputs, width=330),
+            pn.Column(
+                *outputs, sizing_mode="stretch_width", min_width=320, styles={"flex": "1 1 30rem"}
+            ),
+            sizing_mode="stretch_width",
+        )
         self._refresh()
 
     def _make_inputs(self) -> None:

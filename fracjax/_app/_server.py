@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hmac
+import logging
 import secrets
 import socket
 import webbrowser
@@ -14,6 +15,7 @@ from bokeh.server.auth_provider import AuthProvider
 from bokeh.server.server import Server
 from panel.io.server import get_server
 from tornado.web import HTTPError, RequestHandler
+from tornado.websocket import WebSocketClosedError
 
 from ._page import page_of
 from ._workspace import LARGEST, Workspace
@@ -101,11 +103,17 @@ def serve(folder: Path, *, port: int = 0, show: bool = True) -> None:
 
     `port`: 0 for a free one; `show`: in the browser too.
     """
+    logging.getLogger("asyncio").addFilter(_is_worth_showing)
     server, address = server_for(folder, port)
     print(f"{address}\nCtrl-C ends it.", flush=True)
     if show:
         server.io_loop.add_callback(webbrowser.open, address)
     server.run_until_shutdown()
+
+
+def _is_worth_showing(record: logging.LogRecord) -> bool:
+    """False for what was sent to a page that has just been closed."""
+    return not (record.exc_info and isinstance(record.exc_info[1], WebSocketClosedError))
 
 
 def _free_port() -> int:

@@ -51,6 +51,7 @@ class _Line(NamedTuple):
     column: str
     colour: str
     width: float
+    visible: bool = True
 
 
 @dataclass(frozen=True)
@@ -81,11 +82,12 @@ def linked_plots(
     curves: Sequence[Curve],
     sigma: float | None = None,
     axes: Sequence[Axis] = (),
+    explained: Sequence[Curve] = (),
 ) -> LinkedPlots:
     """The plots of a recording.
 
     `used` (N,): the samples that count; `sigma`: the noise [response unit]; `axes`: those whose
-    strips are to be linked.
+    strips are to be linked; `explained`: curves beside the residual, hidden at first.
     """
     residuals = [np.where(used, recording.response - c.response, np.nan) for c in curves]
     signals = (recording.drive, recording.response, *map(np.nan_to_num, residuals))
@@ -96,6 +98,7 @@ def linked_plots(
         "measured": recording.response,
         **{f"simulated_{k}": curve.response for k, curve in enumerate(curves)},
         **{f"residual_{k}": residual for k, residual in enumerate(residuals)},
+        **{f"explained_{k}": curve.response for k, curve in enumerate(explained)},
     }
     samples = ColumnDataSource(
         {
@@ -114,6 +117,10 @@ def linked_plots(
         *(_Line(f"model_{k}", f"simulated_{k}", c.colour, 1.2) for k, c in enumerate(curves)),
     ]
     errors = [_Line(f"model_{k}", f"residual_{k}", c.colour, 1.0) for k, c in enumerate(curves)]
+    errors += [
+        _Line(f"candidate_{k}", f"explained_{k}", c.colour, 1.6, visible=False)
+        for k, c in enumerate(explained)
+    ]
     along, over = [(240, response_label, lines)], [(330, response_label, lines)]
     if curves:
         along.append((265, error_label, errors))
@@ -184,7 +191,7 @@ def _draw(
     loop.
     """
     for line in lines:
-        shared = {"source": samples, "name": line.layer}
+        shared = {"source": samples, "name": line.layer, "visible": line.visible}
         if joined:
             plot.line(x, line.column, line_color=line.colour, line_width=line.width, **shared)
         points = plot.scatter(

@@ -4,13 +4,14 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
+from typing import Any, NamedTuple
 
-from .._diagnose import Axis
+from .._diagnose import Diagnosis
 from .._fit import Fit
 from .._prepare import Noise
-from ._colours import COLOURS
+from ._colours import CANDIDATES, COLOURS
 from ._embedding import embedded
+from ._explained import drawn_candidates, explained_by
 from ._linked import Curve, LinkedPlots, link, linked_plots
 from ._plot import MEASURED
 from ._strips import strips
@@ -19,17 +20,35 @@ MOST_RECORDINGS = 3
 """Most recordings drawn."""
 
 
+class Layer(NamedTuple):
+    """What a box of the report shows or hides."""
+
+    key: str
+    label: str
+    colour: str
+    shown: bool
+
+
 def recordings_section(
-    fits: Sequence[Fit], noise: Noise, axes: Sequence[Axis] = ()
+    fits: Sequence[Fit], noise: Noise, diagnosis: Diagnosis | None = None
 ) -> dict[str, Any]:
     """The template's content: the elements of the plots, the layers to choose from, the scripts.
 
-    `fits` are of the same recordings; `axes` those of a diagnosis.
+    `fits` are of the same recordings; of a diagnosis its axes and candidates are drawn too.
     """
+    axes = () if diagnosis is None else diagnosis.axes
+    candidates = [] if diagnosis is None else [c.name for c in drawn_candidates(diagnosis)]
     takes = fits[0].preparation.takes
     names = [fit.model.name for fit in fits]
     plots = [
-        linked_plots(take.recording, take.used, _curves(fits, index), noise.sigma, axes)
+        linked_plots(
+            take.recording,
+            take.used,
+            _curves(fits, index),
+            noise.sigma,
+            axes,
+            _explained(fits[0], index, candidates),
+        )
         for index, take in enumerate(takes[:MOST_RECORDINGS])
     ]
     located = strips(axes) if axes else []
@@ -48,14 +67,24 @@ def recordings_section(
         "omitted": len(takes) - len(plots),
         "strips": elements[len(drawn) :],
         "layers": [
-            ("measured", "measured", MEASURED),
+            Layer("measured", "measured", MEASURED, True),
             *(
-                (f"model_{k}", name, colour)
+                Layer(f"model_{k}", name, colour, True)
                 for k, (name, colour) in enumerate(zip(names, COLOURS, strict=False))
+            ),
+            *(
+                Layer(f"candidate_{k}", f"what {name} would explain", colour, False)
+                for k, (name, colour) in enumerate(zip(candidates, CANDIDATES, strict=False))
             ),
         ],
         "scripts": scripts,
     }
+
+
+def _explained(base: Fit, index: int, candidates: Sequence[str]) -> list[Curve]:
+    """What candidates would explain of the residual of one recording."""
+    curves = explained_by(base, index, candidates)
+    return [Curve(*each) for each in zip(candidates, curves, CANDIDATES, strict=False)]
 
 
 def _curves(fits: Sequence[Fit], index: int) -> list[Curve]:

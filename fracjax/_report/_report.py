@@ -14,7 +14,7 @@ from markupsafe import Markup
 from .._blocks import EFFECTS
 from .._compensate import Compensation
 from .._crosscheck import Crosscheck
-from .._diagnose import Axis, Candidate, Diagnosis
+from .._diagnose import Candidate, Diagnosis
 from .._fit import Comparison, Fit, analyse_residuals
 from .._frequency import FrequencyFit
 from .._posterior import Posterior
@@ -249,7 +249,7 @@ def _diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     names = [fit.model.name for fit in fits]
     span = diagnosis.base.preparation.setting.response_span
     return {
-        **_common(fits, diagnosis, diagnosis.axes),
+        **_common(fits, diagnosis),
         "title": f"Diagnosis of {sources(diagnosis.base)}",
         "sentence": diagnosis.sentence,
         "badge": _BADGES[diagnosis.verdict],
@@ -288,13 +288,12 @@ def _next_drive(diagnosis: Diagnosis) -> Markup | None:
     return _figures.drive(diagnosis.next_experiment.drive, unit)
 
 
-def _common(
-    fits: Sequence[Fit], result: Diagnosis | Sequence[Fit], axes: Sequence[Axis] = ()
-) -> dict[str, Any]:
+def _common(fits: Sequence[Fit], result: Diagnosis | Sequence[Fit]) -> dict[str, Any]:
     """The content that reports of fits and diagnoses share."""
+    diagnosis = result if isinstance(result, Diagnosis) else None
     headers, rows = key_figures(result)
     return {
-        **recordings_section(fits[:_MOST_MODELS], noise_of(fits[0]), axes),
+        **recordings_section(fits[:_MOST_MODELS], noise_of(fits[0]), diagnosis),
         "headers": headers,
         "rows": rows,
         "bode": None,

@@ -82,7 +82,10 @@ def test_a_brush_shows_everywhere(page):
 def test_a_box_hides_its_model_in_every_plot(page):
     page.locator("input[data-layer=model_0]").uncheck()
     visible = page.evaluate(_STATE)["visible"]
-    assert visible == {"measured": True, "drive": True, "model_0": False, "model_1": True}
+    models = {"measured": True, "drive": True, "model_0": False, "model_1": True}
+    assert visible == models | {f"candidate_{k}": False for k in range(4)}
+    page.locator("input[data-layer=candidate_1]").check()
+    assert page.evaluate(_STATE)["visible"]["candidate_1"]
 
 
 def test_nothing_is_wider_than_the_page_and_colours_follow_the_scheme(page):

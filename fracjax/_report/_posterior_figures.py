@@ -15,6 +15,8 @@ from ._numbers import pretty_unit
 
 _MOST_DRAWS = 5000
 """Most draws in the corner plot."""
+_MARGIN = 0.15
+"""Room around the draws, as a share of their span, so that smoothed contours close."""
 _COLUMNS = 4
 """Densities side by side."""
 
@@ -30,6 +32,7 @@ def corner_plot(posterior: Posterior) -> Markup:
     """The density of every parameter and of every pair."""
     draws = np.stack([posterior.samples[row.name].ravel() for row in posterior.summary], axis=1)
     draws = draws[:: -(-len(draws) // _MOST_DRAWS)]
+    ends = [draws.min(axis=0), draws.max(axis=0), _MARGIN * np.ptp(draws, axis=0)]
     drawing = Figure(figsize=(_WIDTH, _WIDTH), dpi=150)
     corner.corner(
         draws,
@@ -41,6 +44,7 @@ def corner_plot(posterior: Posterior) -> Markup:
         fill_contours=True,
         levels=(0.5, 0.95),
         smooth=1.0,
+        range=[(low - margin, high + margin) for low, high, margin in zip(*ends, strict=True)],
         max_n_ticks=3,
         hist_kwargs={"lw": 1.2},
         labelpad=0.15,

@@ -83,6 +83,8 @@ def recordings_section(
 
 def _explained(base: Fit, index: int, candidates: Sequence[str]) -> list[Curve]:
     """What candidates would explain of the residual of one recording."""
+    if not candidates:
+        return []
     curves = explained_by(base, index, candidates)
     return [Curve(*each) for each in zip(candidates, curves, CANDIDATES, strict=False)]
 

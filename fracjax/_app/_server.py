@@ -98,14 +98,16 @@ def server_for(folder: Path, port: int = 0) -> tuple[Server, str]:
     return server, f"http://{HOST}:{port}/?token={token}"
 
 
-def serve(folder: Path, *, port: int = 0, show: bool = True) -> None:
-    """Serve the page for a folder until interrupted; its address is printed.
+def serve(
+    folder: Path, announce: Callable[[str], None], *, port: int = 0, show: bool = True
+) -> None:
+    """Serve the page for a folder until interrupted.
 
-    `port`: 0 for a free one; `show`: in the browser too.
+    `announce` is called with its address; `port`: 0 for a free one; `show`: in the browser too.
     """
     logging.getLogger("asyncio").addFilter(_is_worth_showing)
     server, address = server_for(folder, port)
-    print(f"{address}\nCtrl-C ends it.", flush=True)
+    announce(address)
     if show:
         server.io_loop.add_callback(webbrowser.open, address)
     server.run_until_shutdown()

@@ -87,7 +87,6 @@ def compensate_command(
         compensation_figures,
         compensation_sentence,
         compensation_warnings,
-        write_report,
     )
 
     desired, model, drive_unit, fitted_offset = _inputs(trajectory, fitted, columns)
@@ -115,7 +114,7 @@ def compensate_command(
             progress("writing the streaming inverse")
             notes.append(_write_streaming_inverse(model, compensation, out, results))
         progress("writing the report")
-        results.save(lambda path: write_report(compensation, path), out / "report.html")
+        results.save_report(compensation, out / "report.html")
     results.show(
         compensation.to_dict,
         lambda: Summary(

@@ -54,7 +54,7 @@ def crosscheck_command(
     data, (model,) = given.understood(recordings, [name])
     settings = given.how(data)
     from .._crosscheck import crosscheck
-    from .._report import crosscheck_figures, crosscheck_sentence, write_report
+    from .._report import crosscheck_figures, crosscheck_sentence
 
     prepare_jax()
     content = Content("cross-check", [each.source for each in data], [model.name])
@@ -65,7 +65,7 @@ def crosscheck_command(
             progress("writing the report")
             results.save(checked.save, out / "crosscheck.json")
             results.save(checked.fit.save, out / "fit.json")
-            results.save(lambda path: write_report(checked, path), out / "report.html")
+            results.save_report(checked, out / "report.html", given.seed)
     results.show(
         checked.to_dict,
         lambda: Summary(

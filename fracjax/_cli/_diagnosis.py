@@ -29,7 +29,6 @@ def diagnose_and_save(
     """The diagnosis, whose files are saved in the folder `out`."""
     from .._diagnose import diagnose
     from .._io import column_name, write
-    from .._report import write_report
 
     prepare_jax()
     diagnosis = diagnose(model, recordings, progress=progress, **options)
@@ -41,7 +40,7 @@ def diagnose_and_save(
         header = column_name("drive", diagnosis.base.preparation.takes[0].recording.drive_unit)
         write(out / "next_experiment.csv", {"time_s": drive.times, header: drive.values})
         results.saved.append(out / "next_experiment.csv")
-    results.save(lambda path: write_report(diagnosis, path), out / "report.html")
+    results.save_report(diagnosis, out / "report.html", options.get("seed", 0))
     return diagnosis
 
 

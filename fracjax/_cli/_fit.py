@@ -100,7 +100,7 @@ def fit_command(
     from .._fit import compare_fits, fit, with_profiles
     from .._naming import accepted_names
     from .._prepare import options_for
-    from .._report import file_name, write_report
+    from .._report import file_name
 
     requested = asked | {"profiled": profiled}
     data, models = given.understood(recordings, names)
@@ -128,7 +128,7 @@ def fit_command(
         if comparison:
             results.save(comparison.save, out / "comparison.json")
         result = comparison or fits[0]
-        results.save(lambda path: write_report(result, path), out / "report.html")
+        results.save_report(result, out / "report.html", given.seed)
     results.show(result.to_dict, lambda: _summary(best, comparison, data))
     return status_of(fits, out)
 

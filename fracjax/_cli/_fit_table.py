@@ -33,7 +33,7 @@ def fit_table(
     from .._models import parse_model
     from .._naming import accepted_names
     from .._prepare import options_for
-    from .._report import file_name, write_report
+    from .._report import file_name
 
     if len(paths) > 1 or asked.keys() & {"mask", "own", "loss"}:
         raise click.UsageError(
@@ -59,7 +59,7 @@ def fit_table(
             for fit in fits:
                 results.save(fit.save, out / f"fit_{file_name(fit.model.name)}.json")
         results.save(fits[0].save, out / "fit.json")
-        results.save(lambda path: write_report(fits, path), out / "report.html")
+        results.save_report(fits, out / "report.html", given.seed)
     results.show(lambda: _as_data(fits), lambda: _summary(fits))
     return status_of(fits, out)
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import _thread
+import shlex
 import sys
 import threading
 import warnings
@@ -12,6 +13,7 @@ from pathlib import Path
 import click
 
 from .. import __version__
+from ._app import app_command
 from ._batch import batch_command
 from ._compensate import compensate_command
 from ._crosscheck import crosscheck_command
@@ -22,6 +24,7 @@ from ._fit import fit_command
 from ._info import info_command
 from ._models import models_command
 from ._posterior import posterior_command
+from ._results import Call
 from ._simulate import simulate_command
 from ._statuses import INTERRUPTED, UNUSABLE, fail
 
@@ -37,6 +40,7 @@ _COMMANDS = (
     info_command,
     models_command,
     effects_command,
+    app_command,
 )
 
 
@@ -83,9 +87,11 @@ def heed_interrupt(unraisable: sys.UnraisableHookArgs) -> None:
 
 def run(arguments: Sequence[str] | None = None) -> int:
     """Run one command and return its exit status; an error is one sentence on stderr."""
+    arguments = sys.argv[1:] if arguments is None else arguments
     saved: list[Path] = []
+    call = Call(shlex.join(["fracjax", *arguments]), saved)
     try:
-        return cli.main(arguments, prog_name="fracjax", standalone_mode=False, obj=saved) or 0
+        return cli.main(arguments, prog_name="fracjax", standalone_mode=False, obj=call) or 0
     except click.Abort:
         files = f"kept {', '.join(map(str, saved))}" if saved else "nothing had been written yet"
         return fail(f"Interrupted; {files}.", INTERRUPTED)

@@ -10,7 +10,7 @@ from typing import Any
 import click
 
 from ._given import Given
-from ._results import Results
+from ._results import Call, Results
 
 _COLUMNS = (
     *("time", "input", "output", "rate", "input_unit", "output_unit", "time_unit", "resample"),
@@ -212,7 +212,7 @@ def takes_results(command: Callable) -> Callable:
     @options(_quiet, _json)
     @click.pass_obj
     @wraps(command)
-    def called(saved: list[Path], *, quiet: bool, as_json: bool, **others: Any) -> int:
-        return command(results=Results(saved, quiet, as_json), **others)
+    def called(call: Call, *, quiet: bool, as_json: bool, **others: Any) -> int:
+        return command(results=Results(call, quiet, as_json), **others)
 
     return called

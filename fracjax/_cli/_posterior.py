@@ -81,7 +81,6 @@ def posterior_command(
     settings = given.how(data)
     noise = measured_noise(data[0], given.read(repeat)) if repeat else None
     from .._posterior import sample_posterior
-    from .._report import write_report
 
     prepare_jax()
     chain = out / "chain.h5"
@@ -107,7 +106,7 @@ def posterior_command(
                 results.saved.append(chain)
         posterior.save(out)
         results.saved.extend([out / "posterior.nc", out / "posterior.json"])
-        results.save(lambda path: write_report(posterior, path), out / "report.html")
+        results.save_report(posterior, out / "report.html", given.seed)
     results.show(posterior.to_dict, lambda: _summary(posterior))
     if posterior.converged:
         return 0

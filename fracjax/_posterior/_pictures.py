@@ -16,6 +16,8 @@ Draws = Mapping[str, np.ndarray]
 
 _MOST_DRAWS = 5000
 """Most draws in the corner plot."""
+_MARGIN = 0.15
+"""Room around the draws, as a share of their span, so that smoothed contours close."""
 _COLUMNS = 4
 """Densities side by side."""
 
@@ -31,6 +33,7 @@ def draw_corner(summary: Sequence[Row], samples: Draws) -> Drawing:
     """The density of every parameter and of every pair."""
     draws = np.stack([samples[row.name].ravel() for row in summary], axis=1)
     draws = draws[:: -(-len(draws) // _MOST_DRAWS)]
+    ends = [draws.min(axis=0), draws.max(axis=0), _MARGIN * np.ptp(draws, axis=0)]
     drawing = Drawing(figsize=(WIDTH, WIDTH), dpi=150)
     corner.corner(
         draws,
@@ -42,6 +45,7 @@ def draw_corner(summary: Sequence[Row], samples: Draws) -> Drawing:
         fill_contours=True,
         levels=(0.5, 0.95),
         smooth=1.0,
+        range=[(low - margin, high + margin) for low, high, margin in zip(*ends, strict=True)],
         max_n_ticks=3,
         hist_kwargs={"lw": 1.2},
         labelpad=0.15,

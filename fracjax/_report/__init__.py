@@ -9,9 +9,14 @@ if TYPE_CHECKING:
     from ._compensation_page import compensation_warnings as compensation_warnings
     from ._description import describe as describe
     from ._effect_picture import draw_effect as draw_effect
+    from ._linked import Curve as Curve
+    from ._linked import link as link
+    from ._linked import linked_plots as linked_plots
     from ._posterior_page import posterior_row as posterior_row
     from ._recording_picture import draw_recordings as draw_recordings
+    from ._report import Reported as Reported
     from ._report import write_report as write_report
+    from ._strips import strips as strips
     from ._text import crosscheck_figures as crosscheck_figures
     from ._text import crosscheck_sentence as crosscheck_sentence
     from ._text import file_name as file_name
@@ -19,6 +24,7 @@ if TYPE_CHECKING:
     from ._text import frequency_figures as frequency_figures
     from ._text import frequency_sentence as frequency_sentence
     from ._text import key_figures as key_figures
+    from ._text import noise_of as noise_of
     from ._text import parameter_rows as parameter_rows
 
 # Loaded on first use, so that `fracjax info` need not wait for matplotlib (PEP 562).
@@ -30,9 +36,11 @@ _HOMES = {
     ),
     "_description": ("describe",),
     "_effect_picture": ("draw_effect",),
+    "_linked": ("Curve", "link", "linked_plots"),
     "_posterior_page": ("posterior_row",),
     "_recording_picture": ("draw_recordings",),
-    "_report": ("write_report",),
+    "_report": ("Reported", "write_report"),
+    "_strips": ("strips",),
     "_text": (
         "crosscheck_figures",
         "crosscheck_sentence",
@@ -41,6 +49,7 @@ _HOMES = {
         "frequency_figures",
         "frequency_sentence",
         "key_figures",
+        "noise_of",
         "parameter_rows",
     ),
 }

@@ -23,6 +23,8 @@ from .._show.drawing import svg
 from . import _figures, _fit_figures
 from ._compensation_page import compensation_content
 from ._posterior_page import posterior_content
+from ._provenance import provenance
+from ._recordings_section import MOST_RECORDINGS, recordings_section
 from ._text import (
     crosscheck_figures,
     crosscheck_sentence,
@@ -43,8 +45,6 @@ from ._text import (
 
 _MOST_MODELS = 4
 """Most models drawn, as many as there are colours."""
-_MOST_RECORDINGS = 3
-"""Most recordings drawn."""
 _BADGES = {
     "none": "nothing missing beyond noise",
     "missing": "physics missing",
@@ -59,13 +59,17 @@ Reported = (
 )  # fmt: skip
 
 
-def write_report(result: Reported, path: str | Path) -> None:
+def write_report(
+    result: Reported, path: str | Path, *, command: str | None = None, seed: int | None = None
+) -> None:
     """Write a result as one self-contained HTML file.
 
     Args:
         result: A fit, a cross-check, a comparison, a diagnosis, a posterior or a compensation, or a
             sequence of fits to the same data.
         path: The file to write.
+        command: What was called to get the result, which the report states.
+        seed: The seed of its random numbers, likewise.
 
     Raises:
         InputError: When the result is none of these.
@@ -92,8 +96,28 @@ def write_report(result: Reported, path: str | Path) -> None:
         if not (tables or recordings):
             raise InputError.at("report", "a result of fracjax", found_in(result), "give one")
         content = _frequency_content(tables) if tables else _fit_content(recordings)
+    content["provenance"] = provenance(_sources(result), command, seed)
     page = _environment().get_template(template).render(content)
     Path(path).write_text(page, encoding="utf-8")
+
+
+def _sources(result: Reported) -> list[str]:
+    """The names of all recordings of a result."""
+    if isinstance(result, Diagnosis):
+        return [*_sources(result.base), result.held_out.source]
+    if isinstance(result, Crosscheck):
+        return _sources(result.fit)
+    if isinstance(result, Comparison):
+        return _sources(result.fits[0])
+    if isinstance(result, Fit):
+        return [take.recording.source for take in result.preparation.takes]
+    if isinstance(result, FrequencyFit):
+        return [result.table.source]
+    if isinstance(result, Posterior):
+        return [band.source for band in result.bands]
+    if isinstance(result, Compensation):
+        return [result.source]
+    return _sources(result[0])
 
 
 def _environment() -> jinja2.Environment:
@@ -147,6 +171,8 @@ def _frequency_content(fits: Sequence[FrequencyFit]) -> dict[str, Any]:
         "bode": _fit_figures.bode_plot(fits[:_MOST_MODELS]),
         "recordings": [],
         "omitted": 0,
+        "layers": [],
+        "scripts": "",
         "residual_tests": [],
         "models": [
             {
@@ -187,8 +213,8 @@ def _residual_tests(fit: Fit) -> list[dict[str, Any]]:
     """The tests of the residual of each recording that is drawn."""
     drawn = replace(
         fit,
-        preparation=replace(fit.preparation, takes=fit.preparation.takes[:_MOST_RECORDINGS]),
-        simulations=fit.simulations[:_MOST_RECORDINGS],
+        preparation=replace(fit.preparation, takes=fit.preparation.takes[:MOST_RECORDINGS]),
+        simulations=fit.simulations[:MOST_RECORDINGS],
     )
     return [
         {
@@ -242,7 +268,6 @@ def _diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
             (effect, entry_of(effect.name), [estimate_row(e) for e in effect.parameters])
             for effect in diagnosis.effects
         ],
-        "places": _figures.places(diagnosis.axes),
         "hidden": _figures.hidden(diagnosis.candidates, diagnosis.noise, span),
         "span": span,
         "held_out": _figures.held_out(diagnosis.held_out, names, diagnosis.noise),
@@ -265,23 +290,13 @@ def _next_drive(diagnosis: Diagnosis) -> Markup | None:
 
 def _common(fits: Sequence[Fit], result: Diagnosis | Sequence[Fit]) -> dict[str, Any]:
     """The content that reports of fits and diagnoses share."""
-    drawn, noise = fits[:_MOST_MODELS], noise_of(fits[0])
-    takes = fits[0].preparation.takes
+    diagnosis = result if isinstance(result, Diagnosis) else None
     headers, rows = key_figures(result)
     return {
+        **recordings_section(fits[:_MOST_MODELS], noise_of(fits[0]), diagnosis),
         "headers": headers,
         "rows": rows,
         "bode": None,
-        "recordings": [
-            {
-                "source": take.recording.source,
-                "loops": _figures.loops(drawn, index, noise),
-                "series": _figures.series(drawn, index),
-                "residuals": _figures.residuals(drawn, index, noise),
-            }
-            for index, take in enumerate(takes[:_MOST_RECORDINGS])
-        ],
-        "omitted": max(0, len(takes) - _MOST_RECORDINGS),
         "models": [
             {
                 "name": fit.model.name,
@@ -367,5 +382,6 @@ def _groups(diagnosis: Diagnosis) -> list[tuple[bool, list[Candidate]]]:
     for effect in diagnosis.effects:
         names = (effect.name, *effect.confusable_with)
         alike = [by_name.pop(name) for name in names if name in by_name]
-        groups.append((len(alike) > 1, alike))
+        if alike:  # the loop's shape is no candidate
+            groups.append((len(alike) > 1, alike))
     return [*groups, (False, list(by_name.values()))]

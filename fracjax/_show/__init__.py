@@ -12,6 +12,7 @@ from ._numbers import percentage as percentage
 from ._numbers import pretty_unit as pretty_unit
 from ._numbers import quantity as quantity
 from ._numbers import rounded as rounded
+from ._numbers import rounded_edges as rounded_edges
 from ._view import Shown as Shown
 from ._view import Table as Table
 from ._view import Text as Text

@@ -3,7 +3,12 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Sequence
+from itertools import pairwise
 from math import floor, inf, isfinite, log10
+
+_NEGLIGIBLE = 1e-6
+"""Share of the largest number of an axis below which another is printed as 0."""
 
 
 def figure(value: float | None, digits: int = 3) -> str:
@@ -48,3 +53,18 @@ def rounded(value: float, error: float) -> str:
         return figure(value)
     digits = max(1, floor(log10(abs(value))) - floor(log10(error)) + 2)
     return figure(float(f"{value:.{digits}g}"), digits)
+
+
+def rounded_edges(edges: Sequence[float]) -> list[str]:
+    """The ascending edges of bins as texts, each to two digits of the narrower bin beside it.
+
+    What is negligible beside the largest is 0, so that only such neighbours are equal.
+    """
+    largest = max(abs(edge) for edge in edges)
+    exact = [0.0 if abs(edge) < _NEGLIGIBLE * largest else float(edge) for edge in edges]
+    widths = [high - low or largest for low, high in pairwise(exact)]
+    texts = []
+    for edge, before, after in zip(exact, [largest, *widths], [*widths, largest], strict=True):
+        decimals = 1 - floor(log10(min(before, after)))
+        texts.append(f"{round(edge, decimals) + 0.0:.7g}".replace("-", "−"))
+    return texts

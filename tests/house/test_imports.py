@@ -35,6 +35,7 @@ LAYERS = [
     {"_compensate"},
     {"_report"},
     {"_registry", "_demo"},
+    {"_app"},
     {ROOT},
     {"_cli"},
     {"__main__"},

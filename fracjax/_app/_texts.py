@@ -1,0 +1,50 @@
+"""What was chosen on the page as a command line and as Python."""
+
+from __future__ import annotations
+
+import shlex
+
+from ._workspace import Workspace
+
+
+def command_line(workspace: Workspace, task: str) -> str:
+    """The call of `fracjax fit` or `fracjax diagnose` that does the same."""
+    words = ["fracjax", task, *workspace.with_role("train"), "--model", workspace.model]
+    for name in workspace.with_role("held out"):
+        words += ["--holdout", name]
+    if task == "diagnose":
+        for name in workspace.with_role("repeat"):
+            words += ["--repeat", name]
+        if workspace.noise:
+            words += ["--noise", workspace.noise]
+    for option, value in workspace.options.items():
+        words += [f"--{option.replace('_', '-')}", str(value)]
+    for start, stop in workspace.mask:
+        words += ["--mask", f"{start:.6g} s..{stop:.6g} s"]
+    return shlex.join([*words, "--out", "results"])
+
+
+def python_code(workspace: Workspace, task: str) -> str:
+    """The same in Python."""
+    options = "".join(f", {name}={value!r}" for name, value in workspace.options.items())
+
+    def read(role: str) -> str:
+        calls = [f"fj.read({name!r}{options})" for name in workspace.with_role(role)]
+        return calls[0] if len(calls) == 1 else f"[{', '.join(calls)}]"
+
+    lines = ["import fracjax as fj", "", f"recordings = {read('train')}"]
+    keywords = ""
+    if workspace.mask:
+        keywords += f", mask={[(float(f'{a:.6g}'), float(f'{b:.6g}')) for a, b in workspace.mask]}"
+    if task == "diagnose":
+        if workspace.with_role("held out"):
+            keywords += f", holdout={read('held out')}"
+        if workspace.with_role("repeat"):
+            keywords += f", repeat={read('repeat')}"
+        if workspace.noise:
+            keywords += f", noise={workspace.noise!r}"
+    lines += [
+        f"result = fj.{task}({workspace.model!r}, recordings{keywords})",
+        'fj.write_report(result, "report.html")',
+    ]
+    return "\n".join(lines)

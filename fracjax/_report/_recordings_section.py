@@ -1,0 +1,107 @@
+"""The section of a report on its recordings: linked plots, and the strips of a diagnosis."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any, NamedTuple
+
+from .._diagnose import Diagnosis
+from .._fit import Fit
+from .._prepare import Noise
+from .._show.drawing import CANDIDATES, COLOURS
+from ._embedding import embedded
+from ._explained import drawn_candidates, explained_by
+from ._linked import Curve, LinkedPlots, link, linked_plots
+from ._plot import MEASURED
+from ._strips import strips
+
+MOST_RECORDINGS = 3
+"""Most recordings drawn."""
+
+
+class Layer(NamedTuple):
+    """What a box of the report shows or hides."""
+
+    key: str
+    label: str
+    colour: str
+    shown: bool
+
+
+def recordings_section(
+    fits: Sequence[Fit], noise: Noise, diagnosis: Diagnosis | None = None
+) -> dict[str, Any]:
+    """The template's content: the elements of the plots, the layers to choose from, the scripts.
+
+    `fits` are of the same recordings; of a diagnosis its axes and candidates are drawn too.
+    """
+    axes = () if diagnosis is None else diagnosis.axes
+    candidates = [] if diagnosis is None else [c.name for c in drawn_candidates(diagnosis)]
+    takes = fits[0].preparation.takes
+    names = [fit.model.name for fit in fits]
+    plots = [
+        linked_plots(
+            take.recording,
+            take.used,
+            _curves(fits, index),
+            noise.sigma,
+            axes,
+            _explained(fits[0], index, candidates),
+        )
+        for index, take in enumerate(takes[:MOST_RECORDINGS])
+    ]
+    located = strips(axes) if axes else []
+    link(plots, located, names, noise.unit)
+    drawn = [figure for plot in plots for figure in plot.figures]
+    elements, scripts = embedded([*drawn, *(strip.plot for strip in located)])
+    return {
+        "recordings": [
+            {
+                "source": Path(take.recording.source).name,
+                "elements": elements[5 * index : 5 * index + 5],
+                "note": _note(plot),
+            }
+            for index, (take, plot) in enumerate(zip(takes, plots, strict=False))
+        ],
+        "omitted": len(takes) - len(plots),
+        "strips": elements[len(drawn) :],
+        "layers": [
+            Layer("measured", "measured", MEASURED, True),
+            *(
+                Layer(f"model_{k}", name, colour, True)
+                for k, (name, colour) in enumerate(zip(names, COLOURS, strict=False))
+            ),
+            *(
+                Layer(f"candidate_{k}", f"what {name} would explain", colour, False)
+                for k, (name, colour) in enumerate(zip(candidates, CANDIDATES, strict=False))
+            ),
+        ],
+        "scripts": scripts,
+    }
+
+
+def _explained(base: Fit, index: int, candidates: Sequence[str]) -> list[Curve]:
+    """What candidates would explain of the residual of one recording."""
+    if not candidates:
+        return []
+    curves = explained_by(base, index, candidates)
+    return [Curve(*each) for each in zip(candidates, curves, CANDIDATES, strict=False)]
+
+
+def _curves(fits: Sequence[Fit], index: int) -> list[Curve]:
+    """The simulations of one recording."""
+    return [
+        Curve(fit.model.name, fit.simulations[index], colour)
+        for fit, colour in zip(fits, COLOURS, strict=False)
+    ]
+
+
+def _note(plot: LinkedPlots) -> str:
+    """How many samples are drawn, where it is not all of them."""
+    if plot.drawn == plot.count:
+        return ""
+    return (
+        f"Of {plot.count} samples the {plot.drawn} are drawn in which the drive, the response or a "
+        "residual is extreme within a thousandth of the recording."
+    )

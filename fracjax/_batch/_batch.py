@@ -30,7 +30,7 @@ from ._cluster import on_cluster
 from ._jobs import Job, RecordingInput, jobs_of
 from ._parts import Parts
 from ._processes import CannotStart, in_processes
-from ._rows import Row, Rows, Work, row_of
+from ._rows import Row, Rows, Work, rows_of
 
 FITS = "fits.parquet"
 _MANY = 96
@@ -155,14 +155,15 @@ def in_threads(jobs: list[Job], work: Work) -> Rows:
     """
     threads = os.cpu_count() or 1
     pool = ThreadPoolExecutor(threads)
-    pending: set[Future[Row]] = set()
+    pending: set[Future[list[Row]]] = set()
     try:
-        for job in jobs:
-            pending.add(pool.submit(row_of, job, work))
+        size = max(min(work.task, -(-len(jobs) // threads)), 1) if work.is_stacked else 1
+        for at in range(0, len(jobs), size):
+            pending.add(pool.submit(rows_of, jobs[at : at + size], work))
             if len(pending) == 2 * threads:
                 done, pending = wait(pending, return_when=FIRST_COMPLETED)
-                yield [future.result() for future in done]
-        yield [future.result() for future in pending]
+                yield [row for future in done for row in future.result()]
+        yield [row for future in pending for row in future.result()]
     finally:
         # After an interrupt, running fits are not waited for.
         pool.shutdown(wait=False, cancel_futures=True)

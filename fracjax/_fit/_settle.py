@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -15,7 +16,7 @@ from .._prepare import (
     read_from_residual,
     refine_noise,
 )
-from .._solve import Progress, Solved, fit_block, refine_until_accurate, solve_from
+from .._solve import Progress, Solved, fit_blocks, refine_all, solve_again
 from ._history import prefers_other_history
 
 _LEAST_MEAN_SQUARE = 0.5
@@ -36,27 +37,7 @@ def settle(
     The history is chosen by comparing fits where it is None and another is possible.  A noise that
     was not measured, or whose measured level is too large, is read from the residual.
     """
-    solved = fit_block(block, preparation, starts, seed)
-    if history is None:
-        others = [alternative_history(take) for take in preparation.takes]
-        if any(others):
-            takes = zip(others, preparation.takes, strict=True)
-            alternative = replace(preparation, takes=tuple(o or t for o, t in takes))
-            other = fit_block(block, alternative, starts, seed)
-            if prefers_other_history(other, solved):
-                solved, preparation = other, alternative
-    credible, noises = _credible_noises(solved), []
-    for noise, take, simulation in zip(
-        credible, preparation.takes, solved.simulations, strict=True
-    ):
-        residual = take.recording.response - simulation
-        if noise is None or noise.is_leftover:
-            noises.append(read_from_residual(noise, residual, take.used, take.recording))
-        else:
-            noises.append(refine_noise(noise, residual, take.used, take.recording))
-    if any(noise is not take.noise for noise, take in zip(noises, preparation.takes, strict=True)):
-        solved = _refitted(solved, preparation.with_noises(noises), starts, seed)
-    return solved
+    return settle_all([block], [preparation], history=history, starts=starts, seed=seed)[0]
 
 
 def settle_finely(
@@ -72,38 +53,109 @@ def settle_finely(
 
     A noise that was read from the residual is read again on the finer grid.
     """
-    solved = settle(block, preparation, history=history, starts=starts, seed=seed)
-    while True:
-        previous = solved.preparation
-        solved, error = refine_until_accurate(solved, progress)
-        takes = solved.preparation.takes
-        from_residual = any(take.noise and take.noise.is_leftover for take in takes)
-        if solved.preparation is previous or not from_residual:
-            return solved, error
-        reread = solved.preparation.with_noises(
-            [
-                read_from_residual(
-                    take.noise, take.recording.response - simulation, take.used, take.recording
-                )
-                if take.noise is None or take.noise.is_leftover
-                else take.noise
-                for take, simulation in zip(takes, solved.simulations, strict=True)
-            ]
+    return settle_all_finely(
+        [block], [preparation], history=history, starts=starts, seed=seed, progress=progress
+    )[0]
+
+
+def settle_all(
+    blocks: Sequence[AbstractBlock],
+    preparations: Sequence[Preparation],
+    *,
+    history: HistoryOption | None,
+    starts: int,
+    seed: int,
+) -> list[Solved]:
+    """`settle` for each of many blocks, those alike together."""
+    solved = fit_blocks(blocks, preparations, starts, seed)
+    if history is None:
+        alternatives = {at: other for at, p in enumerate(preparations) if (other := _other(p))}
+        others = fit_blocks(
+            [blocks[at] for at in alternatives], [*alternatives.values()], starts, seed
         )
-        solved = solve_from([solved.block], reread)
+        for at, other in zip(alternatives, others, strict=True):
+            if prefers_other_history(other, solved[at]):
+                solved[at] = other
+    changed = {at: p for at, one in enumerate(solved) if (p := _with_read_noises(one))}
+    coloured = {at: p for at, p in changed.items() if _scale(solved[at].preparation, p) is None}
+    again = fit_blocks([solved[at].block for at in coloured], [*coloured.values()], starts, seed)
+    refitted = dict(zip(coloured, again, strict=True))
+    for at, preparation in changed.items():
+        scale = _scale(solved[at].preparation, preparation)
+        # The same optimum where the noises only scale χ².
+        solved[at] = refitted[at] if scale is None else solved[at].scaled(preparation, scale)
+    return solved
 
 
-def _refitted(solved: Solved, preparation: Preparation, starts: int, seed: int) -> Solved:
-    """The fit under other noises: the same optimum where they only scale χ²."""
-    scale = _scale(solved.preparation, preparation)
-    if scale is None:
-        return fit_block(solved.block, preparation, starts, seed)
-    return replace(
-        solved.on(preparation),
-        cost=scale**2 * solved.cost,
-        whitened=tuple(scale * residual for residual in solved.whitened),
-        start_costs=tuple(scale**2 * cost for cost in solved.start_costs),
-    )
+def settle_all_finely(
+    blocks: Sequence[AbstractBlock],
+    preparations: Sequence[Preparation],
+    *,
+    history: HistoryOption | None,
+    starts: int,
+    seed: int,
+    progress: Progress,
+) -> list[tuple[Solved, float]]:
+    """`settle_finely` for each of many blocks, those alike together."""
+    solved = settle_all(blocks, preparations, history=history, starts=starts, seed=seed)
+    errors, pending = [np.inf] * len(solved), list(range(len(solved)))
+    while pending:
+        refined = refine_all([solved[at] for at in pending], progress)
+        reread: dict[int, Preparation] = {}
+        for at, (finer, error) in zip(pending, refined, strict=True):
+            same_grid = finer.preparation is solved[at].preparation
+            solved[at], errors[at] = finer, error
+            if not same_grid and any(_is_from_residual(t.noise) for t in finer.preparation.takes):
+                reread[at] = _with_reread_noises(finer)
+        pending = list(reread)
+        again = solve_again([solved[at] for at in pending], [*reread.values()])
+        for at, one in zip(pending, again, strict=True):
+            solved[at] = one
+    return list(zip(solved, errors, strict=True))
+
+
+def _other(preparation: Preparation) -> Preparation | None:
+    """The preparation with the other possible histories, None where no recording has one."""
+    others = [alternative_history(take) for take in preparation.takes]
+    if not any(others):
+        return None
+    takes = zip(others, preparation.takes, strict=True)
+    return replace(preparation, takes=tuple(other or take for other, take in takes))
+
+
+def _with_read_noises(solved: Solved) -> Preparation | None:
+    """The preparation with noises read or refined from the residual, None where none changes."""
+    takes, noises = solved.preparation.takes, []
+    for noise, take, simulation in zip(
+        _credible_noises(solved), takes, solved.simulations, strict=True
+    ):
+        residual = take.recording.response - simulation
+        if noise is None or noise.is_leftover:
+            noises.append(read_from_residual(noise, residual, take.used, take.recording))
+        else:
+            noises.append(refine_noise(noise, residual, take.used, take.recording))
+    if all(noise is take.noise for noise, take in zip(noises, takes, strict=True)):
+        return None
+    return solved.preparation.with_noises(noises)
+
+
+def _with_reread_noises(solved: Solved) -> Preparation:
+    """The preparation with those noises read again that were read from a residual."""
+    takes, noises = solved.preparation.takes, []
+    for take, simulation in zip(takes, solved.simulations, strict=True):
+        residual = take.recording.response - simulation
+        reread = _is_from_residual(take.noise)
+        noises.append(
+            read_from_residual(take.noise, residual, take.used, take.recording)
+            if reread
+            else take.noise
+        )
+    return solved.preparation.with_noises(noises)
+
+
+def _is_from_residual(noise: Noise | None) -> bool:
+    """Whether a noise was, or has to be, read from the residual of a fit."""
+    return noise is None or noise.is_leftover
 
 
 def _scale(before: Preparation, after: Preparation) -> float | None:

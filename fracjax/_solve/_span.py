@@ -11,17 +11,15 @@ import jax
 import numpy as np
 
 from .._blocks import AbstractBlock
-from .._computing import compiled
-from .._operators import speed
 from .._prepare import Problem, layout_of, with_gains, with_shapes_at
 from ._chains import Chain, chains_of
 from ._interpolation import SPANNED, ChosenShapes, choose_shapes, is_bounded
+from ._responses import speeds
 
 FRESH = 4
 """Positions at which a compressed problem is compared with the full model.  Chosen by judgement."""
 _MOST_SIGNALS = 400
 """Most signals of a chain, above which compression does not pay.  Chosen by judgement."""
-_speed = compiled(speed)
 
 
 Chosen = tuple[tuple[ChosenShapes, ChosenShapes | None], ...]
@@ -59,7 +57,7 @@ def span_of(block: AbstractBlock, problem: Problem) -> Span | None:
     reread and recordings of the same drive need the same span again.
     """
     chains = chains_of(block)
-    if chains is None or not all(map(_is_bounded, chains)):
+    if chains is None or not all_bounded(chains):
         return None
     size = sum(size for _, size in layout_of(block).gains)
     # The values of the free parameters make no difference.
@@ -74,9 +72,12 @@ def span_of(block: AbstractBlock, problem: Problem) -> Span | None:
     )
 
 
-def _is_bounded(chain: Chain) -> bool:
-    """Whether all shapes of a chain have bounds."""
-    return is_bounded(chain.before) and (chain.after is None or is_bounded(chain.after))
+def all_bounded(chains: Sequence[Chain]) -> bool:
+    """Whether all shapes of chains have bounds."""
+    return all(
+        is_bounded(chain.before) and (chain.after is None or is_bounded(chain.after))
+        for chain in chains
+    )
 
 
 @dataclass(frozen=True)
@@ -122,7 +123,7 @@ def span_of_drives(
             return None
         signals = first.responses(drives, grid)
         if chain.rated:
-            signals *= np.stack([_speed(drive, grid) for drive in drives.T])[:, None]
+            signals *= speeds(drives, grid)[:, None]
         second = None
         if chain.after is not None and first.size:
             between = signals.reshape(-1, samples).T

@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-import fracjax._batch._rows
 from fracjax._batch import FITS
 from fracjax._batch._parts import Parts
 from fracjax._cli import run
+from tests.batch.helpers import fit_by
 from tests.helpers import failure
 
 
@@ -45,7 +45,7 @@ def test_the_command_as_json_and_quiet(data, quick, capsys):
 
 def test_the_command_where_fits_do_not_converge(data, quick, fitted, monkeypatch, capsys):
     failed = replace(fitted, converged=False)
-    monkeypatch.setattr(fracjax._batch._rows, "fit", lambda *_, **__: failed)
+    fit_by(monkeypatch, lambda *_, **__: failed)
     assert run(["batch", str(data), "--model", "creep", "--out", "results", "--quiet"]) == 3
     assert failure(capsys).startswith("7 of 7 fits did not converge; ")
 

@@ -25,7 +25,7 @@ from ._jobs import Job
 SCHEMA = "fracjax.batch/2"
 STATUSES = ("fitted", "not converged", "unreadable", "failed")
 SETTINGS = b"fracjax.settings"
-_STACK, _ALONE = 32, 4
+_STACK, _ALONE = 64, 4
 """Recordings that are fitted together: enough that Python takes little of the time, few enough to
 be shared out evenly; and the same where each is fitted by itself.  Chosen by judgement."""
 _VERSION = version("fracjax")

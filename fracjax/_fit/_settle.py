@@ -16,7 +16,7 @@ from .._prepare import (
     read_from_residual,
     refine_noise,
 )
-from .._solve import Progress, Solved, fit_blocks, refine_all, solve_again
+from .._solve import TARGET, Progress, Solved, fit_blocks, refine_all, solve_again
 from ._history import prefers_other_history
 
 _LEAST_MEAN_SQUARE = 0.5
@@ -107,10 +107,15 @@ def settle_all_finely(
             solved[at], errors[at] = finer, error
             if not same_grid and any(_is_from_residual(t.noise) for t in finer.preparation.takes):
                 reread[at] = _with_reread_noises(finer)
-        pending = list(reread)
-        again = solve_again([solved[at] for at in pending], [*reread.values()])
+        scaled = {at: _scale(solved[at].preparation, p) for at, p in reread.items()}
+        pending = [at for at, scale in scaled.items() if scale is None]
+        again = solve_again([solved[at] for at in pending], [reread[at] for at in pending])
         for at, one in zip(pending, again, strict=True):
             solved[at] = one
+        for at, scale in scaled.items():
+            if scale is not None:  # the same optimum, and its numerical error in the new unit
+                solved[at], errors[at] = solved[at].scaled(reread[at], scale), scale * errors[at]
+                pending += [at] if errors[at] > TARGET else []
     return list(zip(solved, errors, strict=True))
 
 

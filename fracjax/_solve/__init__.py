@@ -13,6 +13,7 @@ from ._least_squares import sensitivity as sensitivity
 from ._least_squares import simulate as simulate
 from ._least_squares import simulate_all as simulate_all
 from ._numerics import LIMIT as LIMIT
+from ._numerics import TARGET as TARGET
 from ._numerics import discretisation_warnings as discretisation_warnings
 from ._numerics import numerical_error as numerical_error
 from ._numerics import refine_all as refine_all

@@ -7,7 +7,6 @@ from collections.abc import Sequence
 import numpy as np
 
 from .._prepare import Preparation, Problem
-from ._elimination import orthonormal_basis
 from ._least_squares import simulate
 from ._responses import respond_all
 from ._result import Progress, Solved
@@ -22,6 +21,8 @@ TARGET = 0.5
 LIMIT = 1.0
 """Numerical error [noise units] above which a fit is not compared with others.  Chosen by
 judgement."""
+_DEPENDENT = 1e-13
+"""Eigenvalues of JᵀJ below this share of the largest are rounding."""
 _NEARLY_BEST = 1.5
 """Largest ratio of an error to that of the best grid, where no grid reaches the target.  Chosen by
 judgement."""
@@ -113,14 +114,17 @@ def _halved_until(target: float, solved: Solved, halved: np.ndarray) -> tuple[Pr
     kink that meets a sample, and many small steps would not help.
     """
     preparation = solved.preparation
-    basis = orthonormal_basis(solved.whitened_derivative())
+    derivative = solved.whitened_derivative()
+    derivative = derivative / (np.linalg.norm(derivative, axis=0) + 1e-300)
+    square = derivative.T @ derivative
     longest = max(len(take.recording) for take in preparation.takes)
     coarse = _present(solved)
     grids: list[tuple[Preparation, float]] = []
     while True:
         doubled = 2 * preparation.oversampling
         change = halved - coarse
-        unabsorbed = np.linalg.norm(change - basis @ (basis.T @ change))
+        absorbed = np.linalg.lstsq(square, derivative.T @ change, rcond=_DEPENDENT)[0]
+        unabsorbed = np.linalg.norm(change - derivative @ absorbed)
         error = float(np.nan_to_num(unabsorbed, nan=np.inf))
         grids.append((preparation, error))
         if error <= target:

@@ -12,21 +12,19 @@ import jax
 import numpy as np
 
 from .._blocks import AbstractBlock, AbstractLinearBlock, Series
-from .._computing import compiled
 from .._operators import Grid, speed
 from .._parameters import named_parameters, set_values
 from .._prepare import Problem
 from ._chains import chains_of, transfer
 from ._interpolation import Transformed
 
-_speed = compiled(speed)
 _AT_ONCE = 8
 """Responses computed together: enough that Python takes no time, few enough for the cache."""
 
 
 def speeds(drives: np.ndarray, grid: Grid) -> np.ndarray:
     """The absolute rates |u̇| (d, M) of drives (M, d) [drive unit/s]."""
-    return np.stack([_speed(drive, grid) for drive in np.ascontiguousarray(drives.T)])
+    return np.stack([np.asarray(speed(drive, grid)) for drive in np.ascontiguousarray(drives.T)])
 
 
 def respond(block: AbstractBlock, drives: np.ndarray, grid: Grid) -> np.ndarray:

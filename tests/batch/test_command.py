@@ -21,9 +21,9 @@ def test_the_command(data, quick, capsys):
     call += ["--mask", "1 s..2 s", "--loss", "huber"]
     assert run([*call, "--settle", "250ms", "--seed", "3", "--history", "rest"]) == 0
     out, err = capsys.readouterr()
-    assert out.startswith("creep: of 7 recordings 6 fitted, 1 unreadable.\n")
+    assert out.startswith("creep: of 7 recordings 6 fitted, 1 unreadable; of the fitted, 0 with a ")
     assert "Unreadable: " in out
-    assert out.endswith(f"Written: results/{FITS}\n")
+    assert out.endswith(f"Written: results/{FITS}, results/fits.csv, results/report.html\n")
     assert err == ""
     told = (quick[0]["history"], quick[0]["settling"], quick[0]["seed"], quick[0]["starts"])
     assert told == ("rest", "250ms", 3, 4)

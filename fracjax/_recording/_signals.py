@@ -100,7 +100,9 @@ def spikes(response: np.ndarray) -> np.ndarray:
             continue
         first = np.flatnonzero(far)
         around = padded[first[:, None] + np.arange(width + 2 * _AROUND)]
-        first = first[height[first] > _SPIKE * np.nanmedian(around, axis=1)]
+        # At the ends of the recording there is less around.
+        median = np.nanmedian if np.isnan(around).any() else np.median
+        first = first[height[first] > _SPIKE * median(around, axis=1)]
         for at in range(1, width + 1):
             alone[first + at] = True
     return alone

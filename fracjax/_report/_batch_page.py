@@ -62,13 +62,14 @@ def batch_sentence(rows: pd.DataFrame, model: str) -> str:
     statuses = rows["status"].value_counts()
     order = ("fitted", "not converged", "unreadable", "failed")
     counts = [f"{statuses[status]} {status}" for status in order if status in statuses]
-    told = overview(rows)
+    counted = overview(rows)
     suspects = [
-        f"{told['at a bound']} with a parameter at a bound",
-        f"{told['far above the noise']} with a residual above {FAR_ABOVE_NOISE:g} times the noise",
+        f"{counted['at a bound']} with a parameter at a bound",
+        f"{counted['far above the noise']} with a residual above {FAR_ABOVE_NOISE:g} times the "
+        "noise",
     ]
-    if told["of unknown noise"]:
-        suspects.append(f"{told['of unknown noise']} whose noise only the residual shows")
+    if counted["of unknown noise"]:
+        suspects.append(f"{counted['of unknown noise']} whose noise only the residual shows")
     return (
         f"{model}: of {len(rows)} recordings {', '.join(counts)}; of the fitted, "
         f"{', '.join(suspects)}."

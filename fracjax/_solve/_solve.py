@@ -181,11 +181,14 @@ def fit_blocks(
     """
     pairs = list(zip(blocks, preparations, strict=True))
     alike = [starts >= LEAST_STARTS and can_stack(*pair) for pair in pairs]
-    rows = [
-        Row(preparation, block, start_positions(block, starts, seed))
-        for (block, preparation), stackable in zip(pairs, alike, strict=True)
-        if stackable
-    ]
+    # Recordings of one model share the block, and so its starts.
+    positions: dict[int, np.ndarray] = {}
+    rows = []
+    for (block, preparation), stackable in zip(pairs, alike, strict=True):
+        if stackable:
+            if id(block) not in positions:
+                positions[id(block)] = start_positions(block, starts, seed)
+            rows.append(Row(preparation, block, positions[id(block)]))
     solved = iter(solve_rows(rows))
     return [
         (next(solved) if stackable else None) or fit_block(block, preparation, starts, seed)

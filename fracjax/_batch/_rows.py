@@ -9,7 +9,7 @@ from collections.abc import Generator, Sequence
 from dataclasses import asdict, dataclass, field
 from functools import cached_property
 from importlib.metadata import version
-from typing import Any
+from typing import Any, NamedTuple
 
 import equinox as eqx
 import numpy as np
@@ -28,6 +28,9 @@ SETTINGS = b"fracjax.settings"
 _STACK, _ALONE = 64, 4
 """Recordings that are fitted together: enough that Python takes little of the time, few enough to
 be shared out evenly; and the same where each is fitted by itself.  Chosen by judgement."""
+_MOST_SAMPLES = 2**19
+"""Samples of all recordings that are fitted together, above which they are fewer; this limits
+memory.  Chosen by judgement."""
 _VERSION = version("fracjax")
 _TYPES = {str: pa.string(), int: pa.int64(), float: pa.float64(), bool: pa.bool_()}
 
@@ -154,42 +157,54 @@ class Work:
         return pa.schema(columns, {SETTINGS: json.dumps(self.settings()).encode()})
 
 
+class _Read(NamedTuple):
+    """A recording that waits to be fitted, with the row that its fit completes."""
+
+    row: Row
+    recording: Recording
+    model: Model
+
+
 def rows_of(jobs: Sequence[Job], work: Work) -> list[Row]:
     """Read and fit recordings, those alike together; any failure becomes the row's reason."""
-    rows, models, recordings = [], {}, {}
-    for at, job in enumerate(jobs):
+    rows: list[Row] = []
+    waiting: list[_Read] = []
+    for job in jobs:
         row, recording = _read(job, work)
         rows.append(row)
         if recording is None:
             continue
         try:
-            models[at], recordings[at] = work.model_for(recording), recording
+            waiting.append(_Read(row, recording, work.model_for(recording)))
         except Exception as error:
-            rows[at] |= {"status": "failed", "reason": one_line(error)}
-    together = [*models] if work.is_stacked else []
-    options = {"history": work.history, "settling": work.settling, "starts": work.starts,
-               "seed": work.seed, **work.options}  # fmt: skip
-    outcomes = dict.fromkeys(models, Outcome(RuntimeError()))
-    outcomes |= zip(
-        together,
-        fit_all([models[at] for at in together], [recordings[at] for at in together], **options),
-        strict=True,
-    )
-    for at in models:
-        if at not in together:
-            outcomes[at] = _alone(models[at], recordings[at], options)
-        fitted, stacked = outcomes[at]
-        if isinstance(fitted, Exception):
-            rows[at] |= {"status": "failed", "reason": one_line(fitted)}
-        else:
-            rows[at] |= _values_of_fit(fitted) | {"stacked": stacked}
+            row.update(status="failed", reason=one_line(error))
+        if sum(len(each.recording) for each in waiting) > _MOST_SAMPLES:
+            _complete(waiting, work)
+            waiting = []
+    _complete(waiting, work)
     return rows
 
 
-def _alone(model: Model, recording: Recording, options: dict[str, Any]) -> Outcome:
+def _complete(waiting: Sequence[_Read], work: Work) -> None:
+    """Fit recordings, and complete their rows."""
+    options = {"history": work.history, "settling": work.settling, "starts": work.starts,
+               "seed": work.seed, **work.options}  # fmt: skip
+    if work.is_stacked:
+        models, recordings = [each.model for each in waiting], [each.recording for each in waiting]
+        outcomes = fit_all(models, recordings, **options)
+    else:
+        outcomes = [_alone(each, options) for each in waiting]
+    for each, (fitted, stacked) in zip(waiting, outcomes, strict=True):
+        if isinstance(fitted, Exception):
+            each.row.update(status="failed", reason=one_line(fitted))
+        else:
+            each.row.update(_values_of_fit(fitted), stacked=stacked)
+
+
+def _alone(each: _Read, options: dict[str, Any]) -> Outcome:
     """The fit of a recording by itself."""
     try:
-        return Outcome(fit(model, recording, **options))
+        return Outcome(fit(each.model, each.recording, **options))
     except Exception as error:
         return Outcome(error)
 

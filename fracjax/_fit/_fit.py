@@ -12,6 +12,7 @@ from .._blocks import AbstractBlock
 from .._computing import computing
 from .._models import Model
 from .._prepare import (
+    Conditions,
     FitOptions,
     HistoryOption,
     Mask,
@@ -115,12 +116,14 @@ def fit_all(
     """
     outcomes = [Outcome(RuntimeError())] * len(models)
     with computing():
-        # Equal models are one object, so that their options are applied once.
-        blocks = {id(model): apply_options(model, **options) for model in models}
+        blocks: dict[int, tuple[AbstractBlock, Conditions]] = {}
         prepared: dict[int, tuple[AbstractBlock, Preparation]] = {}
         for at, (model, recording) in enumerate(zip(models, recordings, strict=True)):
-            block, conditions = blocks[id(model)]
             try:
+                # Equal models are one object, so that their options are applied once.
+                if id(model) not in blocks:
+                    blocks[id(model)] = apply_options(model, **options)
+                block, conditions = blocks[id(model)]
                 preparation = prepare(
                     [recording], history=history, settling=settling, mask=mask,
                     conditions=conditions,

@@ -29,7 +29,7 @@ _SAME_RATE = 1e-6
 _LOWER = 0.97
 """The noise reread from repeats of the residual replaces the first where its level or innovation is
 below this share of it.  Chosen by judgement."""
-_LARGEST_KEPT = 2**17
+_LARGEST_KEPT = 2**14
 """Most samples of a drive whose lag is kept, which limits memory.  Chosen by judgement."""
 _LARGEST_RATIO = 2.0
 """Largest ratio of the variance of what does not repeat to that of the noise of rests, above which

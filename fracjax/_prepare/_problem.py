@@ -19,7 +19,7 @@ from .._recording import Recording
 
 _FILTER_TAPS = 13
 """Length of every whitening filter, for one compiled program: an autoregression of order 12."""
-_LARGEST_KEPT = 2**17
+_LARGEST_KEPT = 2**15
 """Most samples of a finer drive that is kept, which limits memory.  Chosen by judgement."""
 _DECAYS_PER_DECADE = 2
 """Exponentials per decade of decay times.  Chosen by judgement."""

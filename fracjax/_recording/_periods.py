@@ -26,7 +26,7 @@ _POINT = 3e-3
 _PATTERN = 2e-3
 """Largest rms departure from the mean pattern, in the pattern's own standard deviations."""
 _CANDIDATES = 32
-_LARGEST_KEPT = 2**17
+_LARGEST_KEPT = 2**14
 """Most samples of a drive whose repeats are kept, which limits memory."""
 
 

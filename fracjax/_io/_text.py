@@ -85,15 +85,7 @@ def read_text(path: str | PathLike[str], hints: Hints = NO_HINTS) -> TextTable:
     """
     source = fspath(path)
     text = text_of(source)
-    # Most of the time goes into the layout of the head: a short one is tried first.
-    for heads in (_SHORT_HEAD, _HEADS) if hints == NO_HINTS else (_HEADS,):
-        located = _located(source, text, hints, heads)
-        # As pandas reads it, a million rows take half a second; what it refuses is read by rows.
-        quick = _quick(text, located[1]) if located and located[1].is_plain else None
-        if quick is not None:
-            break
-    assert located is not None  # the last head is all of the text
-    lines, layout = located
+    lines, layout, quick = _laid_out(source, text, hints)
     header = header_of(source, lines, layout, hints)
     if quick is not None:
         values, count, numbers, breaks = (
@@ -134,6 +126,22 @@ def write_text(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> 
 
 _Values = tuple[np.ndarray, int | None]
 """A column's numbers, and of stamps when their zero is."""
+
+
+def _laid_out(
+    source: str, text: Text, hints: Hints
+) -> tuple[list[str], Layout, list[_Values | None] | None]:
+    """The head's lines, the layout, and the columns as pandas reads them, which takes half a second
+    for a million rows; None where it refuses them, so that they are read row by row.
+    """
+    # Most of the time goes into the layout of the head: a short one is tried first.
+    if hints == NO_HINTS and (located := _located(source, text, hints, _SHORT_HEAD)):
+        quick = _quick(text, located[1]) if located[1].is_plain else None
+        if quick is not None:
+            return *located, quick
+    located = _located(source, text, hints, _HEADS)
+    assert located is not None  # the last head is all of the text
+    return *located, _quick(text, located[1]) if located[1].is_plain else None
 
 
 def _located(

@@ -5,7 +5,7 @@ import pytest
 
 import fracjax as fj
 from fracjax._computing import computing
-from fracjax._prepare import Preparation, prepare
+from fracjax._prepare import HistoryOption, Preparation, prepare
 from fracjax._solve import Solved, fit_blocks, simulate, solve_from
 from fracjax._solve._stack import Row, can_stack, solve_rows
 
@@ -17,7 +17,9 @@ SHAPES = {
 }
 
 
-def preparations(model: fj.Model, own: bool, history: str = "constant") -> list[Preparation]:
+def preparations(
+    model: fj.Model, own: bool, history: HistoryOption = "constant"
+) -> list[Preparation]:
     """Five recordings, each with a drive of its own or all with one, the last in coloured noise."""
     times, prepared = STEP * np.arange(SAMPLES), []
     for k in range(5):

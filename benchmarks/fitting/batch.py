@@ -6,9 +6,11 @@ Files of fractional-order hysteresis (FOH), each with a drive of its own or all 
 fitted a quarter, a half, and all of them, on from where the last call ended: if the peak of the
 memory grows with their number, it shows.  The peer is what one would write in an afternoon: gains
 eliminated by `lstsq`, orders by `scipy.optimize.least_squares`, on two processes, from one start
-and from as many as fracjax; paces are told as ratios to both.  Both ways read the files.  From 96
-recordings on fracjax runs a process per core.  About seven minutes for 1,000 recordings of 5,000
-samples on two idle cores; a kind of drive that the table holds is done.
+and from as many as fracjax; paces are told as ratios to both.  Both ways read the files; a last run
+has the recordings in memory.  From 96 recordings on fracjax runs a process per core.  `stacked`
+counts the rows that were fitted together, and `fit_apart` is the largest distance of their
+parameters from those of `fit` alone, in standard errors, over some of them.  A kind of drive that
+the table holds is done.
 """
 
 from __future__ import annotations
@@ -30,6 +32,7 @@ from scipy.optimize import least_squares
 from scipy.signal import fftconvolve
 
 from benchmarks.fitting.tables import HERE, Table
+from fracjax import Recording, fit, fit_batch, read
 
 STEP = 2e-3  # s
 FINER = 8
@@ -37,8 +40,9 @@ STARTS = 4
 ORDERS = 0.6
 PACKAGES = ("fracjax", "jax", "jaxlib", "numpy", "scipy", "pandas", "pyarrow")
 COLUMNS = ("drive", "samples", "method", "recordings", "per_second", "over_one_start",
-           "over_as_many_starts", "peak_MiB", "fitted", "alpha_apart", "fracjax_worse",
-           "scipy_worse")  # fmt: skip
+           "over_as_many_starts", "peak_MiB", "fitted", "stacked", "fit_apart", "alpha_apart",
+           "fracjax_worse", "scipy_worse")  # fmt: skip
+COMPARED = 50
 
 
 # Recordings ---------------------------------------------------------------------------------------
@@ -87,23 +91,43 @@ def write_recordings(folder: Path, count: int, samples: int, shared: bool) -> li
 def run_fracjax(files: list[Path], out: Path, stages: list[int], rows: Queue) -> None:
     """Recordings per second and the driver's peak memory after each stage; of the first two, with
     which programs are compiled, the time alone."""
-    from fracjax import fit_batch
-
     began = time.perf_counter()
     fit_batch("foh", files[:2], out=out, starts=STARTS)
     print(f"  fracjax, first two, with compilation: {time.perf_counter() - began:.1f} s")
     done = 2
     for stage in stages:
         began = time.perf_counter()
-        found = fit_batch("foh", files[:stage], out=out, starts=STARTS)
+        table = fit_batch("foh", files[:stage], out=out, starts=STARTS)
         pace = (stage - done) / (time.perf_counter() - began)
-        peak = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
-        peak /= 2**20 if sys.platform == "darwin" else 2**10
-        fitted = found["status"].tolist().count("fitted")
-        rows.put(
-            {"recordings": stage, "per_second": pace, "peak_MiB": round(peak), "fitted": fitted}
-        )
+        rows.put({"recordings": stage, "per_second": pace, "peak_MiB": peak()} | counts(table))
         done = stage
+    recordings = [read(file) for file in files]
+    began = time.perf_counter()
+    table = fit_batch("foh", recordings, out=out.with_name("held"), starts=STARTS)
+    pace = len(files) / (time.perf_counter() - began)
+    apart = max(map(distance, recordings[:COMPARED], table.to_dict("records")))
+    last = {"recordings": len(files), "per_second": pace, "fit_apart": f"{apart:.1g}"}
+    rows.put(last | {"method": f"fracjax, {STARTS} starts, from memory"} | counts(table))
+
+
+def peak() -> int:
+    """The largest memory of this process so far [MiB]."""
+    used = resource.getrusage(resource.RUSAGE_SELF).ru_maxrss
+    return round(used / (2**20 if sys.platform == "darwin" else 2**10))
+
+
+def counts(table: pd.DataFrame) -> dict[str, int]:
+    """How many recordings were fitted, and how many of them together with others."""
+    return {
+        "fitted": int((table["status"] == "fitted").sum()),
+        "stacked": int(table["stacked"].sum()),
+    }
+
+
+def distance(recording: Recording, row: dict) -> float:
+    """The largest distance of a row's parameters from those of `fit`, in standard errors."""
+    alone = fit("foh", recording, starts=STARTS)
+    return max(abs(row[f"{e.name}.value"] - e.value) / e.standard_error for e in alone.estimates)
 
 
 # The peer -----------------------------------------------------------------------------------------
@@ -156,7 +180,7 @@ def compare(kind: str, count: int, samples: int, folder: Path) -> list[dict]:
     queue = context.Queue()
     child = context.Process(target=run_fracjax, args=(files, out, stages, queue))
     child.start()
-    rows = [{"method": f"fracjax, {STARTS} starts", **queue.get()} for _ in stages]
+    rows = [{"method": f"fracjax, {STARTS} starts"} | queue.get() for _ in [*stages, "memory"]]
     child.join()
     table = pd.read_parquet(out / "fits.parquet").sort_values("source")
     for starts in (1, STARTS):

@@ -1,13 +1,10 @@
 """Many recordings, each fitted by itself, into one table that survives interruptions.
 
-On one machine every core fits one recording at a time by `fit`.  If there are many recordings, each
-core runs a process of its own, because most of a short fit is Python code, whose lock lets only one
-thread run.  All recordings of one structure (model, length bucket, oversampling, history) run one
-compiled program, that of `fit`, so their results equal its results to the last bit.  For recordings
-with the same drive, `fit` keeps the signals that span the model's responses, and their
-factorisation.  Mapping the program over recordings by `lax.map` with a batch size was tried
-instead: with two cores busy it was no faster at 2,000 samples, took twice as long to compile, and
-the optimiser's steps differed from those of `fit`.
+Recordings alike are fitted together, as stacks (`fit_all`), and the others one by one by `fit`,
+which is a stack of one: both are one path of code.  If there are many recordings, each core runs a
+process of its own, because much of a short fit is Python code, whose lock lets only one thread run.
+If a stack fails, its recordings are fitted one by one, and a recording that cannot be fitted is a
+row with its reason.
 """
 
 from __future__ import annotations
@@ -30,13 +27,12 @@ from ._cluster import on_cluster
 from ._jobs import Job, RecordingInput, jobs_of
 from ._parts import Parts
 from ._processes import CannotStart, in_processes
-from ._rows import Row, Rows, Work, row_of
+from ._rows import Row, Rows, Work, rows_of
 
 FITS = "fits.parquet"
 _MANY = 96
 """Number of recordings from which processes are faster than threads: the time that they take to
-start equals what threads lose on so many fits of FOH to 5,000 samples (measured: 0.32 s per fit on
-two threads, 0.12 s on two processes)."""
+start equals what threads lose on so many fits of FOH to 5,000 samples (measured one by one)."""
 _PATIENCE = 30.0
 """Longest time [s] that finished rows wait to be written, and so the most that a killed run loses;
 chosen by judgement."""
@@ -93,7 +89,8 @@ def fit_batch(
     Returns:
         One row per recording, in the order given.  `status` is "fitted", "not converged",
         "unreadable" or "failed", and `reason` says why.  A parameter p has the columns p.value,
-        p.standard_error, p.low, p.high (in p.unit), p.unit, p.identified and p.at_bound.
+        p.standard_error, p.low, p.high (in p.unit), p.unit, p.identified and p.at_bound.  `stacked`
+        says whether it was fitted together with others.
 
     Raises:
         InputError: The model or a parameter is unknown, a path leads to no file, `out` holds rows
@@ -155,14 +152,15 @@ def in_threads(jobs: list[Job], work: Work) -> Rows:
     """
     threads = os.cpu_count() or 1
     pool = ThreadPoolExecutor(threads)
-    pending: set[Future[Row]] = set()
+    pending: set[Future[list[Row]]] = set()
     try:
-        for job in jobs:
-            pending.add(pool.submit(row_of, job, work))
+        size = max(min(work.task, -(-len(jobs) // threads)), 1) if work.is_stacked else 1
+        for at in range(0, len(jobs), size):
+            pending.add(pool.submit(rows_of, jobs[at : at + size], work))
             if len(pending) == 2 * threads:
                 done, pending = wait(pending, return_when=FIRST_COMPLETED)
-                yield [future.result() for future in done]
-        yield [future.result() for future in pending]
+                yield [row for future in done for row in future.result()]
+        yield [row for future in pending for row in future.result()]
     finally:
         # After an interrupt, running fits are not waited for.
         pool.shutdown(wait=False, cancel_futures=True)

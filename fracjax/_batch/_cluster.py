@@ -13,14 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 from .._recording import InputError
 from ._jobs import Job
-from ._rows import Row, Rows, Work, lost_row, row_of
+from ._rows import Row, Rows, Work, lost_row, rows_of
 
 if TYPE_CHECKING:
     from distributed import Client, Future
 
-_TASK = 8
-"""Recordings per task: enough that the scheduler keeps up, few enough to share out evenly and to
-repeat if a worker dies; chosen by judgement."""
 _SECONDS = 10
 """Longest time [s] to wait for an answer from the scheduler or a worker; chosen by judgement."""
 _PATIENCE = 60
@@ -61,7 +58,7 @@ def _rows_from(client: Client, where: str, jobs: list[Job], work: Work) -> Rows:
     import cloudpickle
     from distributed import KilledWorker
 
-    tasks = (jobs[at : at + _TASK] for at in range(0, len(jobs), _TASK))
+    tasks = (jobs[at : at + work.task] for at in range(0, len(jobs), work.task))
     running: dict[Hashable, list[Job]] = {}
     suspects: list[Job] = []
     on_trial: set[Hashable] = set()
@@ -133,12 +130,7 @@ class _Call:
         self.jobs, self.work = jobs, work
 
     def __reduce__(self) -> tuple:
-        return _rows_of, (self.jobs, self.work)
-
-
-def _rows_of(jobs: list[Job], work: Work) -> list[Row]:
-    """The rows of a task."""
-    return [row_of(job, work) for job in jobs]
+        return rows_of, (self.jobs, self.work)
 
 
 def _threads(client: Client) -> int:

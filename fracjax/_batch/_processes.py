@@ -22,8 +22,6 @@ import jax
 from ._jobs import Job
 from ._rows import Row, Rows, Work, lost_row
 
-_TASK = 4
-"""Recordings sent at once, which are fitted again one by one if a process dies; by judgement."""
 _START = "from fracjax._batch._worker import serve; serve()"
 _JAX_SETTINGS = (
     "jax_compilation_cache_dir",
@@ -47,7 +45,7 @@ def in_processes(jobs: list[Job], work: Work, count: int) -> Rows:
         CannotStart: The processes cannot do the work; no recording was fitted.
     """
     workers = [_Worker(work) for _ in range(count)]
-    tasks = iter([jobs[at : at + _TASK] for at in range(0, len(jobs), _TASK)])
+    tasks = iter([jobs[at : at + work.task] for at in range(0, len(jobs), work.task)])
     row_queue: Queue[list[Row] | None] = Queue()
     lock = Lock()
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from functools import partial
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -56,7 +57,8 @@ def batch_command(
 ) -> int:
     """Fit a model to each of many recordings: files, folders, or patterns.
 
-    Writes fits.parquet, one row per recording.  Repeat the same call to fit what is missing.
+    Writes fits.parquet and fits.csv, one row per recording, and report.html.  Repeat the same call
+    to fit what is missing.
     """
     import logging
 
@@ -85,14 +87,19 @@ def batch_command(
         finally:
             if (out / FITS).exists():
                 results.saved.append(out / FITS)
-    overview = _as_data(rows, name, out / FITS)
-    results.show(lambda: overview, lambda: _summary(rows, overview))
-    return _status(overview)
+    from .._report import write_batch_report
+
+    results.save(lambda path: rows.to_csv(path, index=False), out / "fits.csv")
+    report = partial(write_batch_report, rows, name, command=results.call.line, seed=given.seed)
+    results.save(report, out / "report.html")
+    data = _as_data(rows, name, out / FITS)
+    results.show(lambda: data, lambda: _summary(rows, data))
+    return _status(data)
 
 
 def _as_data(rows: pd.DataFrame, name: str, table: Path) -> dict[str, Any]:
     """The statuses and their counts as plain data."""
-    from .._batch import SCHEMA, STATUSES
+    from .._batch import SCHEMA, STATUSES, overview
 
     recordings = rows.loc[:, ["source", "status", "reason"]].to_dict("records")
     statuses = [row["status"] for row in recordings]
@@ -102,50 +109,52 @@ def _as_data(rows: pd.DataFrame, name: str, table: Path) -> dict[str, Any]:
         "table": str(table),
         "recordings": len(recordings),
         "counts": {status: statuses.count(status) for status in STATUSES},
+        "fits": overview(rows),
         "unfitted": [row for row in recordings if row["status"] != "fitted"],
     }
 
 
-def _summary(rows: pd.DataFrame, overview: dict[str, Any]) -> Summary:
+def _summary(rows: pd.DataFrame, data: dict[str, Any]) -> Summary:
     """The counts, the spreads of the parameters, and why recordings were not fitted."""
-    counts = [f"{n} {status}" for status, n in overview["counts"].items() if n]
-    sentence = f"{overview['model']}: of {overview['recordings']} recordings {', '.join(counts)}."
-    return Summary(sentence, _spreads(rows), [*_misfits(rows), *_notes(overview["unfitted"])])
+    from .._report import batch_sentence
+
+    notes = [*_misfits(rows), *_notes(data["unfitted"])]
+    return Summary(batch_sentence(rows, data["model"]), _spreads(rows), notes)
 
 
 def _misfits(rows: pd.DataFrame) -> list[str]:
     """How many fits do not describe their recording, and why the first of them does not."""
+    from .._batch import at_bounds
     from .._fit import shortcomings_of
 
-    fitted = rows.loc[rows["status"] == "fitted"]
-    names = [c.removesuffix(".at_bound") for c in rows.columns if c.endswith(".at_bound")]
     poor = []
-    for row in fitted.to_dict("records"):
-        at_bound = [name for name in names if row[f"{name}.at_bound"]]
+    for row, at_bound in zip(rows.to_dict("records"), at_bounds(rows), strict=True):
+        if row["status"] != "fitted":
+            continue
         clauses = shortcomings_of(row["rmse"], row["noise_sigma"], row["r_squared"], at_bound)
         if clauses:
             poor.append(f"of {row['source']} {', and '.join(clauses)}")
     if not poor:
         return []
-    return [
-        f"Warning: {len(poor)} of {len(fitted)} fits do not describe their recording; {poor[0]}."
-    ]
+    fitted = (rows["status"] == "fitted").sum()
+    return [f"Warning: {len(poor)} of {fitted} fits do not describe their recording; {poor[0]}."]
 
 
 def _spreads(rows: pd.DataFrame) -> Figures:
-    """Each parameter's spread over the fitted recordings, for each unit that it has."""
+    """Each parameter's spread over the fitted recordings, in the unit that most of them have."""
+    from .._batch import spreads
     from .._show import figure, pretty_unit
 
-    fitted = rows.loc[rows["status"] == "fitted"]
-    labels = [c.removesuffix(".value") for c in rows.columns if c.endswith(".value")]
-    columns = [("RMSE", "rmse", "response_unit")]
-    columns += [(label, f"{label}.value", f"{label}.unit") for label in labels]
-    table = []
-    for label, value, unit in columns:
-        for name, group in fitted.groupby(unit, sort=False):
-            spread = [figure(float(group[value].quantile(share))) for share in (0.1, 0.5, 0.9)]
-            table.append([label, *spread, pretty_unit(str(name))])
-    return ["", "10 % below", "median", "10 % above", "unit"], table
+    table = [
+        [
+            each.name,
+            *(figure(each.quantile(share)) for share in (0.1, 0.5, 0.9)),
+            pretty_unit(each.unit),
+            str(int(each.outlying.sum())),
+        ]
+        for each in spreads(rows)
+    ]
+    return ["", "10 % below", "median", "10 % above", "unit", "outliers"], table
 
 
 def _notes(unfitted: list[dict[str, str]]) -> list[str]:
@@ -156,16 +165,16 @@ def _notes(unfitted: list[dict[str, str]]) -> list[str]:
     return notes
 
 
-def _status(overview: dict[str, Any]) -> int:
+def _status(data: dict[str, Any]) -> int:
     """The exit status: 2 if no recording could be read, 3 if any fit failed, else 0."""
-    counts, total = overview["counts"], overview["recordings"]
+    counts, total = data["counts"], data["recordings"]
     if counts["unreadable"] == total:
-        first = overview["unfitted"][0]["reason"].rstrip(".")
+        first = data["unfitted"][0]["reason"].rstrip(".")
         return fail(f"None of {total} recordings could be read; the first: {first}.", UNUSABLE)
     if stopped := counts["not converged"] + counts["failed"]:
         return fail(
             f"{stopped} of {total} fits did not converge; their best parameters and the reasons "
-            f"were saved in {overview['table']}.",
+            f"were saved in {data['table']}.",
             NOT_CONVERGED,
         )
     return 0

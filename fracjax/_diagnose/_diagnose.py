@@ -52,18 +52,36 @@ def diagnose(
     progress: Progress = silent,
     max_time: float = MAX_TIME,
 ) -> Diagnosis:
-    """Say whether, where and why a model, or that of a name, and recordings differ beyond noise.
+    """State whether, where and why a model and recordings differ by more than the noise.
 
-    `holdout` is a recording that no fit sees; without one stretches are set aside in turn.
-    `repeat` holds the drive of a recording a second time, for the noise floor, or several do those
-    of several; what shows no noise of its own, in periods or rests, has that of another with the
-    same rate.  `noise` is the sensor's specification, rms, a number in the response's unit or a
-    text such as "0.07 um", used where nothing of this shows the noise.
-    `limits` of the drive, "0..100 V, 50 V/ms", bound the next experiment; without them the range
-    that was recorded and ten times its fastest change do.  `mask` leaves out times [s] from the
-    first sample, ends included, of every recording but those two.  After `max_time` [s], or where
-    it is interrupted, the verdict is what it has come to, and says so.
-    Raises InputError where the recordings do not fit together.
+    Args:
+        model: the base model, or the name of one.
+        recordings: one recording or several, each with a drive (N,) and a response (N,) in its
+            units.
+        holdout: a recording that no fit uses; without one, stretches of the recordings are held out
+            in turn.
+        repeat: a recording with the same drive as one of `recordings`, or several, from which the
+            noise floor is estimated.  A recording whose noise neither a repeat, nor periods, nor
+            rests show, has the noise of another with the same sampling rate.
+        noise: the sensor's specification, rms, a number in the response's unit or a text such as
+            "0.07 um", used if no recording shows the noise.
+        history: the prior history of the drive, such as "constant"; None if the data decide.
+        settling: the start that is left out, a number of samples or a time such as "1 s"; None if
+            the data decide.
+        limits: of the drive in the next experiment, such as "0..100 V, 50 V/ms"; by default the
+            recorded range and ten times its fastest change.
+        mask: times [s] from the first sample, ends included, that are left out of every recording
+            except `holdout` and `repeat`.
+        seed: of the random starts, a whole number ≥ 0.
+        progress: is called with a text at every step.
+        max_time: seconds after which no further refit begins.  The diagnosis is then what it has
+            come to, as after an interruption, and `complete` is false.
+
+    Returns:
+        The diagnosis; its results state their units.
+
+    Raises:
+        InputError: if the recordings have different units, or an option is unusable.
     """
     listed = recordings_of(recordings)
     model = model_of(model, listed)

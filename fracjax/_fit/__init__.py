@@ -9,9 +9,12 @@ from ._estimate import Estimate as Estimate
 from ._estimate import is_at_bound as is_at_bound
 from ._estimate import logarithmic_interval as logarithmic_interval
 from ._estimate import physical_unit as physical_unit
+from ._fit import Outcome as Outcome
 from ._fit import fit as fit
+from ._fit import fit_all as fit_all
 from ._fit import fit_of as fit_of
 from ._fit import scores_of as scores_of
+from ._grade import FAR_ABOVE_NOISE as FAR_ABOVE_NOISE
 from ._grade import is_useless as is_useless
 from ._grade import shortcomings_of as shortcomings_of
 from ._linear import LinearSystem as LinearSystem

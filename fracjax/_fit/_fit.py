@@ -4,17 +4,24 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from typing import Unpack
+from typing import NamedTuple, Unpack
 
 import numpy as np
 
+from .._blocks import AbstractBlock
 from .._computing import computing
 from .._models import Model
 from .._prepare import (
+    Conditions,
     FitOptions,
     HistoryOption,
+    Mask,
+    ModelOptions,
     Noise,
+    Preparation,
+    apply_options,
     model_of,
+    prepare,
     prepare_fit,
     recordings_of,
     require_whole_number,
@@ -23,7 +30,7 @@ from .._recording import Recording
 from .._solve import Progress, Solved, discretisation_warnings, silent
 from ._result import Fit, Scores
 from ._robust import Loss, reweight, shape_of
-from ._settle import settle_finely, tolerated_numerical_error
+from ._settle import settle_all_finely, settle_finely, tolerated_numerical_error
 from ._uncertainty import uncertainty_of
 
 
@@ -60,6 +67,7 @@ def fit_of(model: Model, solved: Solved, loss: Loss = "least_squares") -> Fit:
         units=(first.drive_unit, first.response_unit),
         inflation=inflation,
         residuals=solved.whitened,
+        derivative=solved.derivative,
     )
     return Fit(
         model=Model(solved.block, model.name),
@@ -77,6 +85,81 @@ def fit_of(model: Model, solved: Solved, loss: Loss = "least_squares") -> Fit:
         correlation=uncertainty.correlation,
         robust=robust,
     )
+
+
+def _warned_fit_of(model: Model, solved: Solved, error: float, loss: Loss) -> Fit:
+    """The result of a solved problem, with warnings of its numerical error [noise units]."""
+    warnings = discretisation_warnings(error, tolerated_numerical_error(solved))
+    return replace(fit_of(model, solved, loss), warnings=warnings)
+
+
+class Outcome(NamedTuple):
+    """What has become of one of many fits.
+
+    Attributes:
+        fit: the fit, or the error that ended it.
+        stacked: whether it was solved together with others.
+    """
+
+    fit: Fit | Exception
+    stacked: bool = False
+
+
+def fit_all(
+    models: Sequence[Model],
+    recordings: Sequence[Recording],
+    *,
+    history: HistoryOption | None = None,
+    settling: int | str | None = None,
+    loss: Loss = "least_squares",
+    starts: int = 8,
+    seed: int = 0,
+    mask: Mask = (),
+    **options: Unpack[ModelOptions],
+) -> list[Outcome]:
+    """Each model fitted to its recording, as `fit` does it, recordings alike together.
+
+    A recording that cannot be fitted has its error instead, and changes nothing for the others.
+    """
+    outcomes = [Outcome(RuntimeError())] * len(models)
+    with computing():
+        blocks: dict[int, tuple[AbstractBlock, Conditions]] = {}
+        prepared: dict[int, tuple[AbstractBlock, Preparation]] = {}
+        for at, (model, recording) in enumerate(zip(models, recordings, strict=True)):
+            try:
+                # Equal models are one object, so that their options are applied once.
+                if id(model) not in blocks:
+                    blocks[id(model)] = apply_options(model, **options)
+                block, conditions = blocks[id(model)]
+                preparation = prepare(
+                    [recording], history=history, settling=settling, mask=mask,
+                    conditions=conditions,
+                )  # fmt: skip
+                prepared[at] = block, preparation
+            except Exception as error:
+                outcomes[at] = Outcome(error)
+        groups: list[list[int]] = [[*prepared]]
+        while groups:
+            group = groups.pop()
+            try:
+                settled = settle_all_finely(
+                    [prepared[at][0] for at in group], [prepared[at][1] for at in group],
+                    history=history, starts=starts, seed=seed, progress=silent,
+                )  # fmt: skip
+            except Exception as error:
+                # One of them is the cause: each is tried alone.
+                if len(group) == 1:
+                    outcomes[group[0]] = Outcome(error)
+                else:
+                    groups += [[at] for at in group]
+                continue
+            for at, (solved, error) in zip(group, settled, strict=True):
+                try:
+                    fitted = _warned_fit_of(models[at], solved, error, loss)
+                    outcomes[at] = Outcome(fitted, solved.stacked)
+                except Exception as error:
+                    outcomes[at] = Outcome(error)
+    return outcomes
 
 
 def fit(
@@ -139,5 +222,4 @@ def fit(
         solved, error = settle_finely(
             block, preparation, history=history, starts=starts, seed=seed, progress=progress
         )
-        warnings = discretisation_warnings(error, tolerated_numerical_error(solved))
-        return replace(fit_of(model, solved, loss), warnings=warnings)
+        return _warned_fit_of(model, solved, error, loss)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
-_FAR = 3.0
+FAR_ABOVE_NOISE = 3.0
 """Noise floors from which on an error is mostly mismatch, nine parts of ten of its square."""
 _LEAST_SHARE = 0.5
 """Least share of the response's variance that a model explains which describes it."""
@@ -29,7 +29,7 @@ def shortcomings_of(
         clauses.append("it is no closer to the response than a constant")
     elif is_useless(r_squared):
         clauses.append(f"it explains only {100 * r_squared:.2g} % of the response's variance")
-    if rmse > _FAR * noise:
+    if rmse > FAR_ABOVE_NOISE * noise:
         clauses.append(f"its error is {rmse / noise:.3g} times the noise floor")
     if at_bound:
         clauses.append(

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
@@ -20,9 +21,9 @@ from .._solve import (
     TARGET,
     Progress,
     Solved,
-    fit_block,
-    refine_until_accurate,
-    solve_from,
+    fit_blocks,
+    refine_all,
+    solve_again,
     tolerated_error,
 )
 from ._history import prefers_other_history
@@ -50,32 +51,7 @@ def settle(
     noise under which the fit is worse than a constant is taken as white: the fit then follows the
     frequencies at which there is least noise, and not the response.
     """
-    solved = fit_block(block, preparation, starts, seed)
-    if history is None:
-        others = [alternative_history(take) for take in preparation.takes]
-        if any(others):
-            takes = zip(others, preparation.takes, strict=True)
-            alternative = replace(preparation, takes=tuple(o or t for o, t in takes))
-            other = fit_block(block, alternative, starts, seed)
-            if prefers_other_history(other, solved):
-                solved, preparation = other, alternative
-    noises = []
-    for take, whitened, simulation in zip(
-        preparation.takes, solved.whitened, solved.simulations, strict=True
-    ):
-        residual = take.recording.response - simulation
-        if take.noise is None or take.noise.is_leftover:
-            noises.append(read_from_residual(take.noise, residual, take.used, take.recording))
-        elif _is_too_large(take.noise, whitened):
-            noises.append(noise_below(residual, take.used, take.recording))
-        else:
-            noises.append(refine_noise(take.noise, residual, take.used, take.recording))
-    if any(noise is not take.noise for noise, take in zip(noises, preparation.takes, strict=True)):
-        solved = _refitted(solved, preparation.with_noises(noises), starts, seed)
-    if any(noise.filter.size > 1 for noise in noises) and _is_worse_than_constant(solved):
-        white = [noise.uncoloured() for noise in noises]
-        solved = _refitted(solved, solved.preparation.with_noises(white), starts, seed)
-    return solved
+    return settle_all([block], [preparation], history=history, starts=starts, seed=seed)[0]
 
 
 def settle_finely(
@@ -91,25 +67,75 @@ def settle_finely(
 
     A noise that was read from the residual is read again on the finer grid.
     """
-    solved = settle(block, preparation, history=history, starts=starts, seed=seed)
-    while True:
-        previous = solved.preparation
-        solved, error = refine_until_accurate(solved, progress, _tolerated_share(solved))
-        takes = solved.preparation.takes
-        from_residual = any(take.noise and take.noise.is_leftover for take in takes)
-        if solved.preparation is previous or not from_residual:
-            return solved, error
-        reread = solved.preparation.with_noises(
-            [
-                read_from_residual(
-                    take.noise, take.recording.response - simulation, take.used, take.recording
-                )
-                if take.noise is None or take.noise.is_leftover
-                else take.noise
-                for take, simulation in zip(takes, solved.simulations, strict=True)
-            ]
+    return settle_all_finely(
+        [block], [preparation], history=history, starts=starts, seed=seed, progress=progress
+    )[0]
+
+
+def settle_all(
+    blocks: Sequence[AbstractBlock],
+    preparations: Sequence[Preparation],
+    *,
+    history: HistoryOption | None,
+    starts: int,
+    seed: int,
+) -> list[Solved]:
+    """`settle` for each of many blocks, those alike together."""
+    solved = fit_blocks(blocks, preparations, starts, seed)
+    if history is None:
+        alternatives = {at: other for at, p in enumerate(preparations) if (other := _other(p))}
+        others = fit_blocks(
+            [blocks[at] for at in alternatives], [*alternatives.values()], starts, seed
         )
-        solved = solve_from([solved.block], reread)
+        for at, other in zip(alternatives, others, strict=True):
+            if prefers_other_history(other, solved[at]):
+                solved[at] = other
+    for changed in (_with_read_noises, _with_white_noises):
+        changes = {at: p for at, one in enumerate(solved) if (p := changed(one))}
+        scales = {at: _scale(solved[at].preparation, p) for at, p in changes.items()}
+        other = [at for at, scale in scales.items() if scale is None]
+        again = fit_blocks(
+            [solved[at].block for at in other], [changes[at] for at in other], starts, seed
+        )
+        for at, scale in scales.items():
+            if scale is not None:  # the same optimum, as the noises only scale χ²
+                solved[at] = solved[at].scaled(changes[at], scale)
+        for at, one in zip(other, again, strict=True):
+            solved[at] = one
+    return solved
+
+
+def settle_all_finely(
+    blocks: Sequence[AbstractBlock],
+    preparations: Sequence[Preparation],
+    *,
+    history: HistoryOption | None,
+    starts: int,
+    seed: int,
+    progress: Progress,
+) -> list[tuple[Solved, float]]:
+    """`settle_finely` for each of many blocks, those alike together."""
+    solved = settle_all(blocks, preparations, history=history, starts=starts, seed=seed)
+    errors, pending = [np.inf] * len(solved), list(range(len(solved)))
+    while pending:
+        shares = [_tolerated_share(solved[at]) for at in pending]
+        refined = refine_all([solved[at] for at in pending], progress, shares)
+        reread: dict[int, Preparation] = {}
+        for at, (finer, error) in zip(pending, refined, strict=True):
+            same_grid = finer.preparation is solved[at].preparation
+            solved[at], errors[at] = finer, error
+            if not same_grid and any(_is_from_residual(t.noise) for t in finer.preparation.takes):
+                reread[at] = _with_reread_noises(finer)
+        scaled = {at: _scale(solved[at].preparation, p) for at, p in reread.items()}
+        pending = [at for at, scale in scaled.items() if scale is None]
+        again = solve_again([solved[at] for at in pending], [reread[at] for at in pending])
+        for at, one in zip(pending, again, strict=True):
+            solved[at] = one
+        for at, scale in scaled.items():
+            if scale is not None:  # the same optimum, and its numerical error in the new unit
+                solved[at], errors[at] = solved[at].scaled(reread[at], scale), scale * errors[at]
+                pending += [at] if errors[at] > tolerated_numerical_error(solved[at]) else []
+    return list(zip(solved, errors, strict=True))
 
 
 def tolerated_numerical_error(solved: Solved) -> float:
@@ -124,17 +150,58 @@ def _tolerated_share(solved: Solved) -> float:
     return _SHARE_OF_MISFIT if is_bound else 0.0
 
 
-def _refitted(solved: Solved, preparation: Preparation, starts: int, seed: int) -> Solved:
-    """The fit under other noises: the same optimum where they only scale χ²."""
-    scale = _scale(solved.preparation, preparation)
-    if scale is None:
-        return fit_block(solved.block, preparation, starts, seed)
-    return replace(
-        solved.on(preparation),
-        cost=scale**2 * solved.cost,
-        whitened=tuple(scale * residual for residual in solved.whitened),
-        start_costs=tuple(scale**2 * cost for cost in solved.start_costs),
-    )
+def _other(preparation: Preparation) -> Preparation | None:
+    """The preparation with the other possible histories, None where no recording has one."""
+    others = [alternative_history(take) for take in preparation.takes]
+    if not any(others):
+        return None
+    takes = zip(others, preparation.takes, strict=True)
+    return replace(preparation, takes=tuple(other or take for other, take in takes))
+
+
+def _with_read_noises(solved: Solved) -> Preparation | None:
+    """The preparation with noises read or refined from the residual, None where none changes."""
+    takes, noises = solved.preparation.takes, []
+    for take, whitened, simulation in zip(takes, solved.whitened, solved.simulations, strict=True):
+        residual = take.recording.response - simulation
+        if take.noise is None or take.noise.is_leftover:
+            noises.append(read_from_residual(take.noise, residual, take.used, take.recording))
+        elif _is_too_large(take.noise, whitened):
+            noises.append(noise_below(residual, take.used, take.recording))
+        else:
+            noises.append(refine_noise(take.noise, residual, take.used, take.recording))
+    if all(noise is take.noise for noise, take in zip(noises, takes, strict=True)):
+        return None
+    return solved.preparation.with_noises(noises)
+
+
+def _with_white_noises(solved: Solved) -> Preparation | None:
+    """The preparation with white noises of the same levels where the fit under coloured ones is
+    worse than a constant; None elsewhere."""
+    noises = [noise for take in solved.preparation.takes if (noise := take.noise)]
+    is_coloured = any(noise.filter.size > 1 for noise in noises)
+    if not (is_coloured and _is_worse_than_constant(solved)):
+        return None
+    return solved.preparation.with_noises([noise.uncoloured() for noise in noises])
+
+
+def _with_reread_noises(solved: Solved) -> Preparation:
+    """The preparation with those noises read again that were read from a residual."""
+    takes, noises = solved.preparation.takes, []
+    for take, simulation in zip(takes, solved.simulations, strict=True):
+        residual = take.recording.response - simulation
+        reread = _is_from_residual(take.noise)
+        noises.append(
+            read_from_residual(take.noise, residual, take.used, take.recording)
+            if reread
+            else take.noise
+        )
+    return solved.preparation.with_noises(noises)
+
+
+def _is_from_residual(noise: Noise | None) -> bool:
+    """Whether a noise was, or has to be, read from the residual of a fit."""
+    return noise is None or noise.is_leftover
 
 
 def _scale(before: Preparation, after: Preparation) -> float | None:

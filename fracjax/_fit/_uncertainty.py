@@ -56,6 +56,7 @@ def uncertainty_of(
     units: tuple[str, str],
     inflation: float,
     residuals: Sequence[np.ndarray] | None = None,
+    derivative: np.ndarray | None = None,
 ) -> Uncertainty:
     """The uncertainty of all free parameters.
 
@@ -67,7 +68,7 @@ def uncertainty_of(
     wider, not narrower, intervals.  R is the autocorrelation of the whitened `residuals`, from
     their autoregression with its order by BIC.  It is the unit matrix where there are no residuals,
     or where they are white.  R thus accounts for a noise that was assumed white and is not, and for
-    a persistent mismatch.
+    a persistent mismatch.  `derivative` is J where it is known already.
 
     R comes from an autoregression and not from products of scores (Newey & West), whose truncated
     sums underestimate the errors when tens of samples are correlated.  As the noise is stationary
@@ -77,13 +78,16 @@ def uncertainty_of(
         953.
     """
     parameters = free_parameters_of(blocks[0], len(problems), conditions)
-    derivative = sensitivity(blocks, problems, parameters)[1]
+    if derivative is None:
+        derivative = sensitivity(blocks, problems, parameters)[1]
     priors = prior_rows(parameters, conditions)
     nothing = np.zeros((len(priors.means), derivative.shape[1] - len(parameters.labels)))
     rows = np.concatenate([priors.shapes, priors.gains, nothing], axis=1)
     stacked = np.concatenate([derivative, (rows.T / priors.sds).T])
     lengths = np.maximum(np.linalg.norm(stacked, axis=0), _LEAST_LENGTH)
-    basis, singular, right = np.linalg.svd(stacked / lengths, full_matrices=False)
+    basis, triangle = np.linalg.qr(stacked / lengths)
+    turn, singular, right = np.linalg.svd(triangle)
+    basis = basis @ turn
     spread = right.T / np.maximum(singular, 1e-12)
     counted = [np.asarray(p.weights) > 0 for p in problems]
     recursion = np.ones(1)

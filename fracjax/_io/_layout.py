@@ -97,7 +97,7 @@ def layout_of(
     stated = stated_separator(lines)
     best: _Run | None = None
     separator = ""
-    for candidate in [stated[0]] if stated else separators:
+    for candidate in [stated[0]] if stated else _that_differ(lines, separators):
         runs = _runs(lines, candidate, max(skip, stated[1] + 1 if stated else 0))
         top = max(runs, key=lambda run: run.score, default=None)
         if top is not None and top.score > (best.score if best else 0):
@@ -124,6 +124,18 @@ def layout_of(
         not any('"' in line for line in lines[start:stop]),
         stop,
     )
+
+
+def _that_differ(lines: Sequence[str], separators: Sequence[str]) -> list[str]:
+    """The separators that stand in the lines, and the first that does not: all others cut alike."""
+    present = [
+        any(len(line.split()) > 1 for line in lines)
+        if separator.isspace() and separator != "\t"
+        else any(separator in line for line in lines)
+        for separator in separators
+    ]
+    absent = present.index(False) if False in present else -1
+    return [s for at, s in enumerate(separators) if present[at] or at == absent]
 
 
 def _runs(lines: Sequence[str], separator: str, skip: int) -> list[_Run]:

@@ -22,6 +22,8 @@ from fracjax._recording import InputError
 
 _LONGEST_LINE = 100_000
 _HEADS = (60_000, 2_000_000, None)
+_SHORT_HEAD = (2_000,)
+"""Bytes of a head that suffices where every line after it is read as its last ones are."""
 _TEXT_FAULT = {"text": "text", "empty": "next to no numbers"}
 
 
@@ -83,10 +85,8 @@ def read_text(path: str | PathLike[str], hints: Hints = NO_HINTS) -> TextTable:
     """
     source = fspath(path)
     text = text_of(source)
-    lines, layout = _located(source, text, hints)
+    lines, layout, quick = _laid_out(source, text, hints)
     header = header_of(source, lines, layout, hints)
-    # As pandas reads it, a million rows take half a second; what it refuses is read row by row.
-    quick = _quick(text, layout) if layout.is_plain else None
     if quick is not None:
         values, count, numbers, breaks = (
             quick,
@@ -128,15 +128,34 @@ _Values = tuple[np.ndarray, int | None]
 """A column's numbers, and of stamps when their zero is."""
 
 
-def _located(source: str, text: Text, hints: Hints) -> tuple[list[str], Layout]:
-    """The lines down to where the table has begun, and its layout."""
+def _laid_out(
+    source: str, text: Text, hints: Hints
+) -> tuple[list[str], Layout, list[_Values | None] | None]:
+    """The head's lines, the layout, and the columns as pandas reads them, which takes half a second
+    for a million rows; None where it refuses them, so that they are read row by row.
+    """
+    # Most of the time goes into the layout of the head: a short one is tried first.
+    if hints == NO_HINTS and (located := _located(source, text, hints, _SHORT_HEAD)):
+        quick = _quick(text, located[1]) if located[1].is_plain else None
+        if quick is not None:
+            return *located, quick
+    located = _located(source, text, hints, _HEADS)
+    assert located is not None  # the last head is all of the text
+    return *located, _quick(text, located[1]) if located[1].is_plain else None
+
+
+def _located(
+    source: str, text: Text, hints: Hints, heads: Sequence[int | None]
+) -> tuple[list[str], Layout] | None:
+    """The lines down to where the table has begun, and its layout, from the first head that shows
+    it.
+    """
     if signature := text_signature(text.raw[: _HEADS[0]]):
         raise InputError.at(source, "rows of numbers", *signature)
-    lines: list[str] = []
-    for size in _HEADS:
+    for size in heads:
         lines = text.decoded(size).split("\n")
         if max(map(len, lines)) > _LONGEST_LINE:
-            break
+            raise _no_table(source, lines)
         # Lines that the call skips stay, so that lines keep their numbers.
         skip = min(hints.skip_rows, len(lines))
         lines = [*[""] * skip, *lines[skip:]]
@@ -145,8 +164,8 @@ def _located(source: str, text: Text, hints: Hints) -> tuple[list[str], Layout]:
         if layout is not None and (complete or layout.stop >= len(lines) - 2):
             return lines, layout
         if complete:
-            break
-    raise _no_table(source, lines)
+            raise _no_table(source, lines)
+    return None
 
 
 def _no_table(source: str, lines: list[str]) -> InputError:

@@ -183,6 +183,7 @@ def stripped(text: str) -> str:
     return "" if inner.casefold() in _NOTHING else inner
 
 
+@lru_cache(maxsize=1024)
 def titled(title: str) -> Titled:
     """A column's name without its unit and indices, and the unit as written, or nothing.
 

@@ -45,7 +45,11 @@ def generating_function(zeta: Any, order: int) -> Any:
     Returns:
         δ_p(ζ), of ζ's shape, dimensionless.
     """
-    return sum(((1 - zeta) ** k / k for k in range(2, order + 1)), 1 - zeta)
+    step = 1 - zeta
+    total = step / order
+    for k in range(order - 1, 0, -1):  # Horner's scheme: products, which cost less than powers
+        total = step * (1 / k + total)
+    return total
 
 
 def circle(samples: int) -> tuple[int, float]:

@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import partial
 from typing import Literal, get_args
 
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from scipy.interpolate import Akima1DInterpolator, CubicSpline, interp1d
+from scipy.interpolate import Akima1DInterpolator, CubicSpline
 
 History = Literal["rest", "constant", "periodic"]
 HISTORIES: tuple[History, ...] = get_args(History)
@@ -65,7 +66,7 @@ _STAIRCASE_SHARE = 0.05
 """The largest share of samples at which a staircase changes; a ramp changes at successive samples.
 Chosen by judgement."""
 _INTERPOLATORS = {
-    "linear": lambda t, u: interp1d(t, u),
+    "linear": lambda t, u: partial(np.interp, xp=t, fp=u),
     "akima": lambda t, u: Akima1DInterpolator(t, u, method="makima"),
     "cubic": CubicSpline,
 }

@@ -48,7 +48,13 @@ class Laplace:
             return self._values() ** exponent
         concrete = (isinstance(x, _CONCRETE) for x in (self._logarithm, self._step, exponent))
         if all(concrete):
-            return np.exp(exponent * self._logarithm) * self._step**-exponent
+            # NumPy's real exponential, sine and cosine take a fifth of the time of its complex one.
+            logarithm = np.asarray(self._logarithm)
+            phase = np.asarray(exponent * np.imag(logarithm))
+            size = np.exp(exponent * np.real(logarithm)) * self._step**-exponent
+            power = np.empty(phase.shape, complex)
+            power.real, power.imag = size * np.cos(phase), size * np.sin(phase)
+            return power
         power = jnp.exp(exponent * jnp.asarray(self._logarithm))
         return power * jnp.asarray(self._step) ** -exponent
 

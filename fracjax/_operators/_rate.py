@@ -3,6 +3,7 @@
 from typing import Any
 
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
@@ -22,7 +23,7 @@ def rate(signal: ArrayLike, grid: Grid) -> Array:
     Returns:
         The derivative (N,), in the signal's unit / s.
     """
-    padded = _padded(jnp.asarray(signal), grid)
+    padded = _padded(signal, grid)
     near = padded[3:-1] - padded[1:-3]
     far = padded[4:] - padded[:-4]
     return (8 * near - far) / (12 * grid.step)
@@ -41,17 +42,20 @@ def speed(signal: ArrayLike, grid: Grid) -> Array:
     Returns:
         The absolute rate (N,), in the signal's unit / s.
     """
-    steps = jnp.diff(_padded(jnp.asarray(signal), grid)) / grid.step
+    every: Any = np if isinstance(signal, np.ndarray) else jnp
+    steps = every.diff(_padded(signal, grid)) / grid.step
     before, after = 1.5 * steps[1:-2] - 0.5 * steps[:-3], 1.5 * steps[2:-1] - 0.5 * steps[3:]
-    at_corner = jnp.where(before * after < 0, jnp.minimum(jnp.abs(before), jnp.abs(after)), 0.0)
-    return jnp.maximum(jnp.abs(rate(signal, grid)), at_corner)
+    least = every.minimum(every.abs(before), every.abs(after))
+    at_corner = every.where(before * after < 0, least, 0.0)
+    return every.maximum(every.abs(rate(signal, grid)), at_corner)
 
 
-def _padded(signal: Array, grid: Grid) -> Array:
-    """A signal (N,) and two samples on each side of it (N + 4,)."""
+def _padded(signal: Any, grid: Grid) -> Any:
+    """A signal (N,) and two samples on each side of it (N + 4,), in NumPy if the signal is."""
+    every: Any = np if isinstance(signal, np.ndarray) else jnp
     if grid.history == "periodic":
-        return jnp.concatenate([signal[-2:], signal, signal[:2]])
-    return jnp.concatenate([jnp.full(2, signal[0]), signal, jnp.stack(ahead(signal))])
+        return every.concatenate([signal[-2:], signal, signal[:2]])
+    return every.concatenate([every.full(2, signal[0]), signal, every.stack(ahead(signal))])
 
 
 def ahead(signal: Any) -> tuple[Any, Any]:

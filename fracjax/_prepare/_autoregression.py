@@ -6,7 +6,6 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.fft import next_fast_len
-from scipy.linalg import solve_toeplitz
 from scipy.ndimage import median_filter
 
 _LARGEST_ORDER = 12
@@ -69,6 +68,8 @@ def _yule_walker(autocovariance: np.ndarray, count: int, damping: float) -> Auto
     """The autoregression of least BIC with this autocovariance (lags+1,) over `count` samples.
 
     The coefficient of the sample k steps back is multiplied by `damping`^k.
+
+    Source: Durbin, Rev. Int. Stat. Inst. 28 (1960) 233.
     """
     if not autocovariance[0] > 0:
         return np.ones(1), 0.0
@@ -76,13 +77,16 @@ def _yule_walker(autocovariance: np.ndarray, count: int, damping: float) -> Auto
     autocovariance[0] *= 1 + _WHITE_SHARE
     best = np.ones(1), float(np.sqrt(autocovariance[0]))
     least = count * np.log(autocovariance[0])
+    taps, variance = np.ones(1), float(autocovariance[0])
     for order in range(1, autocovariance.size):
-        coefficients = solve_toeplitz(autocovariance[:order], autocovariance[1 : order + 1])
-        variance = autocovariance[0] - coefficients @ autocovariance[1 : order + 1]
+        # Levinson's recursion: one more coefficient from the autoregression of one order less.
+        reflection = -(taps @ autocovariance[order:0:-1]) / variance
+        taps = np.append(taps, 0.0) + reflection * np.append(0.0, taps[::-1])
+        variance *= 1 - reflection**2
         score = count * np.log(variance) + order * np.log(count)
         if score < least:
-            taps = np.concatenate([[1.0], -coefficients]) * damping ** np.arange(order + 1)
-            best, least = (taps, float(np.sqrt(variance))), score
+            damped = taps * damping ** np.arange(order + 1)
+            best, least = (damped, float(np.sqrt(variance))), score
     return best
 
 
@@ -110,6 +114,9 @@ def _expected_power(noise: Autoregression, terms: np.ndarray) -> tuple[np.ndarra
     frequencies.
     """
     (taps, innovation), size = noise, len(terms)
+    if taps.size == 1 and not terms.size:
+        flat = np.full(size // 2 + 1, innovation**2)
+        return flat, flat
     covariance = _covariance(noise, size)
     of_lag = covariance * (1 - np.arange(size) / size) - _removed(covariance, terms) / size
     # At the periodogram's frequencies a lag of -k equals one of n - k.
@@ -126,7 +133,7 @@ def _covariance(noise: Autoregression, size: int) -> np.ndarray:
 
 def removed_power(noise: Autoregression, terms: np.ndarray) -> float:
     """The part of the noise's sum of squares that fitting orthonormal terms (n, k) removes."""
-    return float(_removed(_covariance(noise, len(terms)), terms)[0])
+    return float(_removed(_covariance(noise, len(terms)), terms)[0]) if terms.size else 0.0
 
 
 def _removed(covariance: np.ndarray, terms: np.ndarray) -> np.ndarray:

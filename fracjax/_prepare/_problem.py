@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import equinox as eqx
@@ -18,6 +19,8 @@ from .._recording import Recording
 
 _FILTER_TAPS = 13
 """Length of every whitening filter, for one compiled program: an autoregression of order 12."""
+_LARGEST_KEPT = 2**15
+"""Most samples of a finer drive that is kept, which limits memory.  Chosen by judgement."""
 _DECAYS_PER_DECADE = 2
 """Exponentials per decade of decay times.  Chosen by judgement."""
 
@@ -143,15 +146,18 @@ def make_problem(
     taps = np.zeros(_FILTER_TAPS)
     taps[: whitening.size] = whitening
     # A whitened sample mixes its predecessors: it counts only if all of them do.
-    support = np.ones(whitening.size)
-    uncounted = np.asarray(lfilter(support, 1.0, np.where(used, 0.0, 1.0)))
-    counted = (uncounted < 0.5).astype(float)
+    counted = used.astype(float)
+    if whitening.size > 1 and not used.all():
+        uncounted = np.asarray(lfilter(np.ones(whitening.size), 1.0, 1.0 - counted))
+        counted = (uncounted < 0.5).astype(float)
     counted[: whitening.size - 1] = 0.0
     weights = counted if weights is None else counted * weights
     length = samples if history == "periodic" else padded_length(samples)
-    fine = refine(drive, oversampling, history)
-    if history != "periodic":
-        fine = _extended(fine, (length - samples) * oversampling)
+    shape = (length - samples, oversampling, history)
+    if samples * oversampling > _LARGEST_KEPT:
+        fine = _refined(drive, *shape)
+    else:
+        fine = _kept_refined(drive.tobytes(), *shape)
     padding = (0, length - samples)
     steps = np.arange(length)[:, None] >= np.array(jumps, dtype=int)
     return Problem(
@@ -163,6 +169,17 @@ def make_problem(
         grid=Grid(np.asarray(recording.dt / oversampling), history),
         oversampling=oversampling,
     )
+
+
+def _refined(drive: np.ndarray, padding: int, oversampling: int, history: History) -> np.ndarray:
+    """A drive (N,) on the finer grid, with `padding` more samples, which steady cycles have not."""
+    return _extended(refine(drive, oversampling, history), padding * oversampling)
+
+
+@lru_cache(maxsize=160)
+def _kept_refined(drive: bytes, padding: int, oversampling: int, history: History) -> np.ndarray:
+    """`_refined`, kept because a fit needs it several times, and a batch more often."""
+    return _refined(np.frombuffer(drive), padding, oversampling, history)
 
 
 def _extended(drive: np.ndarray, count: int) -> np.ndarray:

@@ -79,19 +79,30 @@ def spikes(response: np.ndarray) -> np.ndarray:
     alone = np.zeros(len(response), bool)
     if len(response) < MINIMUM_SAMPLES:
         return alone
-    low, high = np.nanpercentile(response, [1, 99])
+    percentile = np.nanpercentile if np.isnan(response).any() else np.percentile
+    low, high = percentile(response, [1, 99])
     bends = np.zeros(len(response))
     bends[1:-1] = np.abs(response[1:-1] - (response[:-2] + response[2:]) / 2)
-    # Of few candidates what is typical around them is looked at.
-    least = max(_SPIKE * float(np.nanmedian(bends)), 0.01 * (high - low))
+    padded = np.pad(bends, _AROUND, constant_values=np.nan)
     for width in range(1, _WIDEST_SPIKE + 1):
         before, after = response[: -width - 1], response[width + 1 :]
-        inner = [response[1 + at : 1 + at + len(before)] for at in range(width)]
-        height = np.min([np.abs(each - (before + after) / 2) for each in inner], axis=0)
-        far = (height > least) & (np.abs(after - before) < 0.5 * height)
+        middle = (before + after) / 2
+        height = np.abs(response[1 : 1 + len(before)] - middle)
+        for at in range(1, width):
+            height = np.minimum(height, np.abs(response[1 + at : 1 + at + len(before)] - middle))
+        far = (height > 0.01 * (high - low)) & (np.abs(after - before) < 0.5 * height)
+        # What is typical everywhere takes longer to find, and is asked of few recordings; of few
+        # candidates what is typical around them is looked at.
+        if far.any():
+            far &= height > _SPIKE * float(np.nanmedian(bends))
         # So many would be the signal itself.
-        for first in np.flatnonzero(far) if np.count_nonzero(far) < 0.02 * len(far) + 5 else ():
-            around = bends[max(first - _AROUND, 0) : first + width + _AROUND]
-            if height[first] > _SPIKE * np.nanmedian(around):
-                alone[first + 1 : first + 1 + width] = True
+        if not 0 < np.count_nonzero(far) < 0.02 * len(far) + 5:
+            continue
+        first = np.flatnonzero(far)
+        around = padded[first[:, None] + np.arange(width + 2 * _AROUND)]
+        # At the ends of the recording there is less around.
+        median = np.nanmedian if np.isnan(around).any() else np.median
+        first = first[height[first] > _SPIKE * median(around, axis=1)]
+        for at in range(1, width + 1):
+            alone[first + at] = True
     return alone

@@ -3,6 +3,8 @@
 import math
 import re
 import threading
+from functools import lru_cache
+from typing import Any
 
 import pint
 
@@ -24,17 +26,29 @@ def unit(text: str, where: str = "unit") -> pint.Unit:
 
     Raises InputError, placed at `where`, for a unit that pint does not know.
     """
-    name = text.strip()
+    registry = pint.get_application_registry()
+    read = _read(text.strip(), registry, id(registry.get()))
+    if read is None:
+        raise InputError.at(
+            where, "a unit such as um, mm, V, N, s, ms, Hz or kHz", f'"{text}"', "correct the unit"
+        )
+    return read
+
+
+@lru_cache(maxsize=1024)
+def _read(name: str, registry: Any, version: int) -> pint.Unit | None:
+    """The unit called `name` in a registry, None where it has none; kept, as files repeat units.
+
+    `version` is another for another registry behind the application's.
+    """
     for spelling in (name, name.lower()):
         try:
             if _UNIT.fullmatch(spelling):
                 with _ONE_AT_A_TIME:
-                    return pint.get_application_registry().Unit(spelling.replace("·", "*"))
+                    return registry.Unit(spelling.replace("·", "*"))
         except (pint.PintError, ValueError):
             continue
-    raise InputError.at(
-        where, "a unit such as um, mm, V, N, s, ms, Hz or kHz", f'"{text}"', "correct the unit"
-    )
+    return None
 
 
 def parse_quantity(text: str | float, default: str, where: str = "quantity") -> float:

@@ -4,6 +4,8 @@ from importlib import import_module
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from ._batch_page import batch_sentence as batch_sentence
+    from ._batch_page import write_batch_report as write_batch_report
     from ._compensation_page import compensation_figures as compensation_figures
     from ._compensation_page import compensation_sentence as compensation_sentence
     from ._compensation_page import compensation_warnings as compensation_warnings
@@ -29,6 +31,7 @@ if TYPE_CHECKING:
 
 # Loaded on first use, so that `fracjax info` need not wait for matplotlib (PEP 562).
 _HOMES = {
+    "_batch_page": ("batch_sentence", "write_batch_report"),
     "_compensation_page": (
         "compensation_figures",
         "compensation_sentence",

@@ -97,6 +97,11 @@ def write_report(
             raise InputError.at("report", "a result of fracjax", found_in(result), "give one")
         content = _frequency_content(tables) if tables else _fit_content(recordings)
     content["provenance"] = provenance(_sources(result), command, seed)
+    write_page(template, content, path)
+
+
+def write_page(template: str, content: dict[str, Any], path: str | Path) -> None:
+    """Write a page from its template and content."""
     page = _environment().get_template(template).render(content)
     Path(path).write_text(page, encoding="utf-8")
 

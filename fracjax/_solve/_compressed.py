@@ -36,7 +36,7 @@ from .._prepare import AbstractProblem, Problem, layout_of
 from ._chains import Chain, chains_of
 from ._elimination import eliminate
 from ._interpolation import ChebyshevSeries, Interpolation, shapes_at, unit_gains
-from ._span import FRESH, Span, fresh_positions, span_of
+from ._span import FRESH, Chosen, Span, fresh_positions, span_of
 
 _ROWS = 16
 """Rows are padded to a multiple of this, so that few programs are compiled."""
@@ -62,12 +62,16 @@ class Part(eqx.Module):
     matrix: np.ndarray | Array
 
     def __call__(self, chain: Chain, grid: Grid) -> Any:
+        return self.coefficients(chain, grid) @ self.matrix
+
+    def coefficients(self, chain: Chain, grid: Grid) -> Any:
+        """The (products of) coefficients (J,) or (J K,) of a chain."""
         coefficients = self.before(chain.before, grid)
         if self.after is not None and chain.after is not None:
             others = self.after(chain.after, grid)
             products = coefficients[..., :, None] * others[..., None, :]
             coefficients = products.reshape(*products.shape[:-2], -1)
-        return coefficients @ self.matrix
+        return coefficients
 
 
 class CompressedProblem(AbstractProblem):
@@ -201,7 +205,7 @@ def _compress_problem(
     padding = -turned.shape[1] % _ROWS
     turned = np.pad(turned, ((0, 0), (0, padding)))
     compressed = CompressedProblem(
-        parts=_parts(span, turned.T @ span_rows),
+        parts=parts_of(span.chosen, turned.T @ span_rows),
         response=turned.T @ response,
         own=turned.T @ own_rows,
         whitening=np.asarray(problem.whitening),
@@ -258,10 +262,10 @@ def _frame(span: tuple, whitening: bytes) -> _Frame:
     return _Frame()
 
 
-def _parts(span: Span, rows: np.ndarray) -> tuple[Part, ...]:
+def parts_of(chosen: Chosen, rows: np.ndarray) -> tuple[Part, ...]:
     """The chains' shares, from the signals' coordinates (m, n)."""
     parts, at = [], 0
-    for first, second in span.chosen:
+    for first, second in chosen:
         count = first.size * (1 if second is None else second.size)
         chain_rows = rows[:, at : at + count]
         at += count

@@ -49,5 +49,6 @@ def orthonormal_basis(jacobian: np.ndarray) -> np.ndarray:
     """An orthonormal basis (N, r) of the columns of a Jacobian (N, p): what the fit can absorb."""
     lengths = np.linalg.norm(jacobian, axis=0)
     scaled = jacobian[:, lengths > 0] / lengths[lengths > 0]
-    directions, singular, _ = np.linalg.svd(scaled, full_matrices=False)
-    return directions[:, singular > _DEPENDENT * singular.max(initial=0.0)]
+    basis, triangle = np.linalg.qr(scaled)
+    directions, singular, _ = np.linalg.svd(triangle, full_matrices=False)
+    return basis @ directions[:, singular > _DEPENDENT * singular.max(initial=0.0)]

@@ -44,7 +44,7 @@ _CANDIDATES = {0: 1, 1: 65, 2: 256}
 """Candidates by the number of shapes; 65 are the nodes of a series of degree 64."""
 _MOST_CANDIDATES = 512
 """Candidates for three shapes and more.  Chosen by judgement."""
-_SPANNED = 1e-11
+SPANNED = 1e-11
 """The choice ends when no unit row has a larger part outside the span: near rounding."""
 _ROUGH = 1e-6
 """With a larger part outside, the block has no compressed form.  Chosen by judgement."""
@@ -63,6 +63,48 @@ _LARGEST_TABLE = 2**20
 def _forward(signals: np.ndarray, length: int) -> np.ndarray:
     """Fourier transforms (d, F) of signals (M, d)."""
     return np.asarray(scipy.fft.rfft(signals.T, length, axis=1))
+
+
+class Transformed(NamedTuple):
+    """Drives, transformed once for any number of linear blocks.
+
+    Attributes:
+        zeta: (F,) the points of the transform, dimensionless.
+        drives: (d, F) the drives' transforms.
+        length: the transform's length.
+        damping: (M,) the damping of the samples on the circle, dimensionless.
+    """
+
+    zeta: np.ndarray
+    drives: np.ndarray
+    length: int
+    damping: np.ndarray
+
+    @classmethod
+    def of(cls, drives: np.ndarray, grid: Grid) -> Transformed:
+        """The transforms of drives (M, d)."""
+        samples = len(drives)
+        if grid.history == "periodic":
+            zeta = np.exp(-2j * np.pi * np.arange(1, samples // 2 + 1) / samples)
+            transform = _forward(drives, samples)[:, 1 : zeta.size + 1]
+            return cls(zeta, transform, samples, np.ones(samples))
+        length, radius = circle(samples)
+        zeta = radius * np.exp(-2j * np.pi * np.arange(length // 2 + 1) / length)
+        damping = radius ** np.arange(samples)
+        moved = drives - (drives[0] if grid.history == "constant" else 0.0)
+        return cls(zeta, _forward((moved.T * damping).T, length), length, damping)
+
+    def respond(self, values: np.ndarray) -> np.ndarray:
+        """Responses (…, M), without the effect of a constant, for transfer functions (…, F).
+
+        The leading axes of the values are broadcast against those of the drives (d,).
+        """
+        product = values * self.drives
+        missing = self.length // 2 + 1 - self.zeta.size
+        if missing:  # the mean, which a block without static gain cannot pass on
+            product = np.pad(product, [(0, 0)] * (product.ndim - 1) + [(missing, 0)])
+        signals = np.asarray(scipy.fft.irfft(product, self.length, axis=-1))
+        return signals[..., : self.damping.size] / self.damping
 
 
 class Interpolation(eqx.Module):
@@ -159,30 +201,19 @@ class ChosenShapes(NamedTuple):
         return len(self.triangle)
 
     def responses(self, drives: np.ndarray, grid: Grid) -> np.ndarray:
-        """The blocks' responses (M, d, n) to drives (M, d), without the effect of a constant.
+        """The blocks' responses (d, n, M) to drives (M, d), without the effect of a constant.
 
         They equal those of `convolve`, without compilation.
         """
-        samples = len(drives)
-        if grid.history == "periodic":
-            zeta = np.exp(-2j * np.pi * np.arange(1, samples // 2 + 1) / samples)
-            transform = _forward(drives, samples)[:, 1 : zeta.size + 1]
-            length, damping = samples, np.ones(samples)
-        else:
-            length, radius = circle(samples)
-            zeta = radius * np.exp(-2j * np.pi * np.arange(length // 2 + 1) / length)
-            damping = radius ** np.arange(samples)
-            moved = drives - (drives[0] if grid.history == "constant" else 0.0)
-            transform = _forward((moved.T * damping).T, length)
-        missing = np.zeros((drives.shape[1], int(grid.history == "periodic")))
-        responses = np.empty((*drives.shape, self.size))
-        chunk = max(_LARGEST_TABLE // zeta.size, 1)
+        transformed = Transformed.of(drives, grid)
+        responses = np.empty((drives.shape[1], self.size, len(drives)))
+        chunk = max(_LARGEST_TABLE // transformed.zeta.size, 1)
         for k in range(0, self.size, chunk):
             part = _select(self.blocks, slice(k, k + chunk))
-            for index, values in enumerate(np.atleast_2d(transfer(part, zeta, grid)), k):
-                whole = np.concatenate([missing, values * transform], axis=1)
-                response = np.asarray(scipy.fft.irfft(whole, length, axis=1))[:, :samples] / damping
-                responses[:, :, index] = response.T
+            for index, values in enumerate(
+                np.atleast_2d(transfer(part, transformed.zeta, grid)), k
+            ):
+                responses[:, index] = transformed.respond(values)
         return responses
 
     def in_coordinates(self, rows: np.ndarray) -> np.ndarray:
@@ -214,8 +245,13 @@ def unit_gains(layout: Layout) -> list[dict[str, float]]:
     return [{name: float(name == one) for name in names} for one in ("", *names)]
 
 
-def choose_shapes(block: AbstractBlock, driven_by: np.ndarray, grid: Grid) -> ChosenShapes | None:
-    """Shapes of a bounded block that signals (M, n) drive; None where too many would be needed."""
+def choose_shapes(
+    block: AbstractBlock, driven_by: np.ndarray, grid: Grid, spanned: float = SPANNED
+) -> ChosenShapes | None:
+    """Shapes of a bounded block that signals (M, n) drive; None where too many would be needed.
+
+    The choice ends where all other shapes are in the span to `spanned`, as a share of their size.
+    """
     zeta, weights = _points(driven_by, grid)
     layout = layout_of(block)
     count = len(layout.shapes)
@@ -234,7 +270,7 @@ def choose_shapes(block: AbstractBlock, driven_by: np.ndarray, grid: Grid) -> Ch
     columns = np.concatenate([np.real(weighted), np.imag(weighted)], axis=1)
     lengths = np.linalg.norm(columns, axis=1)
     usable = np.flatnonzero(lengths > 0)
-    selected, basis, remainder = _greedy(columns[usable] / lengths[usable, None])
+    selected, basis, remainder = _greedy(columns[usable] / lengths[usable, None], spanned)
     if remainder > _ROUGH:
         return None
     selected = usable[selected]
@@ -331,8 +367,8 @@ def _spread(count: int) -> np.ndarray:
     return np.unique(np.round(np.geomspace(1, count, _POINTS)).astype(int)) - 1
 
 
-def _greedy(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
-    """Rows (C, F) of unit length that span the others.
+def _greedy(rows: np.ndarray, spanned: float) -> tuple[np.ndarray, np.ndarray, float]:
+    """Rows (C, F) of unit length that span the others, to `spanned`.
 
     Returned are their indices, an orthonormal basis (J, F) of them, and the largest part of a row
     that lies outside their span.
@@ -341,7 +377,7 @@ def _greedy(rows: np.ndarray) -> tuple[np.ndarray, np.ndarray, float]:
     while True:
         lengths = np.sqrt(np.einsum("cf,cf->c", outside, outside))
         largest = float(lengths.max(initial=0.0))
-        if largest < _SPANNED or len(selected) == _LARGEST_RANK:
+        if largest < spanned or len(selected) == _LARGEST_RANK:
             return np.array(selected, int), basis, largest
         selected.append(int(np.argmax(lengths)))
         # Orthogonalised a second time, because of rounding.

@@ -51,6 +51,8 @@ class Solved:
         blocks: each recording's block.
         whitened: per recording (L,) the whitened residual.
         free: the number of free parameters, own terms included.
+        derivative: (L, free) the whitened derivative by parameters and own terms, where it was
+            solved in a stack; None where it is not known yet.
     """
 
     preparation: Preparation
@@ -65,6 +67,7 @@ class Solved:
     blocks: tuple[AbstractBlock, ...]
     whitened: tuple[np.ndarray, ...]
     free: int
+    derivative: np.ndarray | None = None
 
     @property
     def kurtosis(self) -> float:
@@ -84,7 +87,27 @@ class Solved:
 
     def on(self, preparation: Preparation) -> Solved:
         """The same optimum with other recordings, or with the same under other weights."""
-        return replace(self, preparation=preparation)
+        return replace(self, preparation=preparation, derivative=None)
+
+    def scaled(self, preparation: Preparation, scale: float) -> Solved:
+        """The same optimum where another noise multiplies all whitened residuals by a factor."""
+        return replace(
+            self,
+            preparation=preparation,
+            cost=scale**2 * self.cost,
+            whitened=tuple(scale * residual for residual in self.whitened),
+            start_costs=tuple(scale**2 * cost for cost in self.start_costs),
+            derivative=None if self.derivative is None else scale * self.derivative,
+        )
+
+    @property
+    def stacked(self) -> bool:
+        """Whether it was solved in a stack."""
+        return self.derivative is not None
+
+    def whitened_derivative(self) -> np.ndarray:
+        """The whitened derivative (ΣL, parameters + own)."""
+        return self.sensitivity().whitened if self.derivative is None else self.derivative
 
     def sensitivity(self) -> Sensitivity:
         """The derivative of the simulations with respect to each free parameter."""

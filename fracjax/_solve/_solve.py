@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import replace
 
 import jax
@@ -10,11 +11,12 @@ import numpy as np
 from .._blocks import AbstractBlock
 from .._computing import map_in_threads
 from .._parameters import named_parameters, set_values
-from .._prepare import Preparation, Problem, layout_of
+from .._prepare import Preparation, Problem, layout_of, position_of
 from ._least_squares import Descent, Objective, begin, descend, simulate
 from ._programs import limit_compiled_programs
 from ._result import Solved
-from ._search import search
+from ._search import LEAST_STARTS, search
+from ._stack import Row, can_stack, solve_rows
 
 _ROUNDS = 20
 """Most rounds of further descents.  Chosen by judgement."""
@@ -167,6 +169,50 @@ def solved_at(
 def _counted_samples(problems: tuple[Problem, ...]) -> int:
     """The number of samples that count."""
     return int(sum(np.count_nonzero(p.weights) for p in problems))
+
+
+def fit_blocks(
+    blocks: Sequence[AbstractBlock], preparations: Sequence[Preparation], starts: int, seed: int
+) -> list[Solved]:
+    """The optimum of each block on its preparation, from several starts.
+
+    Recordings alike are solved together; those for which that is not possible, or takes more time,
+    are solved one by one.
+    """
+    pairs = list(zip(blocks, preparations, strict=True))
+    alike = [starts >= LEAST_STARTS and can_stack(*pair) for pair in pairs]
+    # Recordings of one model share the block, and so its starts.
+    positions: dict[int, np.ndarray] = {}
+    rows = []
+    for (block, preparation), stackable in zip(pairs, alike, strict=True):
+        if stackable:
+            if id(block) not in positions:
+                positions[id(block)] = start_positions(block, starts, seed)
+            rows.append(Row(preparation, block, positions[id(block)]))
+    solved = iter(solve_rows(rows))
+    return [
+        (next(solved) if stackable else None) or fit_block(block, preparation, starts, seed)
+        for (block, preparation), stackable in zip(pairs, alike, strict=True)
+    ]
+
+
+def solve_again(solved: Sequence[Solved], preparations: Sequence[Preparation]) -> list[Solved]:
+    """The optimum of each block on another preparation, starting from where it is."""
+    rows = [
+        Row(preparation, one.block, position_of(one.block)[None])
+        for one, preparation in zip(solved, preparations, strict=True)
+        if one.stacked
+    ]
+    again = iter(solve_rows(rows))
+    return [
+        (next(again) if one.stacked else None) or solve_from([one.block], preparation)
+        for one, preparation in zip(solved, preparations, strict=True)
+    ]
+
+
+def start_positions(block: AbstractBlock, count: int, seed: int) -> np.ndarray:
+    """The positions (S, n) of `starts_of`, within the bounds."""
+    return np.clip([position_of(start) for start in starts_of(block, count, seed)], 0.0, 1.0)
 
 
 def fit_block(block: AbstractBlock, preparation: Preparation, starts: int, seed: int) -> Solved:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import lru_cache
 from typing import NamedTuple
@@ -10,17 +11,19 @@ import jax
 import numpy as np
 
 from .._blocks import AbstractBlock
-from .._computing import compiled
-from .._operators import speed
 from .._prepare import Problem, layout_of, with_gains, with_shapes_at
 from ._chains import Chain, chains_of
-from ._interpolation import ChosenShapes, choose_shapes, is_bounded
+from ._interpolation import SPANNED, ChosenShapes, choose_shapes, is_bounded
+from ._responses import speeds
 
 FRESH = 4
 """Positions at which a compressed problem is compared with the full model.  Chosen by judgement."""
 _MOST_SIGNALS = 400
 """Most signals of a chain, above which compression does not pay.  Chosen by judgement."""
-_speed = compiled(speed)
+
+
+Chosen = tuple[tuple[ChosenShapes, ChosenShapes | None], ...]
+"""Per chain, its first and last block at chosen shapes."""
 
 
 class Span(NamedTuple):
@@ -36,7 +39,7 @@ class Span(NamedTuple):
 
     key: tuple
     signals: np.ndarray
-    chosen: tuple[tuple[ChosenShapes, ChosenShapes | None], ...]
+    chosen: Chosen
     fresh: np.ndarray
 
 
@@ -54,7 +57,7 @@ def span_of(block: AbstractBlock, problem: Problem) -> Span | None:
     reread and recordings of the same drive need the same span again.
     """
     chains = chains_of(block)
-    if chains is None or not all(map(_is_bounded, chains)):
+    if chains is None or not all_bounded(chains):
         return None
     size = sum(size for _, size in layout_of(block).gains)
     # The values of the free parameters make no difference.
@@ -69,9 +72,12 @@ def span_of(block: AbstractBlock, problem: Problem) -> Span | None:
     )
 
 
-def _is_bounded(chain: Chain) -> bool:
-    """Whether all shapes of a chain have bounds."""
-    return is_bounded(chain.before) and (chain.after is None or is_bounded(chain.after))
+def all_bounded(chains: Sequence[Chain]) -> bool:
+    """Whether all shapes of chains have bounds."""
+    return all(
+        is_bounded(chain.before) and (chain.after is None or is_bounded(chain.after))
+        for chain in chains
+    )
 
 
 @dataclass(frozen=True)
@@ -94,27 +100,41 @@ def _compute(request: _Request) -> Span | None:
     """The span of a request, kept for equal requests."""
     chains, problem = chains_of(request.block), request.problem
     assert chains is not None  # span_of has checked it
-    drive, grid = np.asarray(problem.drive), problem.grid
-    signals_of_chains: list[np.ndarray] = [np.zeros((drive.size, 0))]
+    span = span_of_drives(chains, np.asarray(problem.drive)[:, None], problem)
+    if span is None:
+        return None
+    chosen, signals = span
+    return Span(request.key, signals[0].T.copy(), chosen, _fresh(request.block, problem))
+
+
+def span_of_drives(
+    chains: Sequence[Chain], drives: np.ndarray, like: Problem, spanned: float = SPANNED
+) -> tuple[Chosen, np.ndarray] | None:
+    """Chains at shapes chosen for all drives (M, d) together, and their signals (d, n, L).
+
+    The drives are on the grid of the problem `like`.  None where too many signals would be needed.
+    """
+    grid, samples, count = like.grid, len(drives), drives.shape[1]
+    signals_of_chains = [np.zeros((count, 0, -(-samples // like.oversampling)))]
     chosen = []
     for chain in chains:
-        first = choose_shapes(chain.before, drive[:, None], grid)
+        first = choose_shapes(chain.before, drives, grid, spanned)
         if first is None:
             return None
-        signals = first.responses(drive[:, None], grid)[:, 0]
+        signals = first.responses(drives, grid)
         if chain.rated:
-            signals = signals * np.asarray(_speed(drive, grid))[:, None]
+            signals *= speeds(drives, grid)[:, None]
         second = None
         if chain.after is not None and first.size:
-            second = choose_shapes(chain.after, signals, grid)
+            between = signals.reshape(-1, samples).T
+            second = choose_shapes(chain.after, between, grid, spanned)
             if second is None or first.size * second.size > _MOST_SIGNALS:
                 return None
-            signals = second.responses(signals, grid).reshape(drive.size, -1)
-        signals_of_chains.append(signals)
+            signals = second.responses(between, grid).reshape(count, -1, samples)
+        # A copy, so that the finer grid's signals are not kept in memory.
+        signals_of_chains.append(signals[:, :, :: like.oversampling].copy())
         chosen.append((first, second))
-    # A copy, so that the finer grid's signals are not kept in memory.
-    signals = np.concatenate(signals_of_chains, axis=1)[:: problem.oversampling].copy()
-    return Span(request.key, signals, tuple(chosen), _fresh(request.block, problem))
+    return tuple(chosen), np.concatenate(signals_of_chains, axis=1)
 
 
 def _fresh(block: AbstractBlock, problem: Problem) -> np.ndarray:

@@ -5,8 +5,7 @@ from pathlib import Path
 import pytest
 
 import fracjax as fj
-import fracjax._batch._rows
-from tests.batch.helpers import recording, save
+from tests.batch.helpers import fit_by, recording, save
 
 
 @pytest.fixture(scope="session")
@@ -23,7 +22,7 @@ def quick(monkeypatch, fitted) -> list[dict]:
         calls.append({"model": model, "source": recording.source, **options})
         return fitted
 
-    monkeypatch.setattr(fracjax._batch._rows, "fit", fit)
+    fit_by(monkeypatch, fit)
     return calls
 
 

@@ -1,5 +1,6 @@
 """Recordings, a batch of them, and fits that take no time."""
 
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
@@ -7,6 +8,8 @@ import numpy as np
 import pandas as pd
 
 import fracjax as fj
+from fracjax._batch import _rows
+from fracjax._fit import Outcome
 from fracjax._io import write_text
 from fracjax._parameters import replace_parameters
 
@@ -32,6 +35,17 @@ def save(path: Path, seed: int, samples: int = 250) -> Path:
     path.parent.mkdir(exist_ok=True)
     write_text(path, columns | {"displacement_um": response})
     return path
+
+
+def fit_by(monkeypatch, fit: Callable[..., fj.Fit]) -> None:
+    """Let a batch fit by this function, recordings that would be fitted together too."""
+
+    def fit_all(models, recordings, **options):
+        pairs = zip(models, recordings, strict=True)
+        return [Outcome(fit(model, recording, **options)) for model, recording in pairs]
+
+    monkeypatch.setattr(_rows, "fit", fit)
+    monkeypatch.setattr(_rows, "fit_all", fit_all)
 
 
 def batch(recordings, **options) -> pd.DataFrame:

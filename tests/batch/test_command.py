@@ -8,10 +8,10 @@ from pathlib import Path
 
 import pytest
 
-import fracjax._batch._rows
 from fracjax._batch import FITS
 from fracjax._batch._parts import Parts
 from fracjax._cli import run
+from tests.batch.helpers import fit_by
 from tests.helpers import failure
 
 
@@ -21,9 +21,9 @@ def test_the_command(data, quick, capsys):
     call += ["--mask", "1 s..2 s", "--loss", "huber"]
     assert run([*call, "--settle", "250ms", "--seed", "3", "--history", "rest"]) == 0
     out, err = capsys.readouterr()
-    assert out.startswith("creep: of 7 recordings 6 fitted, 1 unreadable.\n")
+    assert out.startswith("creep: of 7 recordings 6 fitted, 1 unreadable; of the fitted, 0 with a ")
     assert "Unreadable: " in out
-    assert out.endswith(f"Written: results/{FITS}\n")
+    assert out.endswith(f"Written: results/{FITS}, results/fits.csv, results/report.html\n")
     assert err == ""
     told = (quick[0]["history"], quick[0]["settling"], quick[0]["seed"], quick[0]["starts"])
     assert told == ("rest", "250ms", 3, 4)
@@ -45,7 +45,7 @@ def test_the_command_as_json_and_quiet(data, quick, capsys):
 
 def test_the_command_where_fits_do_not_converge(data, quick, fitted, monkeypatch, capsys):
     failed = replace(fitted, converged=False)
-    monkeypatch.setattr(fracjax._batch._rows, "fit", lambda *_, **__: failed)
+    fit_by(monkeypatch, lambda *_, **__: failed)
     assert run(["batch", str(data), "--model", "creep", "--out", "results", "--quiet"]) == 3
     assert failure(capsys).startswith("7 of 7 fits did not converge; ")
 

@@ -7,7 +7,7 @@ import fracjax as fj
 import fracjax._batch._rows
 from fracjax._batch._jobs import Held
 from fracjax._batch._processes import in_processes
-from fracjax._batch._rows import Work, row_of
+from fracjax._batch._rows import Work, rows_of
 from tests.batch.helpers import OUT, recording
 
 
@@ -24,7 +24,7 @@ def test_processes_fit_as_fit_does_and_outlive_one_that_dies():
     rows = {row["key"]: row for some in in_processes(jobs, work, 1) for row in some}
     assert len(rows) == 3
     for job in (jobs[0], jobs[2]):
-        assert rows[job.key] == row_of(job, work)
+        assert [rows[job.key]] == rows_of([job], work)
     lost = rows[jobs[1].key]
     assert (lost["status"], lost["source"]) == ("failed", "deadly")
     assert lost["reason"] == "the process that fitted it died."

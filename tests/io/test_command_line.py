@@ -89,22 +89,23 @@ def test_rows_told_by_the_call(capsys):
     assert "rows to skip only in text or XLSX" in capsys.readouterr().err
 
 
-def test_spreads_of_a_batch_are_told_unit_by_unit():
+def test_spreads_of_a_batch_are_in_one_unit():
     import pandas as pd
 
     rows = pd.DataFrame(
         {
-            "status": ["fitted"] * 4,
-            "rmse": [1.0, 1.2, 900.0, 1000.0],
-            "response_unit": ["um", "um", "nm", "nm"],
-            "k.value": [0.1, 0.12, 104.0, 110.0],
-            "k.unit": ["um/V", "um/V", "nm/V", "nm/V"],
+            "status": ["fitted"] * 5,
+            "rmse": [1.0, 1.2, 1.1, 900.0, 1000.0],
+            "response_unit": ["um", "um", "um", "nm", "nm"],
+            "k.value": [0.1, 0.12, 0.11, 104.0, 110.0],
+            "k.standard_error": [0.01] * 5,
+            "k.unit": ["um/V", "um/V", "um/V", "nm/V", "nm/V"],
         }
     )
     _, table = _spreads(rows)
-    assert [(line[0], line[-1]) for line in table] == [
-        *(("RMSE", unit) for unit in ("µm", "nm")),
-        *(("k", unit) for unit in ("µm/V", "nm/V")),
+    assert [(line[0], line[2], line[4]) for line in table] == [
+        ("RMSE", "1", "µm"),
+        ("k", "0.11", "µm/V"),
     ]
     assert FITS.endswith(".parquet")
 

@@ -9,7 +9,7 @@ import pytest
 import fracjax as fj
 from fracjax._operators import Grid
 from fracjax._prepare import prepare
-from fracjax._solve import _numerics, refine_until_accurate, silent, solve_from
+from fracjax._solve import Solved, _numerics, refine_until_accurate, silent, solve_from
 from tests.helpers import specified
 
 STEP = 4e-3
@@ -123,7 +123,7 @@ def test_a_step_that_is_fine_costs_one_look(monkeypatch):
     monkeypatch.setattr(_numerics, "simulate", looked)
     found = fit(recording, known)
     step = found.preparation.oversampling
-    assert looks == [step, 2 * step]
+    assert sorted(looks) == [step, 2 * step]
 
 
 def test_a_grid_is_refined_as_far_as_what_the_fit_leaves_asks_for():
@@ -166,11 +166,12 @@ def test_a_grid_is_no_finer_than_the_error_falls(errors, grid, monkeypatch):
         return np.array([0.0, changes[: changes.size - coarser].sum()])
 
     monkeypatch.setattr(_numerics, "_whitened", whitened)
-    monkeypatch.setattr(_numerics, "orthonormal_basis", lambda _: np.array([[1.0], [0.0]]))
+    monkeypatch.setattr(Solved, "whitened_derivative", lambda _: np.array([[1.0], [0.0]]))
     with jax.enable_x64(True):
         prepared = prepare([recording], noise=known, history="constant")
         prepared = prepared.with_oversampling(1)
         solved = solve_from([MODEL.with_values(LAW).block], prepared)
-        found, error = _numerics._halved_until(0.5, solved)
+        (halved,) = _numerics._halved([solved])
+        found, error = _numerics._halved_until(0.5, solved, halved)
     assert found.oversampling == grid
     assert error == pytest.approx(np.nan_to_num(errors[int(np.log2(grid))], nan=np.inf))

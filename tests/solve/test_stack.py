@@ -1,0 +1,116 @@
+"""Recordings solved together, compared with each on its full model."""
+
+import numpy as np
+import pytest
+
+import fracjax as fj
+from fracjax._computing import computing
+from fracjax._prepare import HistoryOption, Preparation, prepare
+from fracjax._solve import Solved, fit_blocks, simulate, solve_from
+from fracjax._solve._stack import Row, can_stack, solve_rows
+
+STEP, SAMPLES = 2e-3, 600
+SHAPES = {
+    "foh": {"k_l": 0.07, "k_h": 0.04, "k_p": 2e-4, "alpha": 0.2, "beta": -0.15},
+    "creep": {"k_c": 0.1, "mu": 0.02},
+    "lfdh": {"k_0": 0.05, "k_delta": 0.1, "chi": 0.3, "delta": 0.1, "mu": 0.45},
+}
+
+
+def preparations(
+    model: fj.Model, own: bool, history: HistoryOption = "constant"
+) -> list[Preparation]:
+    """Five recordings, each with a drive of its own or all with one, the last in coloured noise."""
+    times, prepared = STEP * np.arange(SAMPLES), []
+    for k in range(5):
+        generator = np.random.default_rng(k)
+        phases = np.random.default_rng(k if own else 0).uniform(0, 6, 3)
+        drive = 40 + np.sin(2 * np.pi * np.outer(times, [1.7, 5.3, 11.9]) + phases) @ [14, 8, 5]
+        with computing():
+            response = model.block.respond(drive, fj.Grid(np.asarray(STEP), "constant"))
+        white = 1e-3 * np.ptp(response) * generator.standard_normal(SAMPLES)
+        level = float(white.std())
+        filter_ = np.array([1.0, -0.6]) if k == 4 else np.ones(1)
+        noise = fj.Noise(level, "um", "repeats", filter_, level)
+        if k == 4:
+            for t in range(1, SAMPLES):
+                white[t] += 0.6 * white[t - 1]
+        recording = fj.Recording(drive, response + white, STEP, source=f"{k}")
+        prepared.append(prepare([recording], noise=noise, history=history))
+    return prepared
+
+
+@pytest.mark.parametrize("own", [True, False], ids=["own drives", "one drive"])
+@pytest.mark.parametrize("name", SHAPES)
+def test_a_stack_ends_where_each_full_model_does(name, own):
+    model = fj.parse_model(name).with_values(SHAPES[name])
+    with computing():
+        prepared = preparations(model, own)
+        together = fit_blocks([model.block] * 5, prepared, 4, 0)
+        alone = [solve_from([each.block], p) for each, p in zip(together, prepared, strict=True)]
+        afresh = [solve_from([model.block], p) for p in prepared]
+        for each, full, other, p in zip(together, alone, afresh, prepared, strict=True):
+            assert each.stacked
+            assert each.cost == pytest.approx(full.cost, rel=1e-8)
+            assert each.cost <= other.cost * (1 + 1e-8)
+            (problem,) = p.problems()
+            response = simulate(each.block, problem)[:SAMPLES] + each.own[0][0]
+            np.testing.assert_allclose(each.simulations[0], response, atol=1e-9 * np.ptp(response))
+            exact = each.sensitivity().whitened
+            difference = np.linalg.norm(each.whitened_derivative() - exact, axis=0)
+            assert np.all(difference < 1e-4 * np.linalg.norm(exact, axis=0))
+            # A parameter's share of a step that lowers χ² no further, in its standard error.
+            step = np.linalg.lstsq(exact, each.whitened[0], rcond=1e-12)[0]
+            errors = np.sqrt(np.diag(np.linalg.pinv(exact.T @ exact, rcond=1e-15)))
+            assert np.all(np.abs(step[:-1]) < 5e-3 * errors[:-1])
+
+
+def test_estimated_histories_are_stacked_too():
+    model = fj.parse_model("foh").with_values(SHAPES["foh"])
+    with computing():
+        prepared = preparations(model, True, "estimated")
+        together = fit_blocks([model.block] * 5, prepared, 4, 0)
+        for each, p in zip(together, prepared, strict=True):
+            assert each.stacked
+            assert each.cost == pytest.approx(solve_from([each.block], p).cost, rel=1e-7)
+
+
+def test_a_row_is_as_it_would_be_alone_whatever_stands_next_to_it():
+    """Also where the others differ in length, or one of them is a thousand times as large."""
+    model = fj.parse_model("foh").with_values(SHAPES["foh"])
+    with computing():
+        prepared = preparations(model, True)
+        (take,) = prepared[1].takes
+        huge = fj.Recording(take.recording.drive, 1e60 * take.recording.response, STEP)
+        short = take.recording.window(0, 500)
+        others = [prepare([each], history="constant") for each in (huge, short)]
+        together = fit_blocks([model.block] * 7, [*prepared, *others], 4, 0)[:5]
+        alone = [fit_blocks([model.block], [p], 4, 0)[0] for p in prepared]
+    for one, other in zip(together, alone, strict=True):
+        assert one.cost == pytest.approx(other.cost, rel=1e-9)
+        for name, parameter in fj.Model(other.block, "foh").parameters.items():
+            value = fj.Model(one.block, "foh").parameters[name].value
+            assert value == pytest.approx(parameter.value, rel=1e-4)
+
+
+def test_what_needs_the_full_model_is_not_stacked():
+    foh, bouc_wen = (fj.parse_model(name).block for name in ("foh", "bouc_wen"))
+    with computing():
+        one, two, *_ = preparations(fj.parse_model("foh"), True)
+        joint = Preparation((*one.takes, *two.takes), 1)
+        assert can_stack(foh, one)
+        assert not can_stack(bouc_wen, one)
+        assert not can_stack(foh, joint)
+        # From two starts each is searched for on the full model, as in `fit`.
+        assert not fit_blocks([foh], [one], 2, 0)[0].stacked
+
+
+def test_a_problem_that_is_not_accurate_enough_is_left_to_the_full_model(monkeypatch):
+    model = fj.parse_model("foh").with_values(SHAPES["foh"])
+    with computing():
+        prepared = preparations(model, True)[0]
+        row = Row(prepared, model.block, np.full((1, 2), 0.5))
+        (solved,) = solve_rows([row])
+        assert isinstance(solved, Solved)
+        monkeypatch.setattr("fracjax._solve._stack._SHARE_OF_NOISE", 1e-15)
+        assert solve_rows([row]) == [None]

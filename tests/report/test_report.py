@@ -117,8 +117,8 @@ def test_a_diagnosis_shows_itself(diagnosis):
     assert "creep &amp; &lt;something&gt;" in diagnosis._repr_html_()
     assert diagnosis.to_dataframe().loc["creep", "score"] == 12.0
     before, after, scores = diagnosis.plot().axes
-    assert before.get_title().startswith("foh: ")
-    assert after.get_title().startswith("foh >> creep: ")
+    assert before.get_title("left").startswith("foh: ")
+    assert after.get_title("left").startswith("foh >> creep: ")
     assert [bar.get_width() for bar in scores.patches] == [12.0, 11.5, 3.0, 0.4]
     assert len(diagnosis.plot_residuals().axes) == 4
     drive = diagnosis.base.preparation.takes[0].recording.drive

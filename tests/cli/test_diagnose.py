@@ -4,6 +4,7 @@ import json
 
 from fracjax._cli import run
 from tests.cli.helpers import FOLDER, written
+from tests.helpers import without_progress
 
 
 def test_diagnose(loop, quick, capsys):
@@ -21,7 +22,7 @@ def test_diagnose(loop, quick, capsys):
     assert out.startswith("Model and recording agree.\n")
     assert "RMSE, held-out data" in out
     assert "The residual does not exceed the noise anywhere." in out
-    assert err == ""
+    assert without_progress(err) == ""
     assert written() == {"diagnosis.json", "fit.json", "report.html"}
 
 

@@ -1,6 +1,7 @@
 """The command posterior."""
 
 import json
+from dataclasses import replace
 
 import numpy as np
 
@@ -11,10 +12,19 @@ from tests.posterior.helpers import TIMES, diagnosis_file
 
 
 def test_the_command_says_when_a_chain_has_not_converged(tmp_path, cubic, capsys, monkeypatch):
-    monkeypatch.setattr(fracjax._fit, "fit", lambda model, recordings, **options: cubic)
-    recording = cubic.preparation.takes[0].recording
+    (take,) = cubic.preparation.takes
+    recording = take.recording
     columns = np.stack([TIMES, recording.drive, recording.response], axis=1)
     path, out = tmp_path / "loop.csv", tmp_path / "out"
+    named = replace(
+        cubic,
+        model=fj.Model(cubic.model.block, "creep"),
+        preparation=replace(
+            cubic.preparation,
+            takes=(replace(take, recording=replace(recording, source=str(path))),),
+        ),
+    )
+    monkeypatch.setattr(fracjax._fit, "fit", lambda model, recordings, **options: named)
     head = "time_s,voltage_V,displacement_um"
     np.savetxt(path, columns, delimiter=",", header=head, comments="")
     call = ["posterior", str(path), "--model", "creep", "--out", str(out), "--quiet"]
@@ -23,7 +33,7 @@ def test_the_command_says_when_a_chain_has_not_converged(tmp_path, cubic, capsys
     assert "did not converge in 100 steps" in err
     assert err.count("\n") == 1
     assert not fj.load_posterior(out).converged
-    doubted = diagnosis_file(tmp_path, verdict="unexplained")
+    doubted = diagnosis_file(tmp_path, verdict="unexplained", model="creep")
     again = [*call, "--noise-model", "white", "--resume", "--json", "--diagnosis", str(doubted)]
     assert run([*again, "--steps", "4000"]) == 0
     told = json.loads(capsys.readouterr().out)

@@ -13,7 +13,7 @@ from fracjax._diagnose._next_experiment import (
     LIKELY,
     Drive,
     Limits,
-    _most_telling,
+    _most_distinguishing,
     _Trial,
     drives,
     parse_limits,
@@ -24,6 +24,7 @@ from fracjax._diagnose._next_experiment import (
 from fracjax._parameters import set_values
 from fracjax._prepare import Noise, prepare
 from fracjax._solve import silent
+from tests.helpers import specified
 
 STEP, LEAD = 1e-3, 204
 TIMES = STEP * np.arange(4000)
@@ -156,7 +157,7 @@ def test_what_shows_above_the_band_is_sought_at_a_higher_rate(late, rate):
 @pytest.mark.parametrize(("sigma", "rate"), [(0.2, 250), (0.4, 62.5)])
 def test_what_shows_after_the_recording_is_sought_at_a_lower_rate(sigma, rate):
     """A creep and a drift, of which four seconds show the beginning: longer holds part them."""
-    noise = Noise(sigma, "um", "specification", np.ones(1), sigma)
+    noise = specified(sigma)
     with jax.enable_x64(True):
         preparation = prepare([recording(0.5)], noise=noise, history="constant")
         base = fj.parse_model("foh").block
@@ -178,11 +179,11 @@ def test_two_that_nothing_tells_apart_are_no_reason_to_leave_the_others_together
         alike = propose([lag, lag, late], preparation, Limits(0, 100, 1e5), silent)
         among = propose([late, lag, lag], preparation, Limits(0, 100, 1e5), silent)
         alone = propose([lag, lag], preparation, Limits(0, 100, 1e5), silent)
-    assert (alike.told, alike.all_apart) == ((2,), False)
-    assert (among.told, among.all_apart) == ((1, 2), False)
+    assert (alike.distinguished, alike.all_apart) == ((2,), False)
+    assert (among.distinguished, among.all_apart) == ((1, 2), False)
     assert alike.probability == pytest.approx(among.probability)
     assert alike.probability > 0.95
-    assert (alone.told, alone.all_apart) == ((1,), True)
+    assert (alone.distinguished, alone.all_apart) == ((1,), True)
     assert alone.probability < 1e-3
 
 
@@ -204,14 +205,14 @@ def probabilities(*drives: tuple[float, float, float]) -> np.ndarray:
     ],
 )
 def test_the_most_telling_drive(drives, chosen):
-    assert _most_telling(probabilities(*drives)) == chosen
+    assert _most_distinguishing(probabilities(*drives)) == chosen
 
 
 def test_what_a_drive_would_show_is_told_in_units_of_the_noise():
     """Of a delay and none: the rms of their difference over the noise's, whatever the grid."""
     drive = Drive("sine", 50 + 40 * np.sin(2 * np.pi * 5 * TIMES), STEP)
     sigma, lag = 0.01, 2e-3
-    noise = Noise(sigma, "um", "specification", np.ones(1), sigma)
+    noise = specified(sigma)
     with jax.enable_x64(True):
         block = Delay(lag, longest=0.1)
         late, punctual = (set_values(block, {"delay": d}) for d in (lag, 0.0))

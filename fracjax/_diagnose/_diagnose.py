@@ -34,7 +34,9 @@ from ._result import Diagnosis, NextExperiment
 from ._sentence import next_experiment, sentence_of, where_of
 
 _STARTS = 8
-MAX_TIME = 120.0
+"""Starts of the base fit; chosen by judgement."""
+_MAX_TIME = 120.0
+"""The default time limit [s]; chosen by judgement."""
 
 
 def diagnose(
@@ -50,20 +52,38 @@ def diagnose(
     mask: Mask = (),
     seed: int = 0,
     progress: Progress = silent,
-    max_time: float = MAX_TIME,
+    max_time: float = _MAX_TIME,
 ) -> Diagnosis:
-    """Say whether, where and why a model, or that of a name, and recordings differ beyond noise.
+    """State whether, where and why a model and recordings differ by more than the noise.
 
-    `holdout` is a recording that no fit sees; without one stretches are set aside in turn.
-    `repeat` holds the drive of a recording a second time, for the noise floor, or several do those
-    of several; what shows no noise of its own, in periods or rests, has that of another with the
-    same rate.  `noise` is the sensor's specification, rms, a number in the response's unit or a
-    text such as "0.07 um", used where nothing of this shows the noise.
-    `limits` of the drive, "0..100 V, 50 V/ms", bound the next experiment; without them the range
-    that was recorded and ten times its fastest change do.  `mask` leaves out times [s] from the
-    first sample, ends included, of every recording but those two.  After `max_time` [s], or where
-    it is interrupted, the verdict is what it has come to, and says so.
-    Raises InputError where the recordings do not fit together.
+    Args:
+        model: the base model, or the name of one.
+        recordings: one recording or several, each with a drive (N,) and a response (N,) in its
+            units.
+        holdout: a recording that no fit uses; without one, stretches of the recordings are held
+            out in turn.
+        repeat: a recording with the same drive as one of `recordings`, or several, from which the
+            noise floor is estimated.  A recording whose noise neither a repeat, nor periods, nor
+            rests show, has the noise of another with the same sampling rate.
+        noise: the sensor's specification, rms, a number in the response's unit or a text such as
+            "0.07 um", used if no recording shows the noise.
+        history: the prior history of the drive, such as "constant"; None if the data decide.
+        settling: the start that is left out, a number of samples or a time such as "1 s"; None if
+            the data decide.
+        limits: of the drive in the next experiment, such as "0..100 V, 50 V/ms"; by default the
+            recorded range and ten times its fastest change.
+        mask: times [s] from the first sample, ends included, that are left out of every recording
+            except `holdout` and `repeat`.
+        seed: of the random starts, a whole number ≥ 0.
+        progress: is called with a text at every step.
+        max_time: after this time [s], or an interruption, no further refit starts, and the
+            diagnosis is marked as not `complete`.
+
+    Returns:
+        The diagnosis; its results state their units.
+
+    Raises:
+        InputError: if the recordings have different units, or an option is unusable.
     """
     listed = recordings_of(recordings)
     model = model_of(model, listed)
@@ -78,14 +98,14 @@ def diagnose(
     if not max_time > 0:
         raise InputError.at("max_time", "seconds above 0", f"{max_time}", "give more")
     clock = Clock(max_time)
-    changed: list[str] = []
-    changes = (without_spikes, unrounded)
-    for change in (*changes, thinned) if not mask and settling is None else changes:
-        pairs = [change(recording) for recording in listed]
+    corrected: list[str] = []
+    corrections = (without_spikes, unrounded)
+    for correct in (*corrections, thinned) if not mask and settling is None else corrections:
+        pairs = [correct(recording) for recording in listed]
         listed = [recording for recording, _ in pairs]
-        changed += [said for _, said in pairs if said]
+        corrected += [warning for _, warning in pairs if warning]
     with computing():
-        progress("reading the noise floor")
+        progress("estimating the noise floor")
         preparation = prepare(
             listed,
             repeats=repeats,
@@ -97,21 +117,21 @@ def diagnose(
         progress(f"fitting {model.name} from {_STARTS} starts")
         solved = settle(model.block, preparation, history=history, starts=_STARTS, seed=seed)
         preparation = solved.preparation
-        progress("correcting for the grid")
+        progress("correcting the discretisation error")
         base = fitted([solved.block], preparation)
         unseen = None if holdout is None else held_out_take(preparation.takes[0], holdout)
         predict = predict_stretches if unseen is None else partial(predict_recording, take=unseen)
-        doubts = [said for said in map(wrong_way, listed) if said]
+        doubts = [warning for warning in map(wrong_way, listed) if warning]
         inquiry = inquire(base, model.block, progress, clock, may_name=not doubts)
         findings = Findings(model, inquiry, unseen, predict, tuple(doubts))
         if findings.is_refuted:
             findings = replace(findings, inquiry=inquiry.unnamed())
         limits = limits or recorded_limits(listed)
-        return _concluded(findings, limits, changed, progress, clock)
+        return _concluded(findings, limits, corrected, progress, clock)
 
 
 def held_out_take(first: Take, holdout: Recording) -> Take:
-    """The held-out recording under the assumptions of the first training recording."""
+    """The held-out recording, with the history and the noise of the first training recording."""
     require_units_of(first.recording, holdout)
     noise = measured_noise(holdout) or first.noise
     if first.history != "periodic":
@@ -123,11 +143,11 @@ def held_out_take(first: Take, holdout: Recording) -> Take:
 def _concluded(
     findings: Findings,
     limits: Limits,
-    changed: Sequence[str],
+    corrected: Sequence[str],
     progress: Progress,
     clock: Clock,
 ) -> Diagnosis:
-    """The verdict and everything that supports it."""
+    """The diagnosis: its verdict and everything that supports it."""
     progress("writing the verdict")
     verdict, effects, axes = findings.verdict, findings.effects, findings.axes
     named = [name.effect for name in findings.inquiry.names]
@@ -140,13 +160,13 @@ def _concluded(
         effects=effects,
         candidates=findings.candidates,
         axes=axes,
-        where=where_of(axes, verdict, named, findings.left_in_each),
+        where=where_of(axes, verdict, named, findings.residuals),
         noise=findings.noise,
         numerics=findings.base.numerics,
         p_value=findings.p_value,
         held_out=findings.held_out,
         next_experiment=_next_experiment(findings, limits, progress, clock),
-        warnings=(*changed, *findings.doubts, *_warnings(findings)),
+        warnings=(*corrected, *findings.doubts, *_warnings(findings)),
         shape=findings.shape,
         complete=not clock.stopped,
     )
@@ -155,7 +175,7 @@ def _concluded(
 def _next_experiment(
     findings: Findings, limits: Limits, progress: Progress, clock: Clock
 ) -> NextExperiment | None:
-    """The drive that tells apart what this recording cannot."""
+    """The drive that distinguishes the effects that this recording does not."""
     rivals = max(findings.inquiry.rivals, key=len, default=())
     if len(rivals) < 2 or clock.is_over:
         return None
@@ -167,18 +187,19 @@ def _next_experiment(
 
 
 def _warnings(findings: Findings) -> tuple[str, ...]:
+    """Reasons for doubt, in words."""
     base = findings.base
-    found = [
+    warnings = [
         warning
         for take in base.preparation.takes
         for warning in (*take.recording.warnings, *take.recording.checks())
     ]
     if findings.noise.method == "residual":
-        found.append(
-            "The noise floor was taken from the residual itself, for want of repeats, rests or "
-            "a specification: mismatch that looks like noise cannot be excluded."
+        warnings.append(
+            "The noise floor was estimated from the residual itself, since there are no repeats, "
+            "no rests and no specification: a mismatch that looks like noise cannot be excluded."
         )
-    found += discretisation_warnings(base.numerics)
+    warnings += discretisation_warnings(base.numerics)
     if not base.solved.converged:
-        found.append("The base fit did not converge; its figures are those of its best point.")
-    return (*found, *findings.tones, *findings.displaced)
+        warnings.append("The base fit did not converge; its results are those of its best point.")
+    return (*warnings, *findings.tones, *findings.displaced)

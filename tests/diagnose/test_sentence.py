@@ -59,17 +59,17 @@ def test_the_first_place_that_stands_out_is_told():
 
 
 def test_of_several_recordings_each_is_told_first_where_most_is_left():
-    left = [("a.csv", 1.02), ("b.csv", 4.16), ("c.csv", 2.5)]
-    assert where_of(AXES[2:], "missing", residuals=left) == (
+    residuals = [("a.csv", 1.02), ("b.csv", 4.16), ("c.csv", 2.5)]
+    assert where_of(AXES[2:], "missing", residuals=residuals) == (
         "The mismatch stands out along harmonics, at 1.5 to 2.5. "
         "The residual is 4.2 times the noise in b.csv, 2.5 in c.csv, 1 in a.csv."
     )
-    many = [*left, ("d.csv", 1.1), ("e.csv", 1.0), ("f.csv", 0.9)]
+    many = [*residuals, ("d.csv", 1.1), ("e.csv", 1.0), ("f.csv", 0.9)]
     assert where_of(AXES[2:], "missing", residuals=many).endswith(
         "in b.csv, 2.5 in c.csv, 1.1 in d.csv, 1 in a.csv, at most 1 elsewhere."
     )
-    assert "times" not in where_of(AXES[2:], "missing", residuals=left[:1])
-    assert "times" not in where_of(AXES, "none", residuals=left)
+    assert "times" not in where_of(AXES[2:], "missing", residuals=residuals[:1])
+    assert "times" not in where_of(AXES, "none", residuals=residuals)
 
 
 def said(verdict, effects=(), most_like=None, **others) -> str:
@@ -178,7 +178,7 @@ def test_an_error_on_held_out_data_that_rises_is_not_said_to_fall():
 
 
 @pytest.mark.parametrize(
-    ("names", "told", "all_apart", "chance", "said"),
+    ("names", "distinguished", "all_apart", "chance", "said"),
     [
         (("creep", "thermal_drift"), (1,), True, 0.5,
          "Record a sine of 3 Hz: it distinguishes creep from thermal_drift with a probability of "
@@ -210,11 +210,13 @@ def test_an_error_on_held_out_data_that_rises_is_not_said_to_fall():
          "other."),
     ],
 )  # fmt: skip
-def test_the_next_experiment_promises_no_more_than_its_chance(names, told, all_apart, chance, said):
+def test_the_next_experiment_promises_no_more_than_its_chance(
+    names, distinguished, all_apart, chance, said
+):
     drive = Drive("a sine of 3 Hz", np.zeros(2), STEP)
-    found = next_experiment(names, Proposal(drive, chance, told, all_apart))
-    assert found.separates == (names[0], *(names[k] for k in told))
-    assert found.sentence == said.format(advice=advice("creep", "thermal_drift"))
+    proposed = next_experiment(names, Proposal(drive, chance, distinguished, all_apart))
+    assert proposed.separates == (names[0], *(names[k] for k in distinguished))
+    assert proposed.sentence == said.format(advice=advice("creep", "thermal_drift"))
 
 
 def test_advice_is_found_whichever_effect_holds_it():

@@ -25,7 +25,7 @@ from numpy.polynomial import chebyshev
 
 from .._prepare import Preparation
 
-# Grids and orders are chosen by judgement; tests measure what they leave of known hysteresis.
+# Grids and orders are chosen by judgement; tests measure how well they span hysteresis.
 _RADII = np.geomspace(0.004, 0.5, 20)
 """Radii of the plays, over the drive's span."""
 _BEGUN = np.geomspace(0.02, 0.5, 7)

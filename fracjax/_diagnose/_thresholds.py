@@ -10,8 +10,8 @@ judgement."""
 
 SHARE = 0.3
 """If the loop has another shape than the model's: the smallest share of the excess, after loop
-shapes and other effects, that a named effect explains, in training and on held-out stretches.  On 72
-development cases with inexact bases two of 30 effects that were not present explained more."""
+shapes and other effects, that a named effect explains, in training and on held-out stretches.  On
+72 development cases with inexact bases two of 30 effects that were not present explained more."""
 
 SECOND = 0.05
 """If the loop has the model's shape: the smallest share of the whole excess that one of several

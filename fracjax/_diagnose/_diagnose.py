@@ -121,7 +121,8 @@ def diagnose(
         base = fitted([solved.block], preparation)
         unseen = None if holdout is None else held_out_take(preparation.takes[0], holdout)
         predict = predict_stretches if unseen is None else partial(predict_recording, take=unseen)
-        doubts = [warning for warning in map(wrong_way, listed) if warning]
+        follows = not base.displaced
+        doubts = [text for text in (wrong_way(r, follows=follows) for r in listed) if text]
         inquiry = inquire(base, model.block, progress, clock, may_name=not doubts)
         findings = Findings(model, inquiry, unseen, predict, tuple(doubts))
         if findings.is_refuted:

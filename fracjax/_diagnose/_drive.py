@@ -28,9 +28,9 @@ _MOST_SPIKES, _MOST_TIMES = 0.02, 5
 _STRONG = 0.3
 """The amplitude, over the largest one, from which a line of the drive counts for its phase."""
 _HALF = 0.5
-"""The share of the response that even curves must explain, or that must be coherent."""
-_LEAD = np.radians(5.0)
-"""The phase by which a response may lead."""
+"""The share of the response that even curves must explain."""
+_LEAD = 2.0
+"""The phase by which a response may lead [degrees]."""
 _CURVES = 6
 """The order of the polynomials of the drive."""
 
@@ -110,30 +110,40 @@ def _explained(response: np.ndarray, curves: np.ndarray) -> float:
     return float(fitted @ fitted)
 
 
-def wrong_way(recording: Recording) -> str:
-    """The warning of a loop that no actuator has: a response that leads its drive, or that is even
-    in it; "" for other loops."""
-    drive = recording.drive - recording.drive.mean()
-    response = recording.response - recording.response.mean()
-    lines, answer = np.fft.rfft(drive), np.fft.rfft(response)
+def is_even(recording: Recording) -> bool:
+    """Whether a response is even in its drive, a butterfly loop."""
+    drive, response = recording.drive, recording.response - recording.response.mean()
+    curves = chebyshev.chebvander(2 * (drive - drive.min()) / np.ptp(drive) - 1, _CURVES)[:, 1:]
+    by_odd, by_even = (_explained(response, curves[:, k::2]) for k in (0, 1))
+    return by_even > _HALF * response @ response > by_odd
+
+
+def lead_of(recording: Recording) -> float:
+    """By how many degrees a response leads its drive at the drive's lowest strong lines; 0 where
+    it follows."""
+    lines = np.fft.rfft(recording.drive - recording.drive.mean())
+    answer = np.fft.rfft(recording.response - recording.response.mean())
     strong = np.abs(lines) > _STRONG * np.abs(lines).max()
     strong[0] = False
     # Above a resonance a response may seem to lead.
     strong[2 * int(np.argmax(strong)) :] = False
     coherent = np.sum(np.conj(lines[strong]) * answer[strong])
-    size = np.sqrt(np.sum(np.abs(lines[strong]) ** 2) * np.sum(np.abs(answer[strong]) ** 2))
-    lead = float(np.angle(coherent * np.sign(coherent.real or 1.0)))
-    curves = chebyshev.chebvander(2 * (drive - drive.min()) / np.ptp(drive) - 1, _CURVES)[:, 1:]
-    by_odd, by_even = (_explained(response, curves[:, k::2]) for k in (0, 1))
-    if by_even > _HALF * response @ response > by_odd:
+    lead = float(np.degrees(np.angle(coherent * np.sign(coherent.real or 1.0))))
+    return lead if lead > _LEAD else 0.0
+
+
+def wrong_way(recording: Recording, *, follows: bool) -> str:
+    """The warning of a loop that no actuator has: one that is even in the drive, or one that leads
+    it, unless the model `follows` with parameters in their usual ranges; "" for other loops."""
+    if is_even(recording):
         return (
             f"{recording.source}: the response is even in the drive, a butterfly loop, which no "
             "model here describes; diagnose one branch, or measure a quantity that keeps the sign."
         )
-    if lead > _LEAD and abs(coherent) > _HALF * size:
+    lead = lead_of(recording)
+    if lead and not follows:
         return (
-            f"{recording.source}: the response leads the drive by {np.degrees(lead):.2g} degrees, "
-            "and its loop runs the wrong way: the channels are skewed in time or swapped; correct "
-            "that first."
+            f"{recording.source}: the response leads the drive by {lead:.2g} degrees, and its loop "
+            "runs the wrong way: the channels are skewed in time or swapped; correct that first."
         )
     return ""

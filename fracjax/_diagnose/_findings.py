@@ -13,7 +13,7 @@ from .._blocks import AbstractBlock
 from .._fit import Estimate, Fit, fit_of
 from .._models import Model
 from .._parameters import named_parameters
-from .._prepare import Conditions, Noise, Normal, Preparation, Take, layout_of
+from .._prepare import Conditions, Noise, Normal, Preparation, Take
 from ._fitted import Fitted, fitted
 from ._held_out import Predict, Prediction
 from ._inquiry import Inquiry
@@ -84,18 +84,14 @@ class Findings:
     @property
     def displaced(self) -> list[str]:
         """Warnings of base parameters outside their usual range: they may hide an effect."""
-        block, warnings = self.base.solved.block, []
-        parameters = named_parameters(block)
-        for name, _ in layout_of(block).shapes:
-            p = parameters[name]
-            if not p.is_plausible:
-                low, high = p.plausible
-                ends = f"{float(np.min(low)):.3g} to {float(np.max(high)):.3g}"
-                warnings.append(
-                    f"{name} of {self.model.name} ended at {float(np.ravel(p.value)[0]):.3g}, "
-                    f"outside its usual range of {ends}: it may stand in for physics that the "
-                    "model lacks."
-                )
+        warnings = []
+        for name, p in self.base.displaced.items():
+            low, high = p.plausible
+            ends = f"{float(np.min(low)):.3g} to {float(np.max(high)):.3g}"
+            warnings.append(
+                f"{name} of {self.model.name} ended at {float(np.ravel(p.value)[0]):.3g}, outside "
+                f"its usual range of {ends}: it may stand in for physics that the model lacks."
+            )
         return warnings
 
     @cached_property

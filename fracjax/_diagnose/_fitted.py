@@ -9,7 +9,8 @@ from functools import cached_property
 import numpy as np
 
 from .._blocks import AbstractBlock
-from .._prepare import Preparation, Problem
+from .._parameters import Parameter, named_parameters
+from .._prepare import Preparation, Problem, layout_of
 from .._solve import Solved, orthonormal_basis, simulate, solve_from
 
 _FINEST, _MOST_SAMPLES = 32, 2**18
@@ -93,6 +94,14 @@ class Fitted:
         """The simulations (N,) of the fine grid."""
         pairs = zip(self.solved.simulations, self.preparation.defects, strict=True)
         return tuple(simulation + defect[: simulation.size] for simulation, defect in pairs)
+
+    @property
+    def displaced(self) -> dict[str, Parameter]:
+        """The fitted shapes that ended outside their usual range, by name."""
+        block = self.solved.block
+        parameters = named_parameters(block)
+        shapes = {name: parameters[name] for name, _ in layout_of(block).shapes}
+        return {name: p for name, p in shapes.items() if not p.is_plausible}
 
     @cached_property
     def tangent(self) -> np.ndarray:

@@ -157,11 +157,9 @@ def _refitted(
         margin = max(APART, (ALIKE if judge.is_inexact else _ALIKE_EXACT) * gain)
         leading = min([best, *near], key=lambda e: e.cost)
         near = [e if e is leading else beside(e, leading, preparation) for e in near]
-        winner = _simplest([best, *near], margin)
-        together = sorted([best, *near], key=lambda e: (e is not winner, e.standing))
-        together = [e for e in together if e.cost - winner.cost < margin]
+        together = _ranked([best, *near], margin, judge)
         if len(kept) == 1:
-            best = winner
+            best = together[0]
         listed = [_other_name(e, rest) for e in together]
         first = _other_name(best, rest)
         names.append(replace(name, effect=first, alike=tuple(n for n in listed if n != first)))
@@ -169,14 +167,17 @@ def _refitted(
     return replace(inquiry, names=tuple(names), explanation=best, rivals=tuple(rivals))
 
 
-def _simplest(explanations: Sequence[Explanation], margin: float) -> Explanation:
-    """The best of some explanations, or a special case of it that is as good within the margin."""
-    best = min(explanations, key=lambda e: e.standing)
-    special = {EFFECTS[name].special_case for name in best.names}
-    simpler = [
-        e for e in explanations if special & set(e.names) and e.standing < best.standing + margin
-    ]
-    return min(simpler, key=lambda e: e.standing, default=best)
+def _ranked(explanations: Sequence[Explanation], margin: float, judge: Judge) -> list[Explanation]:
+    """The explanations that the best does not exclude.  First those that refits cannot distinguish
+    from it, by the evidence of their columns, which counts all shapes of an effect."""
+    least = min(e.standing for e in explanations)
+
+    def order(explanation: Explanation) -> tuple[bool, float]:
+        behind = explanation.standing - least
+        evidence = judge.fall(explanation.names) - explanation.price
+        return behind >= APART, behind if behind >= APART else -evidence
+
+    return sorted((e for e in explanations if e.standing - least < margin), key=order)
 
 
 def _carried(
@@ -198,11 +199,11 @@ def _carried(
         return None
     fall = base.solved.cost - min(e.fitted.solved.cost for e in fits)
     margin = max(APART, _ALIKE_EXACT * fall)
-    best = _simplest(fits, margin)
+    near = _ranked(fits, margin, judge)
+    best = near[0]
     rival = first.posterior.best.log_posterior - APART / 2
     if first.log_posterior_of(best.fitted.solved.cost, best.price) < rival:
         return None
-    near = [e for e in fits if e.cost - best.cost < margin]
     alike = tuple(e.names[0] for e in near if e is not best)
     present = 1 - inquiry.seen.posterior.nothing
     name = Name(best.names[0], alike, present, min(1.0, fall / judge.excess))

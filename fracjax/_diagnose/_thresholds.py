@@ -26,8 +26,9 @@ ALIKE = 0.1
 """The share of its own reduction of χ² by which an effect must exceed another to exclude it, if the
 loop has another shape than the model's; chosen by judgement."""
 
-APART = 25.0
-"""The smallest difference of χ² by which one effect excludes another: five standard errors."""
+APART = 14.0
+"""The smallest difference of χ², with Occam's factor, by which one effect excludes another: odds of
+a thousand to one."""
 
 MISFIT = 1.3
 """χ² per sample from which the misfit counts as coloured noise; chosen by judgement."""

@@ -125,6 +125,8 @@ def diagnose(
         doubts = [text for text in (wrong_way(r, follows=follows) for r in listed) if text]
         inquiry = inquire(base, model.block, progress, clock, may_name=not doubts)
         findings = Findings(model, inquiry, unseen, predict, tuple(doubts))
+        if findings.plays_predict_worse:
+            findings = replace(findings, with_plays=False)
         if findings.is_refuted:
             findings = replace(findings, inquiry=inquiry.unnamed())
         limits = limits or recorded_limits(listed)

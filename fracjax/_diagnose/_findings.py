@@ -42,6 +42,7 @@ class Findings:
     unseen: Take | None
     predict: Predict
     doubts: tuple[str, ...] = ()
+    with_plays: bool = True
 
     @property
     def base(self) -> Fitted:
@@ -121,7 +122,7 @@ class Findings:
             return None
         explanation = self.inquiry.explanation
         block = self.base.solved.block if explanation is None else explanation.fitted.solved.block
-        if self.inquiry.is_shape:
+        if self._has_plays:
             inside = [layer for layer in self.layers if layer.effect.name == _MEMORY]
             start = _inserted(self.base.solved.block, explanation, inside[0])
             return fitted([start], self._with_usual_plays(start))
@@ -140,7 +141,7 @@ class Findings:
         """The effects that the extended model adds, the first innermost."""
         explanation = self.inquiry.explanation
         named = () if explanation is None else explanation.layers
-        if not self.inquiry.is_shape or not (named or self._shape_is_named):
+        if not self._has_plays or not (named or self._shape_is_named):
             return named
         effect = entry_of(_MEMORY)
         return (Layer(effect, effect.trials(self.base.preparation.setting)[0]), *named)
@@ -320,14 +321,22 @@ class Findings:
         return before, None if self.extended is None else self.predict(self.extended)
 
     @property
-    def is_refuted(self) -> bool:
-        """Whether the extended model predicts a held-out recording clearly worse than the base.
+    def _has_plays(self) -> bool:
+        """Whether the extended model has a sum of plays for the loop's shape."""
+        return self.inquiry.is_shape and self.with_plays
 
-        Plays that stand for the loop's shape are exempt: they are not accurate beyond the range
-        that they were fitted in.
-        """
+    @property
+    def plays_predict_worse(self) -> bool:
+        """Whether the extended model has plays and does not predict held-out data better."""
         before, after = self.predicted
-        if self.unseen is None or after is None or self.inquiry.is_shape:
+        return self._has_plays and after is not None and after.rmse >= before.rmse
+
+    @property
+    def is_refuted(self) -> bool:
+        """Whether a held-out recording is clearly further from the extended model than from the
+        base: then the named effects have followed something else."""
+        before, after = self.predicted
+        if self.unseen is None or after is None:
             return False
         return after.rmse > REFUTED * before.rmse
 

@@ -1,12 +1,12 @@
-"""What every effect of the catalogue would add to the fitted model, as groups of columns.
+"""The changes of the fitted model's response by every effect of the catalogue, as columns.
 
 A column is the secant f(θ̂, φ) - f(θ̂) at a typical size and shape φ, on the fit's coarse grid;
-shapes that differ in linear gains alone are columns of one group.
+trials that differ in linear gains alone are columns of one group.
 """
 
 from __future__ import annotations
 
-from collections.abc import Collection, Hashable, Sequence
+from collections.abc import Hashable, Sequence
 from dataclasses import dataclass
 
 import jax
@@ -20,21 +20,23 @@ from .._prepare import position_of
 from ._fitted import Fitted
 
 _MODES, _DAMPINGS = 80, (0.01, 0.05)
+"""Resonances that are tried: frequencies, and damping ratios of each; chosen by judgement."""
 _LOWEST, _HIGHEST = 10.0, 0.9
+"""Their lowest frequency [Hz], and the highest over Nyquist's; chosen by judgement."""
 
 
 @dataclass(frozen=True, eq=False)
 class Group:
-    """One shape of an effect: its columns (ΣL, k), in the response's unit, and the block that each
-    of them is the secant to."""
+    """One shape of an effect: its columns (ΣL, k), in the response's unit, and the trial block that
+    each of them belongs to."""
 
     effect: Effect
     trials: tuple[AbstractBlock, ...]
     columns: np.ndarray
 
 
-def groups_of(fitted: Fitted, adopted: Collection[str] = ()) -> list[Group]:
-    """The groups of all effects that are not adopted."""
+def groups_of(fitted: Fitted) -> list[Group]:
+    """The groups of all effects."""
     problems, setting = fitted.problems, fitted.preparation.setting
     drives = [np.asarray(problem.drive) for problem in problems]
     blocks = fitted.solved.blocks
@@ -50,7 +52,7 @@ def groups_of(fitted: Fitted, adopted: Collection[str] = ()) -> list[Group]:
         families: dict[Hashable, list[AbstractBlock]] = {}
         for trial in effect.trials(setting):
             families.setdefault((kind_of(trial), position_of(trial).tobytes()), []).append(trial)
-        found = []
+        groups = []
         for trials in families.values():
             columns = []
             for trial in trials:
@@ -58,20 +60,18 @@ def groups_of(fitted: Fitted, adopted: Collection[str] = ()) -> list[Group]:
                 changed = sampled([effect.respond(b, trial, u, y, p.grid) for b, u, y, p in parts])
                 columns += _by_recording(trial, np.nan_to_num(changed - base), lengths)
             each = tuple(trial for trial in trials for _ in range(len(columns) // len(trials)))
-            found.append(Group(effect, each, np.stack(columns, axis=1)))
-        return found
+            groups.append(Group(effect, each, np.stack(columns, axis=1)))
+        return groups
 
-    listed = [effect for name, effect in EFFECTS.items() if name not in adopted]
-    groups = [group for found in map_in_threads(of, listed) for group in found]
-    if "resonance" not in adopted:
-        groups += _modes(fitted, [y[:: p.oversampling] for y, p in zip(own, problems, strict=True)])
-    return groups
+    by_effect = map_in_threads(of, list(EFFECTS.values()))
+    responses = [y[:: p.oversampling] for y, p in zip(own, problems, strict=True)]
+    return [group for groups in by_effect for group in groups] + _modes(fitted, responses)
 
 
 def _by_recording(
     trial: AbstractBlock, column: np.ndarray, lengths: Sequence[int]
 ) -> list[np.ndarray]:
-    """A column (ΣL,), or one for each recording where what it shows begins anew with each."""
+    """A column (ΣL,), or one for each recording if the trial has a parameter per recording."""
     if len(lengths) == 1 or not any(p.per_recording for p in named_parameters(trial).values()):
         return [column]
     recording = np.repeat(np.arange(len(lengths)), lengths)
@@ -79,24 +79,24 @@ def _by_recording(
 
 
 def _modes(fitted: Fitted, responses: Sequence[np.ndarray]) -> list[Group]:
-    """A dense grid of modes: one that rings is seen from nearby alone."""
+    """A dense grid of resonances, since a lightly damped one is only visible near its frequency."""
     setting = fitted.preparation.setting
     lowest, highest = max(_LOWEST, 2 * setting.top_frequency), _HIGHEST * 0.5 / setting.step
-    effect, found = EFFECTS["resonance"], []
+    effect, groups = EFFECTS["resonance"], []
     if lowest >= highest:
         return []
     for frequency in np.geomspace(lowest, highest, _MODES):
         for damping in _DAMPINGS:
-            parts = [_rung(y, frequency * setting.step, damping) - y for y in responses]
+            parts = [_resonated(y, frequency * setting.step, damping) - y for y in responses]
             column = np.concatenate(parts)[:, None]
             trial = Resonance(frequency, damping)
-            found.append(Group(effect, (trial,), column))
-    return found
+            groups.append(Group(effect, (trial,), column))
+    return groups
 
 
-def _rung(signal: np.ndarray, frequency: float, damping: float) -> np.ndarray:
-    """A signal (N,) through a mode of that frequency [1/sample], by the bilinear rule with the
-    frequency kept."""
+def _resonated(signal: np.ndarray, frequency: float, damping: float) -> np.ndarray:
+    """A signal (N,) through a resonance at a frequency [1/sample], by the prewarped bilinear
+    transform."""
     w = 2 * np.pi * frequency
     k = w / np.tan(w / 2)
     first = k * k + 2 * damping * w * k + w * w
@@ -107,6 +107,6 @@ def _rung(signal: np.ndarray, frequency: float, damping: float) -> np.ndarray:
 
 
 def kind_of(block: AbstractBlock) -> Hashable:
-    """What blocks share that differ in the values of their parameters alone."""
+    """A key that blocks share which differ in the values of their parameters alone."""
     leaves, structure = jax.tree_util.tree_flatten(block)
     return structure, tuple(np.shape(leaf) for leaf in leaves)

@@ -34,7 +34,9 @@ from ._result import Diagnosis, NextExperiment
 from ._sentence import next_experiment, sentence_of, where_of
 
 _STARTS = 8
-MAX_TIME = 120.0
+"""Starts of the base fit; chosen by judgement."""
+_MAX_TIME = 120.0
+"""The default time limit [s]; chosen by judgement."""
 
 
 def diagnose(
@@ -50,7 +52,7 @@ def diagnose(
     mask: Mask = (),
     seed: int = 0,
     progress: Progress = silent,
-    max_time: float = MAX_TIME,
+    max_time: float = _MAX_TIME,
 ) -> Diagnosis:
     """State whether, where and why a model and recordings differ by more than the noise.
 
@@ -58,8 +60,8 @@ def diagnose(
         model: the base model, or the name of one.
         recordings: one recording or several, each with a drive (N,) and a response (N,) in its
             units.
-        holdout: a recording that no fit uses; without one, stretches of the recordings are held out
-            in turn.
+        holdout: a recording that no fit uses; without one, stretches of the recordings are held
+            out in turn.
         repeat: a recording with the same drive as one of `recordings`, or several, from which the
             noise floor is estimated.  A recording whose noise neither a repeat, nor periods, nor
             rests show, has the noise of another with the same sampling rate.
@@ -74,8 +76,8 @@ def diagnose(
             except `holdout` and `repeat`.
         seed: of the random starts, a whole number ≥ 0.
         progress: is called with a text at every step.
-        max_time: seconds after which no further refit begins.  The diagnosis is then what it has
-            come to, as after an interruption, and `complete` is false.
+        max_time: after this time [s], or an interruption, no further refit starts, and the
+            diagnosis is marked as not `complete`.
 
     Returns:
         The diagnosis; its results state their units.
@@ -96,14 +98,14 @@ def diagnose(
     if not max_time > 0:
         raise InputError.at("max_time", "seconds above 0", f"{max_time}", "give more")
     clock = Clock(max_time)
-    changed: list[str] = []
-    changes = (without_spikes, unrounded)
-    for change in (*changes, thinned) if not mask and settling is None else changes:
-        pairs = [change(recording) for recording in listed]
+    corrected: list[str] = []
+    corrections = (without_spikes, unrounded)
+    for correct in (*corrections, thinned) if not mask and settling is None else corrections:
+        pairs = [correct(recording) for recording in listed]
         listed = [recording for recording, _ in pairs]
-        changed += [said for _, said in pairs if said]
+        corrected += [warning for _, warning in pairs if warning]
     with computing():
-        progress("reading the noise floor")
+        progress("estimating the noise floor")
         preparation = prepare(
             listed,
             repeats=repeats,
@@ -115,21 +117,24 @@ def diagnose(
         progress(f"fitting {model.name} from {_STARTS} starts")
         solved = settle(model.block, preparation, history=history, starts=_STARTS, seed=seed)
         preparation = solved.preparation
-        progress("correcting for the grid")
+        progress("correcting the discretisation error")
         base = fitted([solved.block], preparation)
         unseen = None if holdout is None else held_out_take(preparation.takes[0], holdout)
         predict = predict_stretches if unseen is None else partial(predict_recording, take=unseen)
-        doubts = [said for said in map(wrong_way, listed) if said]
+        follows = not base.displaced
+        doubts = [text for text in (wrong_way(r, follows=follows) for r in listed) if text]
         inquiry = inquire(base, model.block, progress, clock, may_name=not doubts)
         findings = Findings(model, inquiry, unseen, predict, tuple(doubts))
+        if findings.plays_predict_worse:
+            findings = replace(findings, with_plays=False)
         if findings.is_refuted:
             findings = replace(findings, inquiry=inquiry.unnamed())
         limits = limits or recorded_limits(listed)
-        return _concluded(findings, limits, changed, progress, clock)
+        return _concluded(findings, limits, corrected, progress, clock)
 
 
 def held_out_take(first: Take, holdout: Recording) -> Take:
-    """The held-out recording under the assumptions of the first training recording."""
+    """The held-out recording, with the history and the noise of the first training recording."""
     require_units_of(first.recording, holdout)
     noise = measured_noise(holdout) or first.noise
     if first.history != "periodic":
@@ -141,11 +146,11 @@ def held_out_take(first: Take, holdout: Recording) -> Take:
 def _concluded(
     findings: Findings,
     limits: Limits,
-    changed: Sequence[str],
+    corrected: Sequence[str],
     progress: Progress,
     clock: Clock,
 ) -> Diagnosis:
-    """The verdict and everything that supports it."""
+    """The diagnosis: its verdict and everything that supports it."""
     progress("writing the verdict")
     verdict, effects, axes = findings.verdict, findings.effects, findings.axes
     named = [name.effect for name in findings.inquiry.names]
@@ -158,13 +163,13 @@ def _concluded(
         effects=effects,
         candidates=findings.candidates,
         axes=axes,
-        where=where_of(axes, verdict, named, findings.left_in_each),
+        where=where_of(axes, verdict, named, findings.residuals),
         noise=findings.noise,
         numerics=findings.base.numerics,
         p_value=findings.p_value,
         held_out=findings.held_out,
         next_experiment=_next_experiment(findings, limits, progress, clock),
-        warnings=(*changed, *findings.doubts, *_warnings(findings)),
+        warnings=(*corrected, *findings.doubts, *_warnings(findings)),
         shape=findings.shape,
         complete=not clock.stopped,
     )
@@ -173,7 +178,7 @@ def _concluded(
 def _next_experiment(
     findings: Findings, limits: Limits, progress: Progress, clock: Clock
 ) -> NextExperiment | None:
-    """The drive that tells apart what this recording cannot."""
+    """The drive that distinguishes the effects that this recording does not."""
     rivals = max(findings.inquiry.rivals, key=len, default=())
     if len(rivals) < 2 or clock.is_over:
         return None
@@ -185,18 +190,19 @@ def _next_experiment(
 
 
 def _warnings(findings: Findings) -> tuple[str, ...]:
+    """Reasons for doubt, in words."""
     base = findings.base
-    found = [
+    warnings = [
         warning
         for take in base.preparation.takes
         for warning in (*take.recording.warnings, *take.recording.checks())
     ]
     if findings.noise.method == "residual":
-        found.append(
-            "The noise floor was taken from the residual itself, for want of repeats, rests or "
-            "a specification: mismatch that looks like noise cannot be excluded."
+        warnings.append(
+            "The noise floor was estimated from the residual itself, since there are no repeats, "
+            "no rests and no specification: a mismatch that looks like noise cannot be excluded."
         )
-    found += discretisation_warnings(base.numerics)
+    warnings += discretisation_warnings(base.numerics)
     if not base.solved.converged:
-        found.append("The base fit did not converge; its figures are those of its best point.")
-    return (*found, *findings.tones, *findings.displaced)
+        warnings.append("The base fit did not converge; its results are those of its best point.")
+    return (*warnings, *findings.tones, *findings.displaced)

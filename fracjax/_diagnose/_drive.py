@@ -1,5 +1,5 @@
-"""What a recording needs before it is asked, and what its loop says of it: spikes, a rounded drive,
-more samples than the drive's band needs, a loop that no actuator runs through."""
+"""What is corrected in a recording before its diagnosis (spikes, a rounded drive, more samples than
+the drive's band needs), and loops that no actuator has."""
 
 from __future__ import annotations
 
@@ -13,12 +13,26 @@ from .._operators import interpolate
 from .._prepare import top_frequency
 from .._recording import Recording, spikes
 
+# All numbers here are chosen by judgement.
 _WIDTHS = (48, 32, 24, 16, 12, 8, 6, 4, 3, 2)
+"""Widths of the smoothing that are tried [samples]."""
 _WITHIN = 0.75
+"""How far the smoothed drive may be from the recorded one, in steps between codes."""
 _COARSE = 1e-3
+"""The step, over the drive's span, from which a drive counts as rounded."""
 _MOST_SAMPLES, _PER_PERIOD, _LEAST_RATE = 12_000, 32, 1000.0
+"""A recording is thinned to this many samples, but not below this many per period of the drive's
+highest frequency, nor below this rate [Hz]."""
 _MOST_SPIKES, _MOST_TIMES = 0.02, 5
-_STRONG, _EVEN, _LEAD, _CURVES = 0.3, 0.5, np.radians(5.0), 6
+"""The share of samples up to which outliers are spikes, and how many times are listed."""
+_STRONG = 0.3
+"""The amplitude, over the largest one, from which a line of the drive counts for its phase."""
+_HALF = 0.5
+"""The share of the response that even curves must explain."""
+_LEAD = 2.0
+"""The phase by which a response may lead [degrees]."""
+_CURVES = 6
+"""The order of the polynomials of the drive."""
 
 
 def drive_step(drive: np.ndarray) -> float:
@@ -32,11 +46,11 @@ def drive_step(drive: np.ndarray) -> float:
 
 
 def unrounded(recording: Recording) -> tuple[Recording, str]:
-    """A recording whose rounded drive follows the smoothest course that its codes leave open, and
-    what is to be said of that; one that is held in steps stays as it is.
+    """A recording with its rounded drive smoothed as far as its codes allow, and a warning; a drive
+    that is held in steps stays as it is.
 
-    A rounded drive moves in jumps that the actuator has never seen: what it does not answer to
-    looks like a lag or a mode.
+    A rounded drive has jumps that the actuator has never seen: the missing response to them looks
+    like a lag or a resonance.
     """
     drive, step = recording.drive, drive_step(recording.drive)
     if step == 0 or interpolate(drive, 1)[1] == "hold":
@@ -44,37 +58,37 @@ def unrounded(recording: Recording) -> tuple[Recording, str]:
     for width in _WIDTHS:
         smooth = gaussian_filter1d(drive, width, mode="nearest")
         if np.abs(smooth - drive).max() <= _WITHIN * step:
-            said = (
+            warning = (
                 f"{recording.source}: the drive is written in steps of {step:.3g} "
                 f"{recording.drive_unit}; it was smoothed within them over {width} samples. Record "
                 "it with more digits."
             )
-            return replace(recording, drive=smooth), said
+            return replace(recording, drive=smooth), warning
     return recording, ""
 
 
 def without_spikes(recording: Recording) -> tuple[Recording, str]:
-    """A recording whose spikes no fit counts, and what is to be said of them."""
+    """A recording with its spikes masked, and a warning."""
     alone = spikes(recording.response)
     if not 0 < alone.sum() <= _MOST_SPIKES * len(recording):
         return recording, ""
     masked = alone if recording.masked is None else alone | recording.masked
     times = ", ".join(f"{k * recording.dt:.6g}" for k in np.flatnonzero(alone)[:_MOST_TIMES])
     more = ", …" if alone.sum() > _MOST_TIMES else ""
-    said = (
+    warning = (
         f"{recording.source}: {alone.sum()} samples stand alone, far from their neighbours, at "
         f"{times}{more} s: spikes, which were left out."
     )
-    return replace(recording, masked=masked), said
+    return replace(recording, masked=masked), warning
 
 
 def thinned(recording: Recording) -> tuple[Recording, str]:
-    """A long recording at the rate that the drive's band needs, and what is to be said of that."""
+    """A long recording at the rate that the drive's band needs, and a warning."""
     needed = max(_PER_PERIOD * top_frequency(recording), _LEAST_RATE)
     every = int(min(len(recording) / _MOST_SAMPLES, recording.rate / needed))
     if every < 2:
         return recording, ""
-    said = (
+    warning = (
         f"{recording.source}: every {every}th of {len(recording)} samples was used, as many as the "
         f"drive's band up to {top_frequency(recording):.3g} Hz needs."
     )
@@ -86,40 +100,50 @@ def thinned(recording: Recording) -> tuple[Recording, str]:
         response=recording.response[::every],
         dt=every * recording.dt,
     )
-    return fewer, said
+    return fewer, warning
 
 
 def _explained(response: np.ndarray, curves: np.ndarray) -> float:
-    """The squares of a centred response (N,) that curves (N, k) of the drive explain."""
+    """The sum of squares of a centred response (N,) that curves (N, k) of the drive explain."""
     centred = curves - curves.mean(axis=0)
     fitted = centred @ np.linalg.lstsq(centred, response, rcond=None)[0]
     return float(fitted @ fitted)
 
 
-def wrong_way(recording: Recording) -> str:
-    """What is to be said of a loop that no actuator runs through: a response that leads its drive,
-    or that is even in it; nothing of others."""
-    drive = recording.drive - recording.drive.mean()
-    response = recording.response - recording.response.mean()
-    lines, answer = np.fft.rfft(drive), np.fft.rfft(response)
-    strong = np.abs(lines) > _STRONG * np.abs(lines).max()
-    strong[0] = False
-    # Above a mode a response may seem to lead.
-    strong[2 * int(np.argmax(strong)) :] = False
-    coherent = np.sum(np.conj(lines[strong]) * answer[strong])
-    size = np.sqrt(np.sum(np.abs(lines[strong]) ** 2) * np.sum(np.abs(answer[strong]) ** 2))
-    lead = float(np.angle(coherent * np.sign(coherent.real or 1.0)))
+def is_even(recording: Recording) -> bool:
+    """Whether a response is even in its drive, a butterfly loop."""
+    drive, response = recording.drive, recording.response - recording.response.mean()
     curves = chebyshev.chebvander(2 * (drive - drive.min()) / np.ptp(drive) - 1, _CURVES)[:, 1:]
     by_odd, by_even = (_explained(response, curves[:, k::2]) for k in (0, 1))
-    if by_even > _EVEN * response @ response > by_odd:
+    return by_even > _HALF * response @ response > by_odd
+
+
+def lead_of(recording: Recording) -> float:
+    """By how many degrees a response leads its drive at the drive's lowest strong lines; 0 where
+    it follows."""
+    lines = np.fft.rfft(recording.drive - recording.drive.mean())
+    answer = np.fft.rfft(recording.response - recording.response.mean())
+    strong = np.abs(lines) > _STRONG * np.abs(lines).max()
+    strong[0] = False
+    # Above a resonance a response may seem to lead.
+    strong[2 * int(np.argmax(strong)) :] = False
+    coherent = np.sum(np.conj(lines[strong]) * answer[strong])
+    lead = float(np.degrees(np.angle(coherent * np.sign(coherent.real or 1.0))))
+    return lead if lead > _LEAD else 0.0
+
+
+def wrong_way(recording: Recording, *, follows: bool) -> str:
+    """The warning of a loop that no actuator has: one that is even in the drive, or one that leads
+    it, unless the model `follows` with parameters in their usual ranges; "" for other loops."""
+    if is_even(recording):
         return (
             f"{recording.source}: the response is even in the drive, a butterfly loop, which no "
-            "model here gives; diagnose one branch, or measure a quantity that keeps the sign."
+            "model here describes; diagnose one branch, or measure a quantity that keeps the sign."
         )
-    if lead > _LEAD and abs(coherent) > _EVEN * size:
+    lead = lead_of(recording)
+    if lead and not follows:
         return (
-            f"{recording.source}: the response leads the drive by {np.degrees(lead):.2g} degrees, "
-            "and its loop runs the wrong way: the channels are skewed in time or swapped; correct "
-            "that first."
+            f"{recording.source}: the response leads the drive by {lead:.2g} degrees, and its loop "
+            "runs the wrong way: the channels are skewed in time or swapped; correct that first."
         )
     return ""

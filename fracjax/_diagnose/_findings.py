@@ -1,4 +1,4 @@
-"""What an inquiry amounts to: named effects, candidates, places, held-out scores, the shape."""
+"""The results of an inquiry: named effects, candidates, places, held-out scores, the shape."""
 
 from __future__ import annotations
 
@@ -13,34 +13,40 @@ from .._blocks import AbstractBlock
 from .._fit import Estimate, Fit, fit_of
 from .._models import Model
 from .._parameters import named_parameters
-from .._prepare import Conditions, Noise, Normal, Preparation, Take, layout_of
+from .._prepare import Conditions, Noise, Normal, Preparation, Take
 from ._fitted import Fitted, fitted
 from ._held_out import Predict, Prediction
 from ._inquiry import Inquiry
 from ._layers import Layer, path_of, wrapped, written
 from ._places import Residual, acting_at, freedom_of, locate
+from ._refits import Explanation
 from ._result import Axis, Candidate, HeldOut, NamedEffect, Shape, Verdict
 from ._shape import HYSTERESIS_SHAPE, entry_of
 from ._thresholds import APART, DETECTED, EXPLAINED, REFUTED, SIGNIFICANCE
 
 _MEMORY = "minor_loop_memory"
+"""The effect that stands for the loop's shape in the extended model."""
 _SUREST = 0.96
+"""The largest probability of a name; chosen by judgement."""
 _USUAL_PLAY = 0.2
+"""Prior standard deviation of a play's weight, over the slope; chosen by judgement."""
 
 
 @dataclass(frozen=True, eq=False)
 class Findings:
-    """An inquiry into a model, with the recording held out, if any, and how it is predicted;
-    `doubts` say why the recording cannot be what it is taken for."""
+    """An inquiry into a model, with the held-out recording, if any, and how it is predicted;
+    `doubts` are the reasons why the recording cannot be diagnosed."""
 
     model: Model
     inquiry: Inquiry
     unseen: Take | None
     predict: Predict
     doubts: tuple[str, ...] = ()
+    with_plays: bool = True
 
     @property
     def base(self) -> Fitted:
+        """The fitted base model."""
         return self.inquiry.base
 
     @property
@@ -51,60 +57,57 @@ class Findings:
         return noise
 
     @property
-    def left_in_each(self) -> list[tuple[str, float]]:
-        """What the base leaves in each recording, by its name, in its noise floors, rms."""
-        left, takes = [], self.base.preparation.takes
+    def residuals(self) -> list[tuple[str, float]]:
+        """The name of each recording and the rms of the base's residual in it, over its noise."""
+        residuals, takes = [], self.base.preparation.takes
         for take, simulation in zip(takes, self.base.simulations, strict=True):
             assert take.noise is not None  # settle() leaves none unknown
             error = (take.recording.response - simulation)[take.used]
-            left.append((take.recording.source, float(error.std()) / take.noise.sigma))
-        return left
+            residuals.append((take.recording.source, float(error.std()) / take.noise.sigma))
+        return residuals
 
     @property
     def tones(self) -> list[str]:
-        """Tones that no drive causes, if they are not of the mains."""
+        """Warnings of tones that no drive causes, if they are not of the mains."""
         if "mains_interference" in self.names:
             return []
-        said = []
+        warnings = []
         for take in self.base.preparation.takes:
             tone, recording = take.noise and take.noise.tone, take.recording
             if tone:
-                said.append(
+                warnings.append(
                     f"{recording.source}: a tone near {tone.frequency * recording.rate:.4g} Hz of "
-                    f"about {tone.rms:.2g} {recording.response_unit} rms follows no drive, such as "
-                    "interference or a vibration; keep it out of the recording."
+                    f"about {tone.rms:.2g} {recording.response_unit} rms is not caused by the "
+                    "drive, such as interference or a vibration; keep it out of the recording."
                 )
-        return said
+        return warnings
 
     @property
     def displaced(self) -> list[str]:
-        """Base parameters outside their usual range: what is missing may hide in them."""
-        block, said = self.base.solved.block, []
-        parameters = named_parameters(block)
-        for name, _ in layout_of(block).shapes:
-            p = parameters[name]
-            if not p.is_plausible:
-                low, high = p.plausible
-                ends = f"{float(np.min(low)):.3g} to {float(np.max(high)):.3g}"
-                said.append(
-                    f"{name} of {self.model.name} ended at {float(np.ravel(p.value)[0]):.3g}, "
-                    f"outside its usual range of {ends}: it may stand in for physics that the "
-                    "model lacks."
-                )
-        return said
+        """Warnings of base parameters outside their usual range: they may hide an effect."""
+        warnings = []
+        for name, p in self.base.displaced.items():
+            low, high = p.plausible
+            ends = f"{float(np.min(low)):.3g} to {float(np.max(high)):.3g}"
+            warnings.append(
+                f"{name} of {self.model.name} ended at {float(np.ravel(p.value)[0]):.3g}, outside "
+                f"its usual range of {ends}: it may stand in for physics that the model lacks."
+            )
+        return warnings
 
     @cached_property
     def base_fit(self) -> Fit:
+        """The base model's fit, as a result."""
         return _fit_of(self.model, self.base)
 
     @cached_property
     def shape(self) -> Shape | None:
-        """How far the loop's shape is from the model's, where it surely is."""
+        """How far the loop's shape is from the model's; None where that is not sure."""
         inquiry = self.inquiry
         if not inquiry.is_shape:
             return None
         counted = np.concatenate([problem.weights for problem in self.base.problems]) > 0
-        added = inquiry.taken_by_shape[counted]
+        added = inquiry.explained_by_shape[counted]
         excess = inquiry.first.gram.square - inquiry.first.gram.count
         share = (inquiry.first.gram.square - inquiry.judge.inner.square) / max(excess, 1e-300)
         unit = self.base.preparation.takes[0].recording.response_unit
@@ -113,21 +116,21 @@ class Findings:
 
     @cached_property
     def extended(self) -> Fitted | None:
-        """The model fitted together with what is named; for the loop's shape stands a sum of
-        plays."""
+        """The model fitted together with the named effects; a sum of plays stands for the loop's
+        shape."""
         if not self.layers:
             return None
         explanation = self.inquiry.explanation
         block = self.base.solved.block if explanation is None else explanation.fitted.solved.block
-        if self.inquiry.is_shape:
+        if self._has_plays:
             inside = [layer for layer in self.layers if layer.effect.name == _MEMORY]
             start = _inserted(self.base.solved.block, explanation, inside[0])
             return fitted([start], self._with_usual_plays(start))
         return fitted([block], self.base.preparation)
 
     def _with_usual_plays(self, block: AbstractBlock) -> Preparation:
-        """The preparation in which the plays' weights are expected to be shares of the slope:
-        thresholds that the drive hardly tells apart would else take any."""
+        """The preparation with a prior for the plays' weights, since a drive hardly distinguishes
+        neighbouring thresholds."""
         setting = self.base.preparation.setting
         (name,) = (n for n in named_parameters(block) if n.endswith("weights"))
         usual = Normal(0.0, _USUAL_PLAY * setting.response_span / setting.drive_span)
@@ -135,21 +138,22 @@ class Findings:
 
     @cached_property
     def layers(self) -> tuple[Layer, ...]:
-        """What the extended model adds, the first innermost."""
+        """The effects that the extended model adds, the first innermost."""
         explanation = self.inquiry.explanation
         named = () if explanation is None else explanation.layers
-        if not self.inquiry.is_shape or not (named or self._shape_is_named):
+        if not self._has_plays or not (named or self._shape_is_named):
             return named
         effect = entry_of(_MEMORY)
         return (Layer(effect, effect.trials(self.base.preparation.setting)[0]), *named)
 
     @cached_property
     def _shape_is_named(self) -> bool:
-        """Whether loop shapes carry the mismatch."""
+        """Whether loop shapes explain the mismatch."""
         return self.shape is not None and self.shape.share >= EXPLAINED and not self.doubts
 
     @cached_property
     def extended_fit(self) -> Fit | None:
+        """The extended model's fit, as a result."""
         if self.extended is None:
             return None
         name = written(self.model.name, self.layers)
@@ -157,13 +161,13 @@ class Findings:
 
     @cached_property
     def effects(self) -> tuple[NamedEffect, ...]:
-        """The named effects, what takes most first, and the loop's shape after them."""
-        found = []
+        """The named effects, the one that explains most first, and the loop's shape last."""
+        effects = []
         if self.extended_fit is not None:
             offset = len(self.layers) - len(self.inquiry.names)
             for k, name in enumerate(self.inquiry.names):
                 path = path_of(self.layers, k + offset)
-                found.append(
+                effects.append(
                     NamedEffect(
                         name=name.effect,
                         site=self.layers[k + offset].site,
@@ -173,9 +177,9 @@ class Findings:
                         confusable_with=name.alike,
                     )
                 )
-        found.sort(key=lambda effect: -effect.explained_fraction)
+        effects.sort(key=lambda effect: -effect.explained_fraction)
         if self._shape_is_named and self.shape is not None:
-            found.append(
+            effects.append(
                 NamedEffect(
                     name=HYSTERESIS_SHAPE.name,
                     site=HYSTERESIS_SHAPE.site,
@@ -185,34 +189,35 @@ class Findings:
                     confusable_with=(),
                 )
             )
-        return tuple(found)
+        return tuple(effects)
 
     @property
     def verdict(self) -> Verdict:
+        """The verdict, by the named effects and the excess over the noise."""
         if self.effects:
             return "confusable" if any(e.confusable_with for e in self.effects) else "missing"
         return "unexplained" if self.is_beyond_noise else "none"
 
     @cached_property
     def is_beyond_noise(self) -> bool:
-        """Whether the base surely leaves more than noise."""
+        """Whether the base's residual significantly exceeds the noise."""
         return self.p_value < SIGNIFICANCE and self.excess > self.doubt
 
     @property
     def excess(self) -> float:
-        """χ² per sample of the base, beyond the noise."""
+        """χ² per sample of the base, minus one."""
         gram = self.inquiry.first.gram
         return gram.square / gram.count - 1
 
     @property
     def doubt(self) -> float:
-        """Three standard errors of that, by the χ² distribution and the noise level's own."""
+        """Three standard errors of the excess, with that of the noise level."""
         freedom = freedom_of(self.base.preparation, self.base.solved.kurtosis)
         return float(3 * np.sqrt(2 / self.inquiry.first.gram.count + 2 / freedom))
 
     @cached_property
     def p_value(self) -> float:
-        """That of a recording the base model explains: of places and columns, by Holm."""
+        """The p-value of the residual: of all places and columns, by Bonferroni."""
         largest = max(candidate.score for candidate in self.candidates)
         of_columns = min(1.0, 2 * self.inquiry.first.gram.width * float(norm.sf(largest)))
         tests = [of_columns, *(axis.p_value for axis in self.axes)]
@@ -220,12 +225,13 @@ class Findings:
 
     @cached_property
     def candidates(self) -> tuple[Candidate, ...]:
-        """Every effect of the catalogue, by the evidence for it."""
+        """Every effect of the catalogue, the one with most evidence first."""
         names = dict.fromkeys(kind.name for kind in self.inquiry.first.kinds)
-        found = [self._candidate(name) for name in names]
-        return tuple(sorted(found, key=lambda c: -c.log_evidence))
+        candidates = [self._candidate(name) for name in names]
+        return tuple(sorted(candidates, key=lambda c: -c.log_evidence))
 
     def _candidate(self, name: str) -> Candidate:
+        """One effect of the catalogue, tested."""
         inquiry = self.inquiry
         first, inner = inquiry.first, inquiry.judge.inner
         columns = np.concatenate(
@@ -254,38 +260,39 @@ class Findings:
         )
 
     def _log_evidence(self, name: str) -> float:
-        """The logarithm of the Bayes factor for the effect alone, whatever the loop's shape."""
+        """The logarithm of the Bayes factor for the effect alone, averaged over loop shapes."""
         hypotheses = self.inquiry.seen.posterior.hypotheses
         alone = float(np.logaddexp.reduce([h.log_posterior for h in hypotheses if not h.names]))
         own = [h.log_posterior for h in hypotheses if h.names == (name,)]
         return float(np.logaddexp.reduce(own)) - alone if own else float("-inf")
 
     def _reason(self, name: str) -> str:
+        """Why an effect is named or not, in words."""
         inquiry = self.inquiry
         for named in inquiry.names:
             if name == named.effect:
-                return f"named: there with probability {named.probability:.2f}"
+                return f"named: present with probability {named.probability:.2f}"
             if name in named.alike:
-                return f"cannot be told from {named.effect} on this drive"
+                return f"this drive does not distinguish it from {named.effect}"
         judge = inquiry.judge
         if judge.is_inexact and next(k for k in inquiry.first.kinds if k.name == name).is_shape:
-            return "part of what the loop's shape may be"
+            return "cannot be distinguished from another shape of the loop"
         if judge.fall((name,)) < APART:
-            return "nothing in the residual beyond noise"
-        return "takes too small a share of what is left to be told from misfit"
+            return "not significant in the residual"
+        return "explains too small a share of the residual to be distinguished from misfit"
 
     @cached_property
     def axes(self) -> tuple[Axis, ...]:
-        """The axes, those first along which a named effect's signature is known to stand out, then
-        those whose places take most of the residual."""
+        """The axes: first those along which the named effect's signature stands out by the
+        catalogue, then those whose places explain most of the residual."""
         natural = entry_of(self.names[0]).axes if self.names else ()
         axes = self._maps(self.base.error)
 
         def order(axis: Axis) -> tuple[bool, int, float, float]:
             silent = axis.p_value >= SIGNIFICANCE
-            known = axis.axis in natural and not (silent and self.layers)
-            place = natural.index(axis.axis) if known else len(natural)
-            return silent and not known, place, -axis.excess, axis.p_value
+            listed = axis.axis in natural and not (silent and self.layers)
+            place = natural.index(axis.axis) if listed else len(natural)
+            return silent and not listed, place, -axis.excess, axis.p_value
 
         axes = sorted(axes, key=order)
         own = next((axis for name in natural for axis in axes if axis.axis == name), None)
@@ -296,11 +303,12 @@ class Findings:
 
     @property
     def names(self) -> list[str]:
-        """What is named, without look-alikes."""
+        """The named effects, without look-alikes."""
         named = [name.effect for name in self.inquiry.names]
         return named or ([HYSTERESIS_SHAPE.name] if self._shape_is_named else [])
 
     def _maps(self, error: np.ndarray) -> list[Axis]:
+        """The axes of an error (ΣL,), in the response's unit, beside the base."""
         base = self.base
         residual = Residual.beside(base.whitened(error), base.whitened(base.tangent))
         freedom = freedom_of(base.preparation, base.solved.kurtosis)
@@ -308,23 +316,33 @@ class Findings:
 
     @cached_property
     def predicted(self) -> tuple[Prediction, Prediction | None]:
-        """What the base and the extended model make of data held out."""
+        """The predictions of held-out data by the base and by the extended model."""
         before = self.predict(self.base)
         return before, None if self.extended is None else self.predict(self.extended)
 
     @property
-    def is_refuted(self) -> bool:
-        """Whether a recording that was held out is clearly further from the model with what is
-        named than from the base: then that has followed something else.  Plays that stand for the
-        loop's shape may be further off beyond the range that they were fitted in."""
+    def _has_plays(self) -> bool:
+        """Whether the extended model has a sum of plays for the loop's shape."""
+        return self.inquiry.is_shape and self.with_plays
+
+    @property
+    def plays_predict_worse(self) -> bool:
+        """Whether the extended model has plays and does not predict held-out data better."""
         before, after = self.predicted
-        if self.unseen is None or after is None or self.inquiry.is_shape:
+        return self._has_plays and after is not None and after.rmse >= before.rmse
+
+    @property
+    def is_refuted(self) -> bool:
+        """Whether a held-out recording is clearly further from the extended model than from the
+        base: then the named effects have followed something else."""
+        before, after = self.predicted
+        if self.unseen is None or after is None:
             return False
         return after.rmse > REFUTED * before.rmse
 
     @property
     def held_out(self) -> HeldOut:
-        """The scores on data held out."""
+        """The scores on held-out data."""
         take, (base, extended) = self.unseen, self.predicted
         method, source = (
             ("stretches set aside in turn", "")
@@ -336,14 +354,14 @@ class Findings:
         return HeldOut(method, base.rmse, extended.rmse, base.folds, extended.folds, source)
 
 
-def _fit_of(model: Model, found: Fitted) -> Fit:
-    """The result of a fit, its simulations those of the fine grid."""
-    fit = fit_of(model, found.solved.on(found.preparation))
-    return replace(fit, simulations=found.simulations)
+def _fit_of(model: Model, fitted: Fitted) -> Fit:
+    """The result of a fit, with the simulations of the fine grid."""
+    fit = fit_of(model, fitted.solved.on(fitted.preparation))
+    return replace(fit, simulations=fitted.simulations)
 
 
-def _inserted(base, explanation, memory: Layer):
-    """The base with plays beside it and the effects of an explanation round both, as fitted."""
+def _inserted(base: AbstractBlock, explanation: Explanation | None, memory: Layer) -> AbstractBlock:
+    """The base with plays beside it and the effects of an explanation around both, as fitted."""
     if explanation is None:
         return memory.effect.insert(base, memory.trial)
     block, parts = explanation.fitted.solved.block, []

@@ -1,7 +1,4 @@
-"""A block fitted to recordings: on a coarse grid, with what a fine one changes made up for.
-
-Here and in `_held_out.py` the diagnosis meets the fitting.
-"""
+"""A block fitted to recordings on a coarse grid, corrected for that grid's error."""
 
 from __future__ import annotations
 
@@ -12,17 +9,20 @@ from functools import cached_property
 import numpy as np
 
 from .._blocks import AbstractBlock
-from .._prepare import Preparation, Problem
+from .._parameters import Parameter, named_parameters
+from .._prepare import Preparation, Problem, layout_of
 from .._solve import Solved, orthonormal_basis, simulate, solve_from
 
 _FINEST, _MOST_SAMPLES = 32, 2**18
+"""The finest oversampling, and the longest recording on that grid; chosen by judgement."""
 _RENEWALS, _ENOUGH = 2, 0.25
+"""How often the fit is renewed at most, and the change of the correction, in noise units, below
+which it is not; chosen by judgement."""
 
 
 class Shaped(Problem):
-    """A problem whose residual may follow loop shapes: what lies along the `directions` (L, k),
-    whitened and orthonormal, counts less by the factors `kept` (k,), as (1 + τ² DDᵀ)^(-1/2) has
-    it."""
+    """A problem with loop shapes D in the noise: the residual along the whitened and orthonormal
+    `directions` (L, k) is multiplied by the factors `kept` (k,), which is (1 + τ² DDᵀ)^(-1/2)."""
 
     directions: np.ndarray
     kept: np.ndarray
@@ -34,11 +34,11 @@ class Shaped(Problem):
 
 @dataclass(frozen=True)
 class Corrected(Preparation):
-    """A preparation on a coarse grid whose responses make up for it.
+    """A preparation on a coarse grid with corrected responses.
 
-    `defects` (L,), one per recording: what a fine grid changes of the simulation, taken off the
-    response.  `shapes`: the directions and factors of a `Shaped` problem; none where the loop's
-    shape is taken for the model's.
+    `defects` (L,), one per recording: the simulation on a fine grid minus that on the coarse one,
+    subtracted from the response.  `shapes`: the directions and factors of a `Shaped` problem; none
+    if the loop has the model's shape.
     """
 
     defects: tuple[np.ndarray, ...] = ()
@@ -51,22 +51,22 @@ class Corrected(Preparation):
 
     @cached_property
     def _corrected(self) -> tuple[Problem, ...]:
-        found = []
+        corrected = []
         for k, problem in enumerate(super().problems()):
             parts = {name: getattr(problem, name) for name in Problem.__dataclass_fields__}
             parts["response"] = problem.response - self.defects[k]
-            found.append(
+            corrected.append(
                 Shaped(**parts, directions=self.shapes[k][0], kept=self.shapes[k][1])
                 if self.shapes
                 else Problem(**parts)
             )
-        return tuple(found)
+        return tuple(corrected)
 
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A block at its optimum, the preparation that it was fitted under, and the error of the finest
-    grid (ΣL,) beside it, in the response's unit."""
+    """A block at its optimum, the preparation that it was fitted under, and the error (ΣL,) of the
+    finest grid, in the response's unit."""
 
     solved: Solved
     preparation: Corrected
@@ -74,18 +74,20 @@ class Fitted:
 
     @property
     def problems(self) -> tuple[Problem, ...]:
+        """One problem per recording, on the coarse grid."""
         return self.preparation.problems()
 
     @cached_property
     def error(self) -> np.ndarray:
-        """What it leaves (ΣL,) at the padded recordings' samples, in the response's unit."""
-        found = []
+        """Measured minus simulated (ΣL,), at the padded recordings' samples, in the response's
+        unit."""
+        errors = []
         pairs = zip(self.preparation.takes, self.simulations, self.problems, strict=True)
         for take, simulation, problem in pairs:
             error = np.zeros(len(problem.response))
             error[: len(take.recording)] = take.recording.response - simulation
-            found.append(error)
-        return np.concatenate(found)
+            errors.append(error)
+        return np.concatenate(errors)
 
     @cached_property
     def simulations(self) -> tuple[np.ndarray, ...]:
@@ -93,13 +95,21 @@ class Fitted:
         pairs = zip(self.solved.simulations, self.preparation.defects, strict=True)
         return tuple(simulation + defect[: simulation.size] for simulation, defect in pairs)
 
+    @property
+    def displaced(self) -> dict[str, Parameter]:
+        """The fitted shapes that ended outside their usual range, by name."""
+        block = self.solved.block
+        parameters = named_parameters(block)
+        shapes = {name: parameters[name] for name, _ in layout_of(block).shapes}
+        return {name: p for name, p in shapes.items() if not p.is_plausible}
+
     @cached_property
     def tangent(self) -> np.ndarray:
-        """Derivative (ΣL, P) of the simulations in everything that was fitted."""
+        """Derivatives (ΣL, P) of the simulations with respect to the free parameters."""
         return self.solved.on(self.preparation).sensitivity().raw
 
     def whitened(self, signals: np.ndarray) -> np.ndarray:
-        """Signals (ΣL, …) through each recording's whitening filter, loop shapes or not."""
+        """Signals (ΣL, …) through each recording's whitening filter, without loop shapes."""
         ends = np.cumsum([len(problem.response) for problem in self.problems])
         parts = np.split(signals, ends[:-1])
         pairs = zip(self.problems, parts, strict=True)
@@ -107,7 +117,7 @@ class Fitted:
 
     @property
     def numerics(self) -> float:
-        """√λ_num: the finest grid's error beyond what the fit can absorb, in noise units."""
+        """√λ_num: the finest grid's error minus what the fit can absorb, in noise units."""
         error, basis = (
             self.whitened(self.finest_error),
             orthonormal_basis(self.whitened(self.tangent)),
@@ -120,8 +130,9 @@ def fitted(
     preparation: Preparation,
     shapes: tuple[tuple[np.ndarray, np.ndarray], ...] = (),
 ) -> Fitted:
-    """Fit from the starts on the coarse grid; what a fine one changes about that fit is taken off
-    the responses, and the fit renewed, until that changes no more beside the noise.
+    """Fit from the starts on the coarse grid; the change of the simulation by a fine grid is
+    subtracted from the responses and the fit renewed, until the change is constant within the
+    noise.
 
     Source: Stetter, Numer. Math. 29 (1978) 425 (defect correction).
     """
@@ -149,8 +160,8 @@ def fitted(
 def _renewed(
     solved: Solved, coarse: Corrected, finest: int
 ) -> tuple[list[np.ndarray], Corrected, float]:
-    """Simulations (L,) on the finest grid, the preparation with their defects, and by how much
-    these have changed, in noise units."""
+    """Simulations (L,) on the finest grid, the preparation with their defects, and the change of
+    these, in noise units."""
     exact, problems = _simulated(solved, coarse, finest), coarse.problems()
     defects = [
         fine - simulate(block, problem)

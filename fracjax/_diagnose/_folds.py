@@ -1,8 +1,8 @@
-"""Stretches set aside: how well the others predict them with an effect's columns and without.
+"""Held-out stretches: how well the others predict them with and without an effect's columns.
 
-What an effect is named for it must also take from data that its coefficients have not seen: what
-only follows a misfit does not.  To first order, beside the fit's tangent and loop shapes: with A
-the whitened columns of all that, each of unit prior sd, and b the whitened residual, the
+A named effect must also reduce χ² on data that its coefficients have not been fitted to; one that
+only follows a misfit does not.  To first order: with A the whitened columns of the effect, of the
+fit's tangent and of loop shapes, each of unit prior sd, and b the whitened residual, the
 coefficients without the fold k are (1 + AᵀA - A_kᵀA_k)⁻¹ (Aᵀb - A_kᵀb_k).
 """
 
@@ -13,17 +13,17 @@ import numpy as np
 from ._fitted import Fitted
 from ._held_out import FOLDS, fold_of_sample
 
-_FREE = 1e3
-"""Prior sd of the tangent's coefficients, in units of one standard error: nothing holds them."""
+FREE = 1e3
+"""Prior sd of the tangent's coefficients in standard errors: in effect they are free."""
 
 
 class Folds:
-    """Squares of the errors (FOLDS,) of a fit's stretches, set aside in turn."""
+    """A fit's stretches, held out in turn."""
 
     def __init__(self, fitted: Fitted, shapes: np.ndarray, residual: np.ndarray):
-        """`shapes` (ΣL, S) and `residual` (ΣL,) are whitened; shapes have their prior's size."""
+        """`shapes` (ΣL, S), scaled to unit prior sd, and `residual` (ΣL,) are whitened."""
         tangent = fitted.whitened(fitted.tangent)
-        tangent = _FREE * tangent / (np.linalg.norm(tangent, axis=0) + 1e-300)
+        tangent = FREE * tangent / (np.linalg.norm(tangent, axis=0) + 1e-300)
         self._fixed, self._residual = np.concatenate([tangent, shapes], axis=1), residual
         takes, problems = fitted.preparation.takes, fitted.problems
         pairs = zip(takes, problems, strict=True)
@@ -33,20 +33,22 @@ class Folds:
         self._all = tuple(map(sum, zip(*self._own, strict=True)))
 
     def _products(self, rows: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """AᵀA and Aᵀb of some rows, of the tangent and the shapes."""
         fixed = self._fixed[rows]
         return fixed.T @ fixed, fixed.T @ self._residual[rows]
 
     def squares(self, columns: np.ndarray) -> np.ndarray:
-        """Those of each fold beside whitened columns (ΣL, k), which have their prior's size."""
+        """The sums of squared errors (FOLDS,) with whitened columns (ΣL, k) of unit prior sd."""
         gram, along = self._all
         between, own = self._fixed.T @ columns, columns.T @ columns
-        toward, found = columns.T @ self._residual, []
+        toward, squares = columns.T @ self._residual, []
         for rows, (fold_gram, fold_along) in zip(self._folds, self._own, strict=True):
             fixed, added = self._fixed[rows], columns[rows]
             across = between - fixed.T @ added
-            left = np.block([[gram - fold_gram, across], [across.T, own - added.T @ added]])
+            normal = np.block([[gram - fold_gram, across], [across.T, own - added.T @ added]])
             right = [along - fold_along, toward - added.T @ self._residual[rows]]
-            known = np.linalg.solve(np.eye(len(left)) + left, np.concatenate(right))
-            error = self._residual[rows] - np.concatenate([fixed, added], axis=1) @ known
-            found.append(error @ error)
-        return np.array(found)
+            coefficients = np.linalg.solve(np.eye(len(normal)) + normal, np.concatenate(right))
+            design = np.concatenate([fixed, added], axis=1)
+            error = self._residual[rows] - design @ coefficients
+            squares.append(error @ error)
+        return np.array(squares)

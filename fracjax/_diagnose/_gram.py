@@ -1,12 +1,12 @@
-r"""Every inner product that the selection asks for, computed once.
+r"""Every inner product that the selection needs, computed once.
 
-With r the whitened residual, D the whitened columns of all effects and N those of the loop shapes,
-each without what the fit's tangent can take up, a covariance 1 + τ² N Nᵀ in the noise's stead makes
-of any inner product
+The whitened residual r, the whitened columns D of all effects and N of the loop shapes are
+projected onto the complement of the fit's tangent.  A covariance 1 + τ² N Nᵀ instead of the noise's
+1 changes any inner product to
 
     a · b   →   a · b - (Nᵀa)ᵀ (τ⁻² + NᵀN)⁻¹ (Nᵀb)
 
-so that one Gram matrix and the eigenvalues of NᵀN answer for every τ.
+so that one Gram matrix and the eigenvalues of NᵀN suffice for every τ.
 Source: Woodbury's identity; Rasmussen & Williams, Gaussian Processes (2006), A.3.
 """
 
@@ -18,7 +18,9 @@ import numpy as np
 from scipy.linalg import qr
 
 _INDEPENDENT = 1e-7
+"""The smallest diagonal element of a QR factor, over unit columns, that counts as independent."""
 _SEEN = 1e-5
+"""The length below which a projected column counts as absorbed, over its own."""
 
 
 class Inner(NamedTuple):
@@ -31,24 +33,24 @@ class Inner(NamedTuple):
     log_determinant: float
 
     def given(self, chosen: np.ndarray, sizes: np.ndarray) -> Inner:
-        """The same where the columns `chosen` (k,) may be there too, with coefficients normal about
-        0 of these `sizes` (k,)."""
+        """The same with the columns `chosen` (k,) in the covariance too, with coefficients of these
+        standard deviations (k,)."""
         own = self.columns[np.ix_(chosen, chosen)]
-        known = np.linalg.solve(
+        coefficients = np.linalg.solve(
             np.diag(sizes**-2) + own, np.column_stack([self.columns[chosen], self.along[chosen]])
         )
         return Inner(
-            self.columns - self.columns[:, chosen] @ known[:, :-1],
-            self.along - self.columns[:, chosen] @ known[:, -1],
-            self.square - float(self.along[chosen] @ known[:, -1]),
+            self.columns - self.columns[:, chosen] @ coefficients[:, :-1],
+            self.along - self.columns[:, chosen] @ coefficients[:, -1],
+            self.square - float(self.along[chosen] @ coefficients[:, -1]),
             self.log_determinant
             + float(np.linalg.slogdet(np.eye(chosen.size) + sizes[:, None] * own * sizes)[1]),
         )
 
 
 class Gram:
-    """Inner products of a whitened residual (L,), columns (L, K) and shapes (L, S), of which a
-    tangent (L, P) has taken what it can; `count`: how many samples count beside it."""
+    """Inner products of a whitened residual (L,), columns (L, K) and shapes (L, S), projected onto
+    the complement of a tangent (L, P); `count`: the samples minus its rank."""
 
     def __init__(
         self,
@@ -83,28 +85,28 @@ class Gram:
         return self.columns.shape[1]
 
     def under(self, tau: float) -> Inner:
-        """Inner products where loop shapes may be of this size."""
-        known = tau**2 / (1 + tau**2 * self.values)
-        weighted = known[:, None] * self._shared
+        """Inner products with loop shapes of size τ in the covariance."""
+        weights = tau**2 / (1 + tau**2 * self.values)
+        weighted = weights[:, None] * self._shared
         return Inner(
             self._columns - self._shared.T @ weighted,
             self._along - weighted.T @ self._shared_residual,
-            self.square - float(known @ self._shared_residual**2),
+            self.square - float(weights @ self._shared_residual**2),
             float(np.log1p(tau**2 * self.values).sum()),
         )
 
-    def left(self, tau: float, chosen: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-        """The residual (L,) without the shapes and columns that are most probable."""
+    def remainder(self, tau: float, chosen: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+        """The residual (L,) minus the most probable combination of shapes and columns."""
         design = np.concatenate([tau * self.shapes, sizes * self.columns[:, chosen]], axis=1)
-        known = np.linalg.solve(
+        coefficients = np.linalg.solve(
             np.eye(design.shape[1]) + design.T @ design, design.T @ self.residual
         )
-        return self.residual - design @ known
+        return self.residual - design @ coefficients
 
 
 def _basis(tangent: np.ndarray) -> np.ndarray:
     """An orthonormal basis (L, r) of what the columns (L, P) span."""
     scaled = tangent / (np.linalg.norm(tangent, axis=0) + 1e-300)
-    found: Any = qr(scaled, mode="economic", pivoting=True, check_finite=False)
-    left, triangle, _ = found
-    return left[:, np.abs(np.diag(triangle)) > _INDEPENDENT]
+    factors: Any = qr(scaled, mode="economic", pivoting=True, check_finite=False)
+    basis, triangle, _ = factors
+    return basis[:, np.abs(np.diag(triangle)) > _INDEPENDENT]

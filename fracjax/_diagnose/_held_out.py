@@ -1,4 +1,4 @@
-"""Held-out comparison: by recording where there is one, else by stretches set aside in turn."""
+"""Predictions of held-out data: a recording if there is one, else stretches in turn."""
 
 from __future__ import annotations
 
@@ -13,15 +13,18 @@ from .._recording import Recording
 from ._fitted import Fitted
 
 FOLDS = 5
-# Of a drive given twice no fold holds the same phase of both times.
+"""Folds of held-out data; chosen by judgement."""
 _BLOCKS = 22
+"""Stretches of a recording.  If its drive occurs twice, no fold then contains the same phase of
+both."""
 _LEAST_READ = 1e-6
-"""Of the direction that is read best, the share below which another is not read at all."""
+"""The smallest singular value of columns that are fitted to held-out data, over the largest one."""
 
 
 @dataclass(frozen=True)
 class Prediction:
-    """Errors, rms, of one model on data it has not seen, altogether and by fold."""
+    """RMSE of one model on data that its fit has not used, in all and per fold, in the response's
+    unit."""
 
     rmse: float
     folds: tuple[float, ...]
@@ -30,14 +33,14 @@ class Prediction:
 Predict = Callable[[Fitted], Prediction]
 
 
-def predict_recording(found: Fitted, take: Take) -> Prediction:
-    """A fitted block on another recording.
+def predict_recording(fitted: Fitted, take: Take) -> Prediction:
+    """The prediction of another recording by a fitted block.
 
-    What only that recording can show, its offset and the gains that begin anew with it, is read
-    from it: for a fifth of it, interleaved stretches, from the other four.  The offset is the
-    baseline displacement of its first samples, which are not scored.
+    The offset and the gains that are separate for each recording are estimated from it: for each
+    fifth, which consists of interleaved stretches, from the other four.  Finally the mean error in
+    its first samples, the baseline, is subtracted; these are not scored.
     """
-    block, oversampling = found.solved.block, found.preparation.oversampling
+    block, oversampling = fitted.solved.block, fitted.preparation.oversampling
     problem = Preparation((take,), oversampling).problems()[0]
     parameters, layout = named_parameters(block), layout_of(block)
     anew = [name for name, _ in layout.gains if parameters[name].per_recording]
@@ -55,37 +58,37 @@ def predict_recording(found: Fitted, take: Take) -> Prediction:
     return _prediction((error - error[take.baseline].mean())[counted], folds[counted])
 
 
-def predict_stretches(found: Fitted) -> Prediction:
-    """Each stretch predicted by a fit that has not seen it, to first order about the full one.
+def predict_stretches(fitted: Fitted) -> Prediction:
+    """The prediction of each stretch by a fit without it, to first order about the full one.
 
     With J the whitened Jacobian and r the residual, a fit without the stretch b has
-    θ_(b) = θ̂ - (JᵀJ - J_bᵀJ_b)⁻¹ J_bᵀ r_b; of a parameter that the others say nothing of, its usual
-    range is known.  Stretches are whole periods where the drive has them; five folds of interleaved
-    stretches.
+    θ_(b) = θ̂ - (JᵀJ - J_bᵀJ_b)⁻¹ J_bᵀ r_b; the usual range bounds a parameter that the others do
+    not determine.  Five folds consist of interleaved stretches, which are whole periods if the
+    drive repeats.
     """
-    takes, problems = found.preparation.takes, found.problems
+    takes, problems = fitted.preparation.takes, fitted.problems
     pairs = zip(takes, problems, strict=True)
     fold = np.concatenate([fold_of_sample(t.recording, len(p.response)) for t, p in pairs])
     counted = np.concatenate([np.asarray(problem.weights) for problem in problems]) > 0
-    white, residual = found.whitened(found.tangent), found.whitened(found.error)
-    fitted = found.solved.on(found.preparation).sensitivity().parameters
-    parameters = named_parameters(found.solved.block)
-    ranges = [np.ravel(parameters[p.name].expected_sd)[p.component] for p in fitted]
-    usual = np.eye(len(fitted), white.shape[1]) / np.array(ranges)[:, None]
-    error = found.error.copy()
+    white, residual = fitted.whitened(fitted.tangent), fitted.whitened(fitted.error)
+    free = fitted.solved.on(fitted.preparation).sensitivity().parameters
+    parameters = named_parameters(fitted.solved.block)
+    ranges = [np.ravel(parameters[p.name].expected_sd)[p.component] for p in free]
+    usual = np.eye(len(free), white.shape[1]) / np.array(ranges)[:, None]
+    error = fitted.error.copy()
     for k in range(FOLDS):
         inside, others = counted & (fold == k), counted & (fold != k)
-        # The full fit has left none of what the others could still tell.
+        # As Jᵀr = 0, the sum over the other stretches is minus that over this one.
         rows = np.concatenate([white[others], usual])
         scale = np.linalg.norm(rows, axis=0)
         toward = np.concatenate([residual[others], np.zeros(len(usual))])
         step = np.linalg.lstsq(rows / scale, toward, rcond=None)[0] / scale
-        error[inside] -= found.tangent[inside] @ step
+        error[inside] -= fitted.tangent[inside] @ step
     return _prediction(error[counted], fold[counted])
 
 
 def fold_of_sample(recording: Recording, size: int) -> np.ndarray:
-    """Which fold each of `size` samples from the recording's first belongs to."""
+    """The index of the fold of each sample (size,), in interleaved stretches."""
     repeats, stretch = recording.drive_period(), len(recording) / _BLOCKS
     if repeats is not None and repeats.period < len(recording) / FOLDS:
         stretch = repeats.period * max(1, round(stretch / repeats.period))
@@ -93,5 +96,6 @@ def fold_of_sample(recording: Recording, size: int) -> np.ndarray:
 
 
 def _prediction(error: np.ndarray, fold: np.ndarray) -> Prediction:
+    """The RMSE of errors (n,) in all and per fold."""
     folds = tuple(float(np.sqrt(np.mean(error[fold == k] ** 2))) for k in np.unique(fold))
     return Prediction(float(np.sqrt(np.mean(error**2))), folds)

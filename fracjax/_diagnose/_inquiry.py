@@ -1,4 +1,4 @@
-"""From a fitted model to what is named: columns, posterior, names, refits."""
+"""From a fitted model to the named effects: columns, posterior, names, refits."""
 
 from __future__ import annotations
 
@@ -18,14 +18,22 @@ from ._thresholds import ALIKE, APART, MISFIT, NUMERICS, SURE
 from ._view import View, columns_of, view_of, with_misfit_as_noise
 
 _MOST_RIVALS, _MOST_NAMES, _MOST_TRIED = 4, 3, 6
+"""Look-alikes that are refitted for each name, names, and effects that are refitted alone; chosen
+by judgement."""
 _ALIKE_EXACT = 0.01
+"""`ALIKE` where the loop has the model's shape; chosen by judgement."""
 _MINOR = 0.1
+"""The numerical error that is accepted, over the residual's norm beyond the noise; chosen by
+judgement."""
 _HALF = 0.5
+"""The share of the excess that an effect must explain to be refitted without loop shapes; chosen by
+judgement."""
 _SMALL = 1.0
+"""The size of loop shapes that counts as none, in innovations of the noise; chosen by judgement."""
 
 
 class Clock:
-    """The seconds that a diagnosis may take; `stopped` where it was interrupted."""
+    """The time that a diagnosis may take; `stopped` once it is over or the user interrupts."""
 
     def __init__(self, seconds: float):
         self._end = time.monotonic() + seconds
@@ -33,18 +41,18 @@ class Clock:
 
     @property
     def is_over(self) -> bool:
-        """Whether no further refit is to be begun."""
+        """Whether no further refit may start."""
         self.stopped = self.stopped or time.monotonic() > self._end
         return self.stopped
 
 
 @dataclass(frozen=True, eq=False)
 class Inquiry:
-    """What was seen about the base fit, what is named, and what it was refitted with.
+    """The posteriors about the base fit, the named effects, and their refits.
 
-    `first` is in units of the noise alone, `seen` counts what is left over as noise.  `rivals` are
-    for each name the refits with what may stand in its place.  `is_carried` where one effect,
-    refitted, carries all of what loop shapes would, with fewer numbers.
+    `first` has the noise as it was measured, `seen` the misfit as a part of it.  `rivals` are for
+    each name its refit and those of its look-alikes.  `is_carried`: one effect, refitted, explains
+    all that loop shapes would.
     """
 
     base: Fitted
@@ -62,15 +70,15 @@ class Inquiry:
 
     @property
     def is_shape(self) -> bool:
-        """Whether the loop's shape is surely not the model's."""
+        """Whether the loop has another shape than the model's, with probability `SURE`."""
         inexact = self.judge.is_inexact and not self.is_carried
         return inexact and self.seen.posterior.shape > SURE
 
     @property
-    def taken_by_shape(self) -> np.ndarray:
-        """What loop shapes, with the model's numbers following, take from the error (ΣL,), in the
-        response's unit."""
-        return self.first.fitted.error - self.first.left_of(self.judge.alone)
+    def explained_by_shape(self) -> np.ndarray:
+        """The part of the error (ΣL,) that loop shapes and a change of the model's parameters
+        explain, in the response's unit."""
+        return self.first.fitted.error - self.first.remainder_of(self.judge.alone)
 
 
 def inquire(
@@ -81,14 +89,15 @@ def inquire(
     *,
     may_name: bool,
 ) -> Inquiry:
-    """Ask what a base leaves out, and name it where the recording `may_name` anything."""
-    progress("computing every effect's columns")
-    guessed = any(_is_guessed(take) for take in base.preparation.takes)
-    takes = base.preparation.takes
-    innovation = np.median([take.noise.innovation for take in takes if take.noise is not None])
+    """Search for the effects that a base leaves out, and refit them if the recording `may_name`
+    any."""
+    progress("computing the columns of every effect")
+    noises = [take.noise for take in base.preparation.takes if take.noise is not None]
+    guessed = any(noise.method == "residual" for noise in noises)
+    innovation = np.median([noise.innovation for noise in noises])
     small = _SMALL * float(innovation) / base.preparation.setting.response_span
     columns = columns_of(base)
-    progress("weighing effects, pairs and loop shapes")
+    progress("comparing effects, pairs and loop shapes")
     first = view_of(base, columns, small, thinned=True, most=2)
     best, seen = first.posterior.best, None
     if first.misfit(best) > MISFIT:
@@ -98,45 +107,43 @@ def inquire(
             first = seen
     seen = seen or view_of(base, columns, small)
     judge = Judge(first, seen, small)
-    # A simulation that is off by more than the noise names nothing.
+    # Nothing is named if the numerical error exceeds the noise.
     may_name = may_name and base.numerics <= tolerated_error(NUMERICS, base.solved, _MINOR)
     names = judge.names() if may_name else ()
-    found = Inquiry(base, first, seen, judge, names, None, ())
+    inquiry = Inquiry(base, first, seen, judge, names, None, ())
     if not may_name:
-        return found
+        return inquiry
     try:
         alone = not judge.is_inexact and len(names) < 2
-        carried = None if alone else _carried(found, nominal, progress, clock)
+        carried = None if alone else _carried(inquiry, nominal, progress, clock)
         if carried is not None:
             return carried
-        return _refitted(found, nominal, progress, clock) if names else found
+        return _refitted(inquiry, nominal, progress, clock) if names else inquiry
     except KeyboardInterrupt:
         clock.stopped = True
-        return found.unnamed()
+        return inquiry.unnamed()
 
 
-def _is_guessed(take) -> bool:
-    return take.noise.method == "residual"
-
-
-def _refitted(found: Inquiry, nominal: AbstractBlock, progress: Progress, clock: Clock) -> Inquiry:
-    """The names after refits of what they stand for and of what may stand in their place."""
-    judge, tau = found.judge, found.seen.posterior.best.tau
-    preparation: Preparation = found.seen.fitted.preparation
+def _refitted(
+    inquiry: Inquiry, nominal: AbstractBlock, progress: Progress, clock: Clock
+) -> Inquiry:
+    """The names after refits of them and of their look-alikes."""
+    judge, tau = inquiry.judge, inquiry.seen.posterior.best.tau
+    preparation: Preparation = inquiry.seen.fitted.preparation
     tau = tau if judge.is_inexact else 0.0
 
     def explained(names: Sequence[str]) -> Explanation:
         progress(f"refitting with {' and '.join(names)}")
         return explained_by(names, judge, nominal, preparation, tau)
 
-    kept = [name.effect for name in found.names][:_MOST_NAMES]
+    kept = [name.effect for name in inquiry.names][:_MOST_NAMES]
     best = explained(kept)
     if clock.is_over:
-        return replace(found, explanation=best)
+        return replace(inquiry, explanation=best)
     names, rivals = [], []
-    for k, name in enumerate(found.names[:_MOST_NAMES]):
+    for k, name in enumerate(inquiry.names[:_MOST_NAMES]):
         rest = [other for other in kept if other != name.effect]
-        gain = _gain(found, best, rest)
+        gain = _gain(inquiry, best, rest)
         special = EFFECTS[name.effect].special_case
         near, larger = [], [e.name for e in EFFECTS.values() if e.special_case == name.effect]
         larger += [special] if special else []
@@ -150,35 +157,38 @@ def _refitted(found: Inquiry, nominal: AbstractBlock, progress: Progress, clock:
         margin = max(APART, (ALIKE if judge.is_inexact else _ALIKE_EXACT) * gain)
         leading = min([best, *near], key=lambda e: e.cost)
         near = [e if e is leading else beside(e, leading, preparation) for e in near]
-        winner = _simplest([best, *near], margin)
-        together = sorted([best, *near], key=lambda e: (e is not winner, e.standing))
-        together = [e for e in together if e.cost - winner.cost < margin]
+        together = _ranked([best, *near], margin, judge)
         if len(kept) == 1:
-            best = winner
+            best = together[0]
         listed = [_other_name(e, rest) for e in together]
         first = _other_name(best, rest)
         names.append(replace(name, effect=first, alike=tuple(n for n in listed if n != first)))
         rivals.append(tuple(together))
-    return replace(found, names=tuple(names), explanation=best, rivals=tuple(rivals))
+    return replace(inquiry, names=tuple(names), explanation=best, rivals=tuple(rivals))
 
 
-def _simplest(explanations: Sequence[Explanation], margin: float) -> Explanation:
-    """The best of some explanations, or of those that are as good the special case of it."""
-    best = min(explanations, key=lambda e: e.standing)
-    special = {EFFECTS[name].special_case for name in best.names}
-    simpler = [
-        e for e in explanations if special & set(e.names) and e.standing < best.standing + margin
-    ]
-    return min(simpler, key=lambda e: e.standing, default=best)
+def _ranked(explanations: Sequence[Explanation], margin: float, judge: Judge) -> list[Explanation]:
+    """The explanations that the best does not exclude.  First those that refits cannot distinguish
+    from it, by the evidence of their columns, which counts all shapes of an effect."""
+    least = min(e.standing for e in explanations)
+
+    def order(explanation: Explanation) -> tuple[bool, float]:
+        behind = explanation.standing - least
+        evidence = judge.fall(explanation.names) - explanation.price
+        return behind >= APART, behind if behind >= APART else -evidence
+
+    return sorted((e for e in explanations if e.standing - least < margin), key=order)
 
 
 def _carried(
-    found: Inquiry, nominal: AbstractBlock, progress: Progress, clock: Clock
+    inquiry: Inquiry, nominal: AbstractBlock, progress: Progress, clock: Clock
 ) -> Inquiry | None:
-    """The inquiry where one effect, refitted without loop shapes, is as likely as all that stands
-    beside them, or as several effects: far from the fit a secant may miss what the effect itself
-    does not.  None where no effect is."""
-    base, first, judge = found.base, found.first, found.judge.without_shapes()
+    """The inquiry with one effect that, refitted without loop shapes, is as likely as any other
+    hypothesis, with loop shapes or several effects; None if there is none.
+
+    Far from the fit an effect may explain the residual although its secant does not.
+    """
+    base, first, judge = inquiry.base, inquiry.first, inquiry.judge.without_shapes()
     fits: list[Explanation] = []
     for name in judge.leading(_MOST_TRIED):
         if clock.is_over or judge.fall((name,)) < _HALF * judge.excess:
@@ -189,15 +199,15 @@ def _carried(
         return None
     fall = base.solved.cost - min(e.fitted.solved.cost for e in fits)
     margin = max(APART, _ALIKE_EXACT * fall)
-    best = _simplest(fits, margin)
+    near = _ranked(fits, margin, judge)
+    best = near[0]
     rival = first.posterior.best.log_posterior - APART / 2
     if first.log_posterior_of(best.fitted.solved.cost, best.price) < rival:
         return None
-    near = [e for e in fits if e.cost - best.cost < margin]
     alike = tuple(e.names[0] for e in near if e is not best)
-    there = 1 - found.seen.posterior.nothing
-    name = Name(best.names[0], alike, there, min(1.0, fall / judge.excess))
-    return replace(found, names=(name,), explanation=best, rivals=(tuple(near),), is_carried=True)
+    present = 1 - inquiry.seen.posterior.nothing
+    name = Name(best.names[0], alike, present, min(1.0, fall / judge.excess))
+    return replace(inquiry, names=(name,), explanation=best, rivals=(tuple(near),), is_carried=True)
 
 
 def _other_name(explanation: Explanation, rest: Sequence[str]) -> str:
@@ -205,7 +215,7 @@ def _other_name(explanation: Explanation, rest: Sequence[str]) -> str:
     return next(name for name in explanation.names if name not in rest)
 
 
-def _gain(found: Inquiry, best: Explanation, rest: Sequence[str]) -> float:
-    """What an effect takes from χ² beside the others."""
-    fall = found.judge.fall(tuple(best.names)) - found.judge.fall(tuple(rest))
+def _gain(inquiry: Inquiry, best: Explanation, rest: Sequence[str]) -> float:
+    """The reduction of χ² by an effect beside the others."""
+    fall = inquiry.judge.fall(tuple(best.names)) - inquiry.judge.fall(tuple(rest))
     return max(0.0, fall)

@@ -1,4 +1,4 @@
-"""Effects round a model, and its name with them."""
+"""Effects around a model, and the name of the whole."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from .._prepare import layout_of
 
 @dataclass(frozen=True)
 class Layer:
-    """An effect round a model, with the shape it was first tried at."""
+    """An effect around a model, with the trial block that it starts from."""
 
     effect: Effect
     trial: AbstractBlock
@@ -41,7 +41,7 @@ class Layer:
 
 
 def wrapped(block: AbstractBlock, layers: Sequence[Layer]) -> AbstractBlock:
-    """A block with effects round it, the first innermost."""
+    """A block with effects around it, the first innermost."""
     for layer in layers:
         block = layer.effect.insert(block, layer.trial)
     return block

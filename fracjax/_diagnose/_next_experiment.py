@@ -1,15 +1,15 @@
-r"""The next experiment: the drive on which effects that look alike part the most.
+r"""The next experiment: the drive for which the responses of look-alikes differ most.
 
 For two fitted explanations k and l the drive is worth
 
     λ_kl = ‖ (1 - P_l) W (f_k - f_l) ‖²
 
-with P_l the projection onto what l's own parameters could still take up: the fall of χ² that the
-right one of them would show, N(λ, 4λ) distributed.  The drive with the largest least λ over all
-pairs is proposed; where that is likely to fail, over those of the first with as many as possible.
-Where it fails for all of them, the drives are tried anew at other rates: as many samples over a
-longer time, in which what is slow shows, or over a shorter one, whose faster drives reach above
-the band that was recorded.
+with P_l the projection onto the changes that l's own parameters could still absorb: the reduction
+of χ² by the right one of them, N(λ, 4λ) distributed.  The drive whose smallest λ over all pairs is
+largest is proposed.  If it is likely to fail, only the pairs of the first effect with as many
+others as possible count.  If that fails too, the drives are tried at other rates: as many samples
+over a longer time, which shows slow effects, or over a shorter one, whose faster drives reach above
+the recorded band.
 Source: Atkinson & Fedorov, Biometrika 62 (1975) 57 (T-optimality).
 """
 
@@ -31,20 +31,37 @@ from .._recording import InputError, Recording, parse_quantity
 from .._solve import orthonormal_basis
 
 _SAMPLES = 4096
+"""Samples of a drive after its rest; chosen by judgement."""
 _FASTER = 10.0
+"""The default limit of the rate, over the fastest change recorded; chosen by judgement."""
 _LEAST_PER_PERIOD = 16
+"""Samples per period of the fastest tone; chosen by judgement."""
 _DELTA_BIC = 10.0
-_REST, _LEAD, _LONGEST_LEAD = 0.2, 0.05, 0.25
+"""The reduction of χ² that distinguishes two effects, as for an adoption."""
+_REST = 0.2
+"""Duration of the rest before a drive [s]; chosen by judgement."""
+_LEAD, _LONGEST_LEAD = 0.05, 0.25
+"""The shortest and the longest rest, as shares of the drive; chosen by judgement."""
 _ROUNDING = np.array([1, 4, 6, 4, 1]) / 16
+"""Binomial weights by which corners are rounded."""
 _EXAMINED = 10
+"""Drives for which the absorbed changes are computed, those with the largest differences; chosen by
+judgement."""
 _RATES = (1, 1 / 4, 4, 1 / 16, 16)
+"""Sampling rates that are tried, over the recording's own, in this order."""
 LIKELY = 0.5
-"""A drive that is more likely to fail tells nothing."""
+"""A drive with a smaller probability of success is more likely to fail."""
 
 
 @dataclass(frozen=True)
 class Limits:
-    """What the hardware allows: the drive's range [drive unit] and its fastest change [unit/s]."""
+    """What the hardware allows.
+
+    Attributes:
+        low: the lowest drive [drive unit].
+        high: the highest drive [drive unit].
+        slew: the fastest change of the drive [drive unit/s].
+    """
 
     low: float
     high: float
@@ -52,10 +69,12 @@ class Limits:
 
     @property
     def centre(self) -> float:
+        """The middle of the range [drive unit]."""
         return 0.5 * (self.low + self.high)
 
     @property
     def reach(self) -> float:
+        """Half the range [drive unit]."""
         return 0.5 * (self.high - self.low)
 
 
@@ -70,28 +89,45 @@ def recorded_limits(recordings: Sequence[Recording]) -> Limits:
 
 
 def parse_limits(text: str, recordings: Sequence[Recording]) -> Limits:
-    """Limits from such as "0..100 V, 50 V/ms"; the slew may be left out.  Raises InputError."""
-    unit, known = recordings[0].drive_unit, recorded_limits(recordings)
-    found = re.fullmatch(r"\s*(\S+?)\s*\.\.\s*(\S+?)\s*([A-Za-zµ]*)\s*(?:,\s*(.+))?", text)
-    if found is None:
+    """Limits from a text.
+
+    Args:
+        text: such as "0..100 V, 50 V/ms"; the rate may be left out.
+        recordings: they give the drive's unit and the default of the rate.
+
+    Returns:
+        The limits, in the drive's unit.
+
+    Raises:
+        InputError: if the text is not of this form, or the limits exclude every drive.
+    """
+    unit, recorded = recordings[0].drive_unit, recorded_limits(recordings)
+    match = re.fullmatch(r"\s*(\S+?)\s*\.\.\s*(\S+?)\s*([A-Za-zµ]*)\s*(?:,\s*(.+))?", text)
+    if match is None:
         raise InputError.at(
             "--limits", f'a range and a slew such as "0..100 {unit}, 50 {unit}/ms"', f'"{text}"',
-            "write it so",
+            "write the limits in this form",
         )  # fmt: skip
-    low, high, own, slew = found.groups()
+    low, high, own, slew = match.groups()
     low, high = (parse_quantity(f"{end} {own or unit}", unit, "--limits") for end in (low, high))
-    fastest = parse_quantity(slew, f"{unit}/s", "--limits") if slew else known.slew
+    fastest = parse_quantity(slew, f"{unit}/s", "--limits") if slew else recorded.slew
     if not (low < high and fastest > 0):
         raise InputError.at(
             "--limits", "a lower end below the upper and a slew above zero", f'"{text}"',
-            "correct it",
+            "correct the limits",
         )  # fmt: skip
     return Limits(low, high, fastest)
 
 
 @dataclass(frozen=True)
 class Drive:
-    """A drive that could be recorded next: `values` (N,) at `step` s, and how to describe it."""
+    """A drive that could be recorded next.
+
+    Attributes:
+        description: in words.
+        values: (N,) [drive unit].
+        step: time between samples [s].
+    """
 
     description: str
     values: np.ndarray
@@ -114,8 +150,8 @@ def _triangle(angle: np.ndarray) -> np.ndarray:
 
 
 def rest_samples(step: float) -> int:
-    """How many samples a drive rests before it begins: as long as tells a noise floor, but no
-    longer than a quarter of the drive."""
+    """Samples of the rest before a drive: long enough for a noise floor, but no longer than a
+    quarter of the drive."""
     shortest, longest = (int(share * _SAMPLES) for share in (_LEAD, _LONGEST_LEAD))
     return int(np.clip(_REST / step, shortest, longest))
 
@@ -131,10 +167,10 @@ def drives(limits: Limits, step: float, unit: str, start: float, rest: int) -> l
     fastest = max(fastest, slowest)
     tones = np.geomspace(slowest, fastest, 6)
     few = np.geomspace(2 * slowest, 0.5 * fastest, 3) if fastest > 4 * slowest else tones[:1]
-    found: dict[str, np.ndarray] = {}
+    waveforms: dict[str, np.ndarray] = {}
 
     def add(description: str, values: np.ndarray) -> None:
-        found[description] = values
+        waveforms[description] = values
 
     for f in tones:
         for share in (1.0, 0.4):
@@ -189,17 +225,17 @@ def drives(limits: Limits, step: float, unit: str, start: float, rest: int) -> l
     add("a rest at one level", np.full(_SAMPLES, limits.centre))
     return [
         Drive(text, _allowed(values, limits, step, start, rest), step)
-        for text, values in found.items()
+        for text, values in waveforms.items()
     ]
 
 
 def _allowed(
     values: np.ndarray, limits: Limits, step: float, start: float, rest: int
 ) -> np.ndarray:
-    """The drive from a rest at `start`, within range and slew.
+    """The drive (N,) after a rest at `start`, within the limits of range and rate.
 
-    It begins where the recording began, for some effects count from there.  Its corners are rounded
-    over four samples: what a drive with corners does between its samples, they do not tell.
+    It begins where the recording began, since some effects count from there.  Its corners are
+    rounded over four samples, since samples do not show how a drive with corners runs between them.
     """
     led = np.concatenate([np.full(rest, start), values])
     most = limits.slew * step
@@ -215,12 +251,13 @@ def _allowed(
 
 @dataclass(frozen=True)
 class Proposal:
-    """The drive to record next, the rivals that it is to tell from the first, and the least
-    probability with which it does; `all_apart` where it is to tell each from every other too."""
+    """The drive to record next, the indices of the rivals that it should distinguish from the
+    first, and the smallest probability with which it does; `all_apart` if it should distinguish
+    each from every other too."""
 
     drive: Drive
     probability: float
-    told: tuple[int, ...]
+    distinguished: tuple[int, ...]
     all_apart: bool
 
 
@@ -230,50 +267,51 @@ def propose(
     limits: Limits,
     progress: Callable[[str], None],
 ) -> Proposal:
-    """The drive on which the fitted rivals part the most.
+    """The drive for which the responses of the fitted rivals differ most.
 
-    Where none is likely to tell each of them from every other, the one that tells most from the
-    first: two that nothing tells apart are no reason to leave the others together.  At another
-    rate than the recording's only where none is likely to tell anything at that.
+    If none is likely to distinguish each of them from every other, it is the one that distinguishes
+    most of them from the first.  Its rate differs from the recording's only if no drive is likely
+    to distinguish anything at that rate.
     """
     take = preparation.takes[0]
     noise, recording = take.noise, take.recording
     assert noise is not None  # a diagnosis has one
     start = float(recording.drive[0])
-    rest = rest_samples(recording.dt)  # of one length at all rates, so that no law compiles anew
+    rest = rest_samples(recording.dt)  # of one length at all rates, so that no block compiles again
 
     def at(rate: float) -> Proposal:
         step = recording.dt / rate
         candidates = drives(limits, step, recording.drive_unit, start, rest)
         progress(f"choosing the next experiment among {len(candidates)} drives")
-        found = _proposed(candidates, rivals, noise, preparation.oversampling)
+        proposal = _proposed(candidates, rivals, noise, preparation.oversampling)
         if rate == 1:
-            return found
-        told = f"{found.drive.description}, at {1 / step:.6g} samples/s"
-        return replace(found, drive=replace(found.drive, description=told))
+            return proposal
+        description = f"{proposal.drive.description}, at {1 / step:.6g} samples/s"
+        return replace(proposal, drive=replace(proposal.drive, description=description))
 
     own = at(_RATES[0])
     others = map(at, _RATES[1:])
-    return next((found for found in chain([own], others) if found.probability >= LIKELY), own)
+    return next((each for each in chain([own], others) if each.probability >= LIKELY), own)
 
 
 def _proposed(
     candidates: list[Drive], rivals: Sequence[AbstractBlock], noise: Noise, oversampling: int
 ) -> Proposal:
-    """The most telling of some drives."""
+    """The drive that distinguishes best."""
     trials = [_Trial(drive, noise, oversampling) for drive in candidates]
-    # What the parameters can take up costs ten times more to find than the responses themselves.
+    # The changes that the parameters absorb cost ten times as much as the responses themselves.
     gaps = np.array([trial.gaps(rivals) for trial in trials])
     promising = np.argsort(-np.mean(np.log(gaps + 1e-300), axis=1))[:_EXAMINED]
     apart = _probability(np.array([trials[k].separability(rivals) for k in promising]))
-    k, told, all_apart = _most_telling(apart)
-    probability = float(apart[k].min() if all_apart else apart[k, 0, told].min())
-    return Proposal(candidates[promising[k]], probability, told, all_apart)
+    k, distinguished, all_apart = _most_distinguishing(apart)
+    probability = float(apart[k].min() if all_apart else apart[k, 0, distinguished].min())
+    return Proposal(candidates[promising[k]], probability, distinguished, all_apart)
 
 
-def _most_telling(apart: np.ndarray) -> tuple[int, tuple[int, ...], bool]:
-    """Which drive, and what it is to tell from the first, of the probabilities (drives, rivals,
-    rivals) that it tells two apart; with whether it tells each from every other."""
+def _most_distinguishing(apart: np.ndarray) -> tuple[int, tuple[int, ...], bool]:
+    """The index of the drive that distinguishes best, from the probabilities (drives, rivals,
+    rivals) that it distinguishes two; the rivals that it should distinguish from the first; and
+    whether it should distinguish each from every other."""
     others, least = tuple(range(1, apart.shape[1])), apart.min(axis=(1, 2))
     if least.max() < LIKELY:
         from_first = apart[:, 0, 1:]
@@ -281,18 +319,18 @@ def _most_telling(apart: np.ndarray) -> tuple[int, tuple[int, ...], bool]:
             worst = np.sort(from_first, axis=1)[:, -count]
             k = int(np.argmax(worst))
             if worst[k] >= LIKELY:
-                told = 1 + np.argsort(-from_first[k], kind="stable")[:count]
-                return k, tuple(sorted(told.tolist())), False
+                distinguished = 1 + np.argsort(-from_first[k], kind="stable")[:count]
+                return k, tuple(sorted(distinguished.tolist())), False
     return int(np.argmax(least)), others, True
 
 
 def _probability(separability: np.ndarray) -> np.ndarray:
-    """P(fall of χ² ≥ 10) where the fall is N(λ, 4λ)."""
+    """P(reduction of χ² ≥ 10), if the reduction is N(λ, 4λ)."""
     return norm.cdf((separability - _DELTA_BIC) / (2 * np.sqrt(separability) + 1e-12))
 
 
 class _Trial:
-    """A drive made ready to be simulated."""
+    """A drive on the grid on which it is simulated."""
 
     def __init__(self, drive: Drive, noise: Noise, oversampling: int):
         self.noise, self.oversampling = noise, oversampling
@@ -300,17 +338,18 @@ class _Trial:
         self.fine = refine(drive.values, oversampling, "constant")
 
     def _whitened(self, signals: np.ndarray) -> np.ndarray:
-        """Signals (M, …) on the fine grid, at the samples and whitened."""
+        """Signals (M, …) of the fine grid, sampled and whitened (N, …)."""
         sampled = signals[:: self.oversampling]
         return np.asarray(lfilter(self.noise.whitening, 1.0, sampled, axis=0))
 
     def gaps(self, rivals: Sequence[AbstractBlock]) -> list[float]:
-        """How far every two rivals' responses are apart, before any parameter takes it up."""
-        found = [self._whitened(block.respond(self.fine, self.grid)) for block in rivals]
-        return [float(np.var(one - other)) for one, other in combinations(found, 2)]
+        """The variance of the whitened difference of every two rivals' responses, before any
+        parameter absorbs it."""
+        responses = [self._whitened(block.respond(self.fine, self.grid)) for block in rivals]
+        return [float(np.var(one - other)) for one, other in combinations(responses, 2)]
 
     def separability(self, rivals: Sequence[AbstractBlock]) -> np.ndarray:
-        """λ (rivals, rivals), the lesser of both orders of a pair."""
+        """λ (rivals, rivals), the smaller of both orders of a pair."""
         responses, bases = [], []
         for block in rivals:
             layout = layout_of(block)
@@ -323,6 +362,6 @@ class _Trial:
         worth = np.diag(np.full(len(rivals), np.finfo(float).max))
         for one, other in permutations(range(len(rivals)), 2):
             difference = responses[one] - responses[other]
-            left = difference - bases[other] @ (bases[other].T @ difference)
-            worth[one, other] = np.nan_to_num(left @ left, nan=0.0)
+            residual = difference - bases[other] @ (bases[other].T @ difference)
+            worth[one, other] = np.nan_to_num(residual @ residual, nan=0.0)
         return np.minimum(worth, worth.T)

@@ -1,15 +1,16 @@
-r"""Loop shapes that no law of the model has: the span of rate-independent hysteresis.
+r"""Loop shapes beyond the model's: columns that span rate-independent hysteresis.
 
-Two kinds of law, each linear in its columns, span it to a grid's resolution:
+Two families, each linear in its columns, span it to a grid's resolution:
 
 - A Preisach operator of any density, Prandtl–Ishlinskii sums and static curves among them, is a sum
   over plays of functions of their states alone, y(t) = ∫ g(r, p_r(t)) dr, with p_r the play of the
   drive u with radius r and p_0 = u: Chebyshev polynomials T_k of the states of many plays.
-- Laws that forget along the path of the drive and not in time (Duhem, Jiles–Atherton, Bouc–Wen,
-  presliding friction): states dx = -x/λ |du| + T_k(u) du, and + T_k(u) |du|, of many lengths λ.
+- Operators whose memory fades along the path of the drive and not in time (Duhem, Jiles–Atherton,
+  Bouc–Wen, presliding friction): states dx = -x/λ |du| + T_k(u) du, and + T_k(u) |du|, of many
+  lengths λ.
 
-Their coefficients are normal about 0, of sd τ · span · k^-2, or 1/k along the path: a discrepancy
-that is added to the noise's covariance, Σ + τ² D Dᵀ.
+Their coefficients are normal about 0, of sd τ · span · k^-2, or 1/k along the path; this
+discrepancy is added to the noise's covariance, Σ + τ² D Dᵀ.
 Source: Brokate & Sprekels, Hysteresis and Phase Transitions (1996), chapter 2 (Preisach operators
 by plays); Visintin, Differential Models of Hysteresis (1994), chapter V (Duhem's); Kennedy &
 O'Hagan, J. R. Stat. Soc. B 63 (2001) 425 (discrepancy).
@@ -24,18 +25,23 @@ from numpy.polynomial import chebyshev
 
 from .._prepare import Preparation
 
+# Grids and orders are chosen by judgement; tests measure how well they span hysteresis.
 _RADII = np.geomspace(0.004, 0.5, 20)
+"""Radii of the plays, over the drive's span."""
 _BEGUN = np.geomspace(0.02, 0.5, 7)
+"""The same for plays with another prior history."""
 _ORDERS, _STATIC_ORDERS, _BEGUN_ORDERS = 10, 12, 4
+"""Orders of the polynomials of plays, of the drive, and of plays with another prior history."""
 _PATHS, _PATH_ORDERS = np.geomspace(0.05, 0.5, 4), 2
-"""Lengths along the drive's path, in spans of it, over which a law forgets."""
+"""Lengths of the drive's path, over its span, along which a memory fades; orders of the
+polynomials."""
 _LONG_PATHS = np.geomspace(0.25, 4.0, 5)
-"""The same for what was there at the start: loops take that many half-cycles to settle."""
+"""The same for the state at the start: the half-cycles in which loops settle."""
 
 
 def loop_shapes(preparation: Preparation) -> np.ndarray:
-    """Columns (ΣL, K) of the shapes that loops may have beside the model's, each of its prior sd
-    for τ = 1, in the response's unit."""
+    """Columns (ΣL, K) of loop shapes beyond the model's, each scaled to its prior sd for τ = 1, in
+    the response's unit."""
     setting = preparation.setting
     parts = []
     for take, problem in zip(preparation.takes, preparation.problems(), strict=True):
@@ -47,7 +53,7 @@ def loop_shapes(preparation: Preparation) -> np.ndarray:
 
 
 def _shapes_of(drive: np.ndarray, history: str, rest: float) -> np.ndarray:
-    """Columns (N, K) for a drive (N,) scaled to 0 … 1, `rest` where 0 lies on that scale."""
+    """Columns (N, K) for a drive (N,) scaled to 0 … 1; `rest` is zero drive on that scale."""
     start = rest if history == "rest" else drive[0]
     states = plays(drive, _RADII, np.full(_RADII.size, start), again=history == "periodic")
     beside = _polynomials(drive[:, None], _ORDERS)
@@ -56,8 +62,7 @@ def _shapes_of(drive: np.ndarray, history: str, rest: float) -> np.ndarray:
     again = history == "periodic"
     parts = [_polynomials(drive[:, None], _STATIC_ORDERS), inner, _fading(drive, again=again)]
     if history != "periodic":
-        # What the actuator had been through before the record shows until it is wiped out, or
-        # forgotten along the path of the drive.
+        # The prior history has an effect until it is wiped out, or fades along the drive's path.
         virgin = _polynomials(plays(drive, _BEGUN, np.full(_BEGUN.size, start)), _BEGUN_ORDERS)
         for sign in (-1, 1):
             states = plays(drive, _BEGUN, start + sign * _BEGUN)
@@ -69,14 +74,14 @@ def _shapes_of(drive: np.ndarray, history: str, rest: float) -> np.ndarray:
 
 
 def _polynomials(states: np.ndarray, orders: int) -> np.ndarray:
-    """Chebyshev polynomials (N, R · orders) of states (N, R) within 0 … 1, smaller as k^-2."""
-    found = chebyshev.chebvander(2 * states - 1, orders)[:, :, 1:] / np.arange(1, orders + 1) ** 2
-    return found.reshape(len(states), -1)
+    """Chebyshev polynomials (N, R · orders) of states (N, R) within 0 … 1, scaled by k^-2."""
+    values = chebyshev.chebvander(2 * states - 1, orders)[:, :, 1:] / np.arange(1, orders + 1) ** 2
+    return values.reshape(len(states), -1)
 
 
 def _fading(drive: np.ndarray, *, again: bool) -> np.ndarray:
-    """States (N, K) that forget along the path of a drive (N,), from 0, or from what one pass ends
-    in."""
+    """States (N, K) that fade along the path of a drive (N,), from 0, or, if it runs `again`, from
+    those at the end of one pass."""
     steps = np.diff(drive, prepend=drive[0])
     kept = np.exp(-np.abs(steps)[:, None, None] / _PATHS[:, None])
     orders = np.arange(_PATH_ORDERS + 1)
@@ -98,8 +103,8 @@ def plays(
     *,
     again: bool = False,
 ) -> np.ndarray:
-    """Play operators (N, R) of a drive (N,) from states `start` (R,), or from those that one pass
-    ends in; over each stretch between turning points at once."""
+    """Play operators (N, R) of a drive (N,) from states `start` (R,), or, if it runs `again`, from
+    those at the end of one pass; computed for each stretch between turning points at once."""
     states = np.empty((drive.size, radii.size))
     states[0] = np.clip(start, drive[0] - radii, drive[0] + radii)
     for first, last in _stretches(drive):
@@ -113,7 +118,7 @@ def plays(
 
 
 def _stretches(drive: np.ndarray) -> list[tuple[int, int]]:
-    """Where a drive (N,) does not turn: first and last sample of each stretch."""
+    """First and last sample of each stretch in which a drive (N,) does not turn."""
     way = np.sign(np.diff(drive))
     last_moved = np.maximum.accumulate(np.where(way != 0, np.arange(way.size), 0))
     way = way[last_moved]

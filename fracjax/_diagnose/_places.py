@@ -1,4 +1,4 @@
-"""Where the mismatch is: the score test with columns that are places instead of physics."""
+"""The place of the mismatch: the score test with places instead of effects as columns."""
 
 from __future__ import annotations
 
@@ -11,7 +11,9 @@ from scipy.stats import f, kurtosis, norm
 from .._prepare import Preparation, Problem
 from .._solve import orthonormal_basis
 from ._result import Axis
+from ._thresholds import SIGNIFICANCE
 
+# Numbers of bins, and of harmonics: chosen by judgement.
 _TIME_BINS = 16
 _PHASE_BINS = 24
 _LEVEL_BINS = 12
@@ -19,32 +21,35 @@ _RATE_BINS = 10
 _REVERSAL_BINS = 10
 _FREQUENCY_BINS = 14
 _HARMONICS = 10
-_SIGNIFICANCE = 0.01
 _DOUBT = 3.0
+"""Standard deviations under noise alone that are subtracted from an excess; chosen by judgement."""
 _INDEPENDENT = 1e-10
+"""Smallest eigenvalue of a Gram matrix that counts as independent, over the largest one."""
 
 
 @dataclass(frozen=True)
 class Residual:
-    """Whitened residual (ΣL,) and an orthonormal_basis basis (ΣL, r) of what the fit can absorb."""
+    """The whitened residual (ΣL,), and an orthonormal basis (ΣL, r) of the changes that the fit can
+    absorb."""
 
     whitened: np.ndarray
     basis: np.ndarray
 
     @classmethod
     def beside(cls, error: np.ndarray, tangent: np.ndarray) -> Residual:
-        """A whitened error without what a fit's whitened tangent (ΣL, P) can absorb."""
+        """A whitened error (ΣL,) minus what the fit can absorb along its whitened tangent
+        (ΣL, P)."""
         basis = orthonormal_basis(tangent)
         return cls(error - basis @ (basis.T @ error), basis)
 
     def project(self, columns: np.ndarray) -> np.ndarray:
-        """Columns (K, ΣL) without what the fit can absorb."""
+        """Columns (K, ΣL) minus what the fit can absorb."""
         return columns - (columns @ self.basis) @ self.basis.T
 
 
 def freedom_of(preparation: Preparation, tails: float) -> float:
-    """The degrees of freedom behind the noise level, for a residual of this kurtosis: a short rest
-    may hold none of a heavy tail."""
+    """The degrees of freedom of the noise level, for a residual of this kurtosis: a short rest may
+    contain none of a heavy tail."""
     noises = [take.noise for take in preparation.takes if take.noise is not None]
     return 2 / max(*(noise.doubt(tails) for noise in noises), 1e-6) ** 2
 
@@ -54,7 +59,7 @@ def locate(
 ) -> list[Axis]:
     """All axes that the recordings have, each with its map of strength.
 
-    `freedom`: the degrees of freedom behind the noise level.
+    `freedom`: the degrees of freedom of the noise level.
     """
     places = _Places(preparation, problems, residual, freedom)
     axes = [places.time(), places.frequency(), places.level(), places.rate(), places.reversal()]
@@ -64,8 +69,8 @@ def locate(
 
 
 def acting_at(axis: Axis, explained: list[Axis]) -> Axis:
-    """An axis at the places where effects change the response by half as much as where they do
-    most; `explained` are the maps of that change in the residual's stead."""
+    """An axis with the places where effects change the response at least half as much as at the
+    maximum; `explained` are the maps of that change instead of the residual."""
     (same,) = (other for other in explained if other.axis == axis.axis)
     most = same.strength >= 0.5 * same.strength.max()
     return replace(axis, intervals=_stretches(axis.edges, most))
@@ -107,7 +112,7 @@ class _Places:
         )
         self.counted = np.concatenate([np.asarray(p.weights) for p in problems]) > 0
         repeats = [t.recording.drive_period() for t in preparation.takes]
-        # In periods since the first sample, where every recording's drive has a period.
+        # In periods since the first sample, if every recording's drive has a period.
         self.phases = None
         if all(repeats):
             turns = [np.arange(n) / r.period for n, r in zip(lengths, repeats, strict=True) if r]
@@ -123,10 +128,10 @@ class _Places:
         return np.concatenate(pieces, axis=1)
 
     def _energy(self, columns: np.ndarray) -> tuple[float, int, float]:
-        """χ² that a group of columns (K, ΣL) takes from the residual after projection, with how
-        many freedoms, and its variance.
+        """The reduction of χ² by a group of columns (K, ΣL) after projection, its degrees of
+        freedom, and its variance.
 
-        Where the noise's tails are heavy, a group of few samples scatters more than a χ².
+        If the noise has heavy tails, the variance of a group of few samples exceeds that of a χ².
         """
         projected = self.residual.project(self._whiten(columns))
         squares, turned = np.linalg.eigh(projected @ projected.T)
@@ -141,8 +146,8 @@ class _Places:
         return _map(name, unit, edges, *self._tested(groups))
 
     def _tested(self, groups: list[np.ndarray]) -> tuple[np.ndarray, float, float]:
-        """p of each group and of all together, and the χ² they take beyond what noise would give
-        them: χ², with a noise level that is itself an estimate, hence F."""
+        """The p-values (n,) of each group and of all together, by an F distribution, since the
+        noise level is an estimate; and the excess of the groups' χ² over that of noise."""
         energies, counts, variances = np.array([self._energy(group) for group in groups]).T
         whole = self._energy(np.concatenate(groups))
         beyond = float(energies.sum() - counts.sum() - _DOUBT * np.sqrt(variances.sum()))
@@ -150,11 +155,11 @@ class _Places:
         return p_values, float(self._p_value(*whole)), max(0.0, beyond)
 
     def _p_value(self, energy, count, variance) -> np.ndarray:
-        """As many freedoms as a χ² of the same mean, and so scaled, has for this variance."""
+        """The p-value from a scaled χ² with the same mean and variance."""
         return f.sf(energy / count, 2 * count**2 / variance, self.freedom)
 
     def _binned(self, name: str, unit: str, values: np.ndarray, edges: np.ndarray, *shapes) -> Axis:
-        """Bins of a coordinate; within each the residual may follow any of the shapes."""
+        """An axis of bins of a coordinate; in each the residual may follow any of the shapes."""
         index = np.clip(np.searchsorted(edges, values, side="right") - 1, 0, edges.size - 2)
         shapes = (np.ones_like(values), *shapes)
 
@@ -164,23 +169,28 @@ class _Places:
 
     @staticmethod
     def _scaled(values: np.ndarray) -> np.ndarray:
+        """Values (ΣL,) with zero mean and unit standard deviation."""
         return (values - values.mean()) / values.std()
 
     def _quantiles(self, values: np.ndarray, bins: int) -> np.ndarray:
+        """Edges of bins that contain equally many counted values."""
         edges = np.unique(np.quantile(values[self.counted], np.linspace(0, 1, bins + 1)))
         return edges if edges.size > 1 else np.array([edges[0], edges[0] + 1.0])
 
     def time(self) -> Axis:
+        """Time from each recording's first sample, in equal bins."""
         used = self.times[self.counted]
         edges = np.linspace(used.min(), used.max() + self.step, _TIME_BINS + 1)
         return self._binned("time", "s", self.times, edges, self._scaled(self.drive))
 
     def level(self) -> Axis:
+        """The drive, in equal bins, rising and falling separately."""
         low, high = self.drive[self.counted].min(), self.drive[self.counted].max()
         edges = np.linspace(low, high, _LEVEL_BINS + 1)
         return self._binned("level", self.units[0], self.drive, edges, np.sign(self.rates))
 
     def rate(self) -> Axis:
+        """The rate of the drive, in bins with equally many samples."""
         edges = self._quantiles(self.rates, _RATE_BINS)
         return self._binned(
             "rate", f"{self.units[0]}/s", self.rates, edges, self._scaled(self.drive)
@@ -207,11 +217,13 @@ class _Places:
         return self._binned("reversal", "s", elapsed, edges, direction)
 
     def phase(self) -> Axis:
+        """The phase within the drive's period, in equal bins."""
         degrees = self._turns() % 1 * 360
         return self._binned("phase", "deg", degrees, np.linspace(0, 360, _PHASE_BINS + 1))
 
     def _turns(self) -> np.ndarray:
-        assert self.phases is not None  # asked for only where there are any
+        """Periods of the drive since the first sample (ΣL,)."""
+        assert self.phases is not None  # the caller checks
         return self.phases
 
     def harmonics(self) -> Axis:
@@ -224,12 +236,12 @@ class _Places:
         return self._axis("harmonics", "1", np.arange(_HARMONICS + 1) + 0.5, groups)
 
     def frequency(self) -> Axis:
-        """Logarithmic bands of frequency: what of the residual is coherent with the drive there, in
-        gain or phase, and how its whole power compares with that of the noise.
+        """Logarithmic bands of frequency: the part of the residual there that is coherent with the
+        drive, in gain or phase, and its power compared with that of the noise.
 
-        The power by an F test of the residual's lines against those that the noise was read from,
-        where it was read at all; a band that a short rest does not resolve tells nothing.  What
-        scatters with heavy tails is the size of the whole noise, and so of all bands at once.
+        The power is compared by an F test of the residual's spectral lines against those of the
+        noise, if the noise has a spectrum; a band that a short rest does not resolve has p = 1.
+        Heavy tails make the level of the whole noise scatter, and thus all bands together.
         """
         kept = self.residual.whitened[self.counted]
         power = np.abs(np.fft.rfft(kept)) ** 2 / kept.size
@@ -245,7 +257,8 @@ class _Places:
         return _map("frequency", "Hz", edges, either, whole)
 
     def _driven(self, edges: np.ndarray) -> list[np.ndarray]:
-        """For each band the drive's part in it, and that a quarter of a turn later (2, ΣL)."""
+        """For each band the part of the drive in it, and the same a quarter of a period later
+        (2, ΣL)."""
         pieces, at = [], 0
         for problem in self.problems:
             drive = self.drive[at : at + problem.response.shape[0]]
@@ -258,7 +271,7 @@ class _Places:
         return list(np.concatenate(pieces, axis=2) * self.counted)
 
     def _band(self, power: np.ndarray, noise: np.ndarray) -> float:
-        """P(so much power in a band) from the noise's own lines there."""
+        """P(at least this power in a band), from the noise's own spectral lines there."""
         if power.size == 0:
             return 1.0
         tails = self.kurtosis - 3
@@ -267,11 +280,11 @@ class _Places:
             return float(f.sf(power.mean(), freedom, self.freedom))
         if noise.size == 0:
             return 1.0
-        # A band whose noise is one tall line has the freedoms of one, however many lie in it.
+        # A band whose noise is one high line has the degrees of freedom of one line.
         alike = min(1.0, 2 * noise.mean() ** 2 / np.mean(noise**2))
         others = noise.size * alike / self.noise.shared
-        known = 2 / (1 / others + tails / self.noise.effective)
-        return float(f.sf(power.mean() / noise.mean(), min(freedom, known), known))
+        of_noise = 2 / (1 / others + tails / self.noise.effective)
+        return float(f.sf(power.mean() / noise.mean(), min(freedom, of_noise), of_noise))
 
 
 def _map(
@@ -280,7 +293,7 @@ def _map(
     """An axis from its bins' p-values and that of all bins together: |z|-equivalents, threshold,
     and the bins that stand out."""
     strength = norm.isf(np.maximum(p_values, 1e-300) / 2)
-    threshold = float(norm.isf(_SIGNIFICANCE / p_values.size / 2))
+    threshold = float(norm.isf(SIGNIFICANCE / p_values.size / 2))
     standing_out = strength >= max(threshold, 0.5 * float(strength.max()))
     p_value = min(1.0, 2 * whole, 2 * float(p_values.min()) * p_values.size)
     intervals = _stretches(edges, standing_out)

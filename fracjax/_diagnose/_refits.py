@@ -1,4 +1,4 @@
-"""The nonlinear refit of what is named, and of what it cannot be told from."""
+"""The nonlinear refit of named effects and of their look-alikes."""
 
 from __future__ import annotations
 
@@ -12,19 +12,23 @@ from .._prepare import Preparation, Problem
 from .._solve import starts_of
 from ._columns import kind_of
 from ._fitted import Fitted, fitted
-from ._layers import Layer, wrapped, written
+from ._layers import Layer, wrapped
 from ._names import Judge
 from ._thresholds import APART
 from ._view import View
 
 _CLEAR = 0.1
-_TRIALS, _LAWS, _STARTS_AGAIN = 2, 2, 4
+"""The size of a direction of loop shapes, over the noise, below which it is left out; chosen by
+judgement."""
+_TRIALS, _FORMS, _STARTS_AGAIN = 2, 2, 4
+"""Trials of each form of an effect's block, forms, and starts of a second attempt; chosen by
+judgement."""
 
 
 @dataclass(frozen=True, eq=False)
 class Explanation:
-    """Effects fitted together with the model, the first innermost; `price` is what they cost by
-    Occam's factor."""
+    """Effects fitted together with the model, the first innermost; `price` is Occam's factor for
+    them, on the scale of χ²."""
 
     layers: tuple[Layer, ...]
     fitted: Fitted
@@ -32,21 +36,18 @@ class Explanation:
 
     @property
     def names(self) -> tuple[str, ...]:
+        """The effects' names, the first innermost."""
         return tuple(layer.effect.name for layer in self.layers)
 
     @property
     def cost(self) -> float:
-        """χ² with the price: minus twice the logarithm of the evidence, up to what all share."""
+        """χ² plus the price: minus twice the log evidence, up to a constant."""
         return self.fitted.solved.cost + self.price
 
     @property
     def standing(self) -> float:
-        """Its cost among rivals: one that ended on a physical bound has to be clearly better."""
+        """Its cost among rivals, more by `APART` if a parameter ended on a physical bound."""
         return self.cost + (0.0 if self.is_within_bounds() else APART)
-
-    def written(self, base: str) -> str:
-        """The model as one would write it."""
-        return written(base, self.layers)
 
     def is_within_bounds(self) -> bool:
         """Whether no parameter of an effect ended on its physical bound."""
@@ -63,22 +64,24 @@ class Explanation:
 def explained_by(
     names: Sequence[str], judge: Judge, nominal: AbstractBlock, preparation: Preparation, tau: float
 ) -> Explanation:
-    """The model fitted together with effects, loop shapes of size τ beside it, from the trials that
-    the residual resembles most, about the fit and about the model's nominal point; of an effect
-    alone each of its laws is tried.  One that falls short of what its columns promise begins again
-    elsewhere."""
+    """The model fitted together with effects, with loop shapes of size τ in the noise.
+
+    It starts from the trials that explain most of the residual, with the model's parameters as
+    fitted and nominal; of a single effect each form of its block is tried.  If χ² exceeds what the
+    columns predict, further starts follow.
+    """
     view, options = judge.first, [_trials(name, judge) for name in names]
     base, price = view.fitted.solved.block, sum(map(judge.price, names))
     shapes = directions(view, preparation, tau) if tau > 0 else ()
     if len(names) == 1:
-        laws = [[trials] for trials in options[0]]
+        forms = [[trials] for trials in options[0]]
     else:
-        laws = [[of_effect[0] for of_effect in options]]
+        forms = [[of_effect[0] for of_effect in options]]
     fits = []
-    for law in laws:
-        best = tuple(Layer(EFFECTS[n], trials[0]) for n, trials in zip(names, law, strict=True))
+    for form in forms:
+        best = tuple(Layer(EFFECTS[n], trials[0]) for n, trials in zip(names, form, strict=True))
         starts = [wrapped(base, best), wrapped(nominal, best)]
-        for k, trials in enumerate(law):
+        for k, trials in enumerate(form):
             for trial in trials[1:]:
                 layers = [*best[:k], Layer(EFFECTS[names[k]], trial), *best[k + 1 :]]
                 starts.append(wrapped(base, layers))
@@ -86,15 +89,15 @@ def explained_by(
     best = min(fits, key=lambda e: e.cost)
     if best.fitted.solved.cost < judge.promised(names) + APART:
         return best
-    # The model itself is in a poor basin, into which it had gone without the effect.
+    # The model's own parameters may be in a poor basin, which they reached without the effect.
     starts = [wrapped(block, best.layers) for block in starts_of(nominal, _STARTS_AGAIN, seed=0)]
     again = replace(best, fitted=fitted(starts, preparation, shapes))
     return min(best, again, key=lambda e: e.cost)
 
 
 def beside(other: Explanation, of: Explanation, preparation: Preparation) -> Explanation:
-    """An explanation fitted again from the model's part of another: two effects are compared where
-    the model itself is in the same basin."""
+    """An explanation refitted from the model's parameters of another, if that is better, so that
+    both are compared in the same basin."""
     inside = of.fitted.solved.block
     for layer in reversed(of.layers):
         inside = getattr(inside, layer.inside)
@@ -109,7 +112,7 @@ def beside(other: Explanation, of: Explanation, preparation: Preparation) -> Exp
 
 
 def _trials(name: str, judge: Judge) -> list[list[AbstractBlock]]:
-    """An effect's trials that take most from the residual, by law, the strongest law first."""
+    """An effect's trials that explain most of the residual, by form, the best form first."""
     view, inner = judge.first, judge.inner
     falls = []
     for kind, group in zip(view.kinds, view.columns.groups, strict=True):
@@ -119,23 +122,23 @@ def _trials(name: str, judge: Judge) -> list[list[AbstractBlock]]:
             strongest = int(np.argmax(np.abs(along)))
             falls.append((judge.taken(columns), group.trials[strongest]))
     falls.sort(key=lambda pair: -pair[0])
-    laws: dict[Hashable, list[AbstractBlock]] = {}
+    forms: dict[Hashable, list[AbstractBlock]] = {}
     for _, trial in falls:
-        laws.setdefault(kind_of(trial), []).append(trial)
-    return [trials[:_TRIALS] for trials in laws.values()][:_LAWS]
+        forms.setdefault(kind_of(trial), []).append(trial)
+    return [trials[:_TRIALS] for trials in forms.values()][:_FORMS]
 
 
 def directions(
     view: View, preparation: Preparation, tau: float
 ) -> tuple[tuple[np.ndarray, np.ndarray], ...]:
-    """Each recording's directions of loop shapes of size τ, whitened, and the factors that they
-    keep beside the noise."""
-    found, at = [], 0
+    """Each recording's orthonormal directions (L, k) of whitened loop shapes of size τ, and the
+    factors (k,) of a `Shaped` problem."""
+    factors, at = [], 0
     for problem in preparation.problems():
         length = len(problem.response)
         white = Problem.whiten(problem, tau * view.columns.shapes[at : at + length])
         at += length
-        left, sizes, _ = np.linalg.svd(white, full_matrices=False)
+        basis, sizes, _ = np.linalg.svd(white, full_matrices=False)
         clear = sizes > _CLEAR
-        found.append((left[:, clear], 1 / np.sqrt(1 + sizes[clear] ** 2)))
-    return tuple(found)
+        factors.append((basis[:, clear], 1 / np.sqrt(1 + sizes[clear] ** 2)))
+    return tuple(factors)

@@ -31,13 +31,19 @@ Verdict = Literal["none", "missing", "confusable", "unexplained"]
 class Candidate:
     """One effect of the catalogue, tested against the recording.
 
-    `score` is the largest |z| over its shapes and `log_evidence` the natural logarithm of the Bayes
-    factor for it: the mean of BIC's and Laplace's after a refit, by which names are given, else the
-    score's; `detectable_amplitude` the smallest rms change of the response, in the response's unit
-    and before any refit, that would have been seen; `concealment` the share of its signature that
-    the base model absorbs (0–1).  After a refit: `delta_bic` (base minus extended, positive is
-    better) and `explained_fraction` of the excess residual; `held_out_gain` the fall of held-out
-    RMSE as a share.  `reason` says in words why it was kept or rejected.
+    Attributes:
+        name: the effect's name.
+        site: where its block is inserted.
+        score: the largest |z| over its trials, dimensionless.
+        log_evidence: natural logarithm of the Bayes factor for it alone, averaged over the loop's
+            shape, dimensionless.
+        detectable_amplitude: the smallest rms change of the response that would have been detected,
+            before any refit [response unit].
+        concealment: the share of its signature that the base model absorbs, 0 to 1.
+        reason: why it was named or rejected, in words.
+        delta_bic: after a refit, BIC of the base minus that of the extended model; positive is
+            better, dimensionless.
+        explained_fraction: the share of the excess residual that its columns explain, 0 to 1.
     """
 
     name: str
@@ -49,18 +55,31 @@ class Candidate:
     reason: str
     delta_bic: float | None = None
     explained_fraction: float | None = None
-    held_out_gain: float | None = None
 
     def is_seen_within(self, span: float) -> bool:
-        """Whether a change no larger than the response's own span would have been seen."""
+        """Whether a change no larger than the response's own span would have been detected.
+
+        Args:
+            span: peak to peak of the response [response unit].
+
+        Returns:
+            True if it would.
+        """
         return self.detectable_amplitude <= span
 
 
 @dataclass(frozen=True)
 class NamedEffect:
-    """An effect the recording shows, with its parameters and what it may be mistaken for.
+    """An effect that the recording shows, with its parameters and its look-alikes.
 
-    `explained_fraction` is the share that it takes of what `explains` says.
+    Attributes:
+        name: the effect's name.
+        site: where its block is inserted.
+        probability: that the name is right, 0 to 1.
+        explained_fraction: the share that it explains of what `explains` names, 0 to 1.
+        parameters: its parameters, each with its own unit.
+        confusable_with: the effects that this recording does not distinguish from it.
+        explains: what it explains, in words.
     """
 
     name: str
@@ -69,19 +88,26 @@ class NamedEffect:
     explained_fraction: float
     parameters: tuple[Estimate, ...]
     confusable_with: tuple[str, ...]
-    explains: str = "what exceeds the noise"
+    explains: str = "the excess over the noise"
 
 
 @dataclass(frozen=True)
 class Axis:
     """Where along one axis the mismatch stands out.
 
-    `edges` (n+1,) bound the bins, in `unit`; `strength` (n,) is each bin's |z|-equivalent and
-    `threshold` the level that 1 % of clean recordings exceed anywhere on the axis; `intervals` are
-    the bins above it, joined where they touch; on a named effect's own axis, where there are none,
-    those where what it changes is at least half as strong as anywhere.  `excess` is the χ² that the
-    bins together take from the residual beyond three standard deviations of what noise would give
-    them.
+    Attributes:
+        axis: the axis' name.
+        unit: unit of the axis, "1" if dimensionless.
+        edges: of the bins (n+1,), in `unit`.
+        strength: the |z|-equivalent of each bin (n,), dimensionless.
+        threshold: the strength that 1 % of recordings without a mismatch exceed anywhere on the
+            axis, dimensionless.
+        intervals: the bins above the threshold, adjacent ones joined, in `unit`.  On the axis of a
+            named effect, if there are none, the bins where the change by the effect is at least
+            half as strong as at its maximum.
+        p_value: of the whole axis, dimensionless.
+        excess: the χ² that the bins together explain of the residual, minus its expectation and
+            three standard deviations under noise alone, dimensionless.
     """
 
     axis: str
@@ -96,10 +122,15 @@ class Axis:
 
 @dataclass(frozen=True)
 class HeldOut:
-    """Scores on data no fit has seen: RMSE per fold, for the base and the extended model.
+    """Scores on data that no fit has used.
 
-    `method` says what was held out; of stretches those count that the others foretell better than
-    the models differ.  `source` names the recording where it is one of its own.
+    Attributes:
+        method: what was held out: a recording, or stretches in turn.
+        base_rmse: RMSE of the base model [response unit].
+        extended_rmse: RMSE of the extended model [response unit]; None without one.
+        base_folds: RMSE of the base model in each fold [response unit].
+        extended_folds: RMSE of the extended model in each fold [response unit].
+        source: the name of the held-out recording, "" for stretches.
     """
 
     method: str
@@ -112,8 +143,14 @@ class HeldOut:
 
 @dataclass(frozen=True)
 class Shape:
-    """How far the loop's shape is from the model's: what rate-independent loop shapes add to its
-    response, rms, in `unit`, and the share of the mismatch that they carry."""
+    """How far the loop's shape is from the model's.
+
+    Attributes:
+        rms: of what rate-independent loop shapes add to the model's response, in `unit`.
+        unit: the response's.
+        share: of the mismatch that they explain, 0 to 1.
+        model: the name of the base model.
+    """
 
     rms: float
     unit: str
@@ -122,16 +159,23 @@ class Shape:
 
     @property
     def summary(self) -> str:
-        """It in words."""
+        """The same in words."""
         return (
-            f"The loop's shape differs from {self.model}'s by {self.rms:.2g} {self.unit} rms, "
-            f"{100 * self.share:.3g} % of the mismatch"
+            f"The loop's shape differs from that of {self.model} by {self.rms:.2g} {self.unit} "
+            f"rms, {100 * self.share:.3g} % of the mismatch"
         )
 
 
 @dataclass(frozen=True)
 class NextExperiment:
-    """What to record next, and which effects it would tell apart."""
+    """What to record next, and which effects it would distinguish.
+
+    Attributes:
+        sentence: the proposal in words.
+        separates: the effects that it distinguishes.
+        probability: with which it does, 0 to 1.
+        drive: the proposed drive.
+    """
 
     sentence: str
     separates: tuple[str, ...]
@@ -141,15 +185,25 @@ class NextExperiment:
 
 @dataclass(frozen=True, repr=False)
 class Diagnosis(Shown):
-    """What a model leaves unexplained in a recording, where, and what physics would explain it.
+    """What a model does not explain in a recording, where, and which physics would explain it.
 
-    `verdict` is "none", "missing", "confusable" or "unexplained", and `sentence` says it in words.
-    `base` and `extended` are the fits before and after, `effects` what was named and `candidates`
-    all that were tried.  `axes`, the most telling first, and `where` place the mismatch.  `noise`
-    is in the response's unit; `numerics`, the discretisation error, is a share of it.  `p_value` is
-    that of a recording the base model explains; `held_out` scores both models on data no fit has
-    seen.  `shape` says how far the loop's shape is from the model's, where it surely is, and
-    `complete` is false where time or an interruption ended it with the verdict so far.
+    Attributes:
+        verdict: "none", "missing", "confusable" or "unexplained".
+        sentence: the diagnosis in words.
+        base: the fit of the base model.
+        extended: the fit with the named effects, or None.
+        effects: the effects that are named.
+        candidates: all effects of the catalogue, those with the most evidence first.
+        axes: the axes along which the mismatch was located, the most significant first.
+        where: the place of the mismatch in words.
+        noise: the noise of the first recording [response unit].
+        numerics: discretisation error as a share of the noise, dimensionless.
+        p_value: of the residual, if the base model were right.
+        held_out: the scores of both models on data that no fit has used.
+        next_experiment: what to record next, or None.
+        warnings: reasons for doubt, in words.
+        shape: how far the loop's shape is from the model's, None where that is not sure.
+        complete: false if the time was over, or the user interrupted, before all refits were made.
     """
 
     verdict: Verdict
@@ -171,12 +225,12 @@ class Diagnosis(Shown):
 
     @property
     def extended_model(self) -> Model:
-        """The model with the adopted effects, or the base model if there are none."""
+        """The model with the named effects, or the base model if there are none."""
         return self.fit.model
 
     @property
     def fit(self) -> Fit:
-        """The fit with the adopted effects, or that of the base model if there are none."""
+        """The fit with the named effects, or that of the base model if there are none."""
         return self.extended or self.base
 
     def predict(
@@ -185,7 +239,7 @@ class Diagnosis(Shown):
         step: float | str | None = None,
         history: History | None = None,
     ) -> np.ndarray:
-        """The response that the model with the adopted effects predicts, as `Fit.predict`.
+        """The response that the model with the named effects predicts, as `Fit.predict`.
 
         Args:
             drive: (N,) in the recording's drive unit, or a recording in the same units.
@@ -198,7 +252,7 @@ class Diagnosis(Shown):
         return self.fit.predict(drive, step, history)
 
     def plot(self, recording: int = 0) -> Drawing:
-        """Draw the residual without and with the adopted effects, and the evidence for each effect.
+        """Draw the residual without and with the named effects, and the evidence for each effect.
 
         Args:
             recording: which of the recordings, from 0.
@@ -219,7 +273,7 @@ class Diagnosis(Shown):
         return draw_diagnosis(take, self.noise, simulations, evidence)
 
     def plot_residuals(self, recording: int = 0) -> Drawing:
-        """Draw the tests of the residual that remains with the adopted effects.
+        """Draw the tests of the residual that remains with the named effects.
 
         Args:
             recording: which of the recordings, from 0.
@@ -274,7 +328,11 @@ class Diagnosis(Shown):
         )
 
     def to_dict(self) -> dict:
-        """Plain data, as in diagnosis.json (schema fracjax.diagnosis/1)."""
+        """The diagnosis as plain data, with its units, as in diagnosis.json.
+
+        Returns:
+            The content of the file, by the schema fracjax.diagnosis/1.
+        """
         takes = self.base.preparation.takes
         unit = takes[0].recording.response_unit
         scores: dict = {"unit": unit, "noise_floor": self.noise.sigma}
@@ -359,11 +417,16 @@ class Diagnosis(Shown):
         return result
 
     def save(self, path: str | Path) -> None:
-        """Write diagnosis.json."""
+        """Write diagnosis.json.
+
+        Args:
+            path: of the file, which is overwritten.
+        """
         Path(path).write_text(json.dumps(self.to_dict(), indent=1) + "\n", encoding="utf-8")
 
 
 def _scores(fit: Fit, holdout_rmse: float) -> dict:
+    """The scores of one fit as plain data, errors in the response's unit."""
     return {
         "train_rmse": fit.scores.rmse,
         "holdout_rmse": holdout_rmse,

@@ -1,4 +1,4 @@
-"""The loop's shape as a finding: what stands for it where no effect does."""
+"""The loop's shape as a named effect, beside those of the catalogue."""
 
 from __future__ import annotations
 
@@ -7,8 +7,8 @@ from .._blocks import EFFECTS, Effect
 HYSTERESIS_SHAPE = Effect(
     name="hysteresis_shape",
     site="additive",
-    sentence="the loop itself has another shape than the model's: rate-independent hysteresis that "
-    "no law of the catalogue carries with few numbers",
+    sentence="the loop has another shape than the model's: rate-independent hysteresis that no "
+    "effect of the catalogue describes with few parameters",
     equation="sum over plays of functions of their states, y = ∫ g(r, p_r) dr",
     source="Brokate & Sprekels, Hysteresis and Phase Transitions (1996), chapter 2",
     trials=lambda setting: (),

@@ -1,42 +1,49 @@
-"""Every number that decides a verdict: what it means, and what it was chosen by."""
+"""Every number that decides a verdict, with its meaning and the study that it comes from."""
 
 SIGNIFICANCE = 0.01
-"""The p-value below which a place on an axis stands out; by convention."""
+"""p-value below which a place on an axis, or the residual as a whole, is significant; by
+convention."""
 
 SURE = 0.9
-"""The least probability that something is there before it is named."""
+"""The smallest probability at which an effect, or another shape of the loop, is reported; chosen by
+judgement."""
 
 SHARE = 0.3
-"""Where the model's loop is not the actuator's: the least share of what loop shapes and other
-effects leave beyond the noise that an effect must take, in training and of stretches set aside.  On
-72 development cases with inexact bases two of 30 names that were not there took more."""
+"""If the loop has another shape than the model's: the smallest share of the excess, after loop
+shapes and other effects, that a named effect explains, in training and on held-out stretches.  On
+72 development cases with inexact bases two of 30 effects that were not present explained more."""
 
 SECOND = 0.05
-"""Where the model's loop is the actuator's: the least share of all that there was beyond the noise
-that one of several effects must take.  What an effect's own law differs from its secant took up to
-.03 on 80 development cases."""
+"""If the loop has the model's shape: the smallest share of the whole excess that one of several
+named effects explains.  The difference between an effect and its secant explained up to 0.03 on 80
+development cases."""
 
 DOUBT = 0.1
-"""How much of χ² per sample the noise level is never surer than, where the model's loop is not the
-actuator's."""
+"""Relative uncertainty of χ² per sample, at least, if the loop has another shape than the model's;
+chosen by judgement."""
 
 ALIKE = 0.1
-"""The share of its own fall of χ² by which an effect excludes another where no law is exact."""
+"""The share of its own reduction of χ² by which an effect must exceed another to exclude it, if the
+loop has another shape than the model's; chosen by judgement."""
 
-APART = 25.0
-"""The least fall of χ² by which one effect excludes another: five standard errors between them."""
+APART = 14.0
+"""The smallest difference of χ², with Occam's factor, by which one effect excludes another: odds of
+a thousand to one."""
 
 MISFIT = 1.3
-"""χ² per sample from which what no column follows counts as coloured noise."""
+"""χ² per sample from which the misfit counts as coloured noise; chosen by judgement."""
 
 NUMERICS = 1.0
-"""Noise units of discretisation error above which nothing is named."""
+"""Discretisation error above which no effect is named, in noise units."""
 
 EXPLAINED = 0.9
-"""The share of the mismatch that loop shapes must carry for the shape to be named."""
+"""The share of the excess that loop shapes must explain for the loop's shape to be named; chosen by
+judgement."""
 
 DETECTED = 5.0
-"""The score at which an amplitude counts as detectable: 1 % over hundreds of columns."""
+"""The |z| at which an amplitude counts as detectable: 1 % false alarms over hundreds of columns,
+with a margin."""
 
 REFUTED = 2.0
-"""How many times the base's error on a recording held out what is named may not make of it."""
+"""Ratio of the extended model's error on a held-out recording to the base's from which the names
+are withdrawn; chosen by judgement."""

@@ -1,4 +1,4 @@
-"""What a fit leaves, seen with every effect's columns at once."""
+"""The residual of a fit beside the columns of every effect, and the posterior over effects."""
 
 from __future__ import annotations
 
@@ -11,14 +11,14 @@ from .._prepare import Preparation
 from ._colour import colour_of
 from ._columns import Group, groups_of
 from ._fitted import Fitted
-from ._folds import Folds
+from ._folds import FREE, Folds
 from ._gram import Gram
 from ._nuisance import loop_shapes
 from ._selection import TAUS, Hypothesis, Kind, Posterior, log_posterior_of, select
 from ._thresholds import MISFIT
 
 _LEAST_EFFECTIVE = 30
-_FREE = 1e3
+"""The fewest samples that count as independent; chosen by judgement."""
 
 SHAPE_CLASS = frozenset(
     (
@@ -34,30 +34,30 @@ SHAPE_CLASS = frozenset(
         "quantisation",
     )
 )
-"""Effects that are themselves rate-independent: of the class that loop shapes span."""
+"""Effects that are rate-independent, as loop shapes are."""
 
 
 @dataclass(frozen=True, eq=False)
 class Columns:
-    """Groups of effects, and loop shapes (ΣL, S), about one fit."""
+    """Groups of the effects' columns, and loop shapes (ΣL, S), about one fit."""
 
     groups: list[Group]
     shapes: np.ndarray
 
     @cached_property
     def matrix(self) -> np.ndarray:
-        """All groups' columns (ΣL, K)."""
+        """The columns (ΣL, K) of all groups."""
         return np.concatenate([group.columns for group in self.groups], axis=1)
 
     @cached_property
     def kinds(self) -> list[Kind]:
-        """Which of them belong together."""
-        found, at = [], 0
+        """One kind per group: the range of its columns in `matrix`."""
+        kinds, at = [], 0
         for group in self.groups:
             name, width = group.effect.name, group.columns.shape[1]
-            found.append(Kind(name, at, at + width, group.effect.one_sided, name in SHAPE_CLASS))
+            kinds.append(Kind(name, at, at + width, group.effect.one_sided, name in SHAPE_CLASS))
             at += width
-        return found
+        return kinds
 
 
 def columns_of(fitted: Fitted) -> Columns:
@@ -76,54 +76,57 @@ class View:
     white: tuple[np.ndarray, np.ndarray, np.ndarray]
     """The error (ΣL,), the effects' columns and the loop shapes, whitened."""
     share: float
-    """How many of the samples count, the neighbours of a misfit being alike."""
+    """The share of samples that count as independent, since a misfit is correlated."""
 
     def log_posterior_of(self, square: float, price: float) -> float:
-        """That of one effect refitted to this χ² without loop shapes, beside the posterior's."""
+        """The log posterior of one effect after a refit without loop shapes, from its χ² (`square`)
+        and Occam's factor (`price`)."""
         return log_posterior_of(1, self.share * square, price, self.share * self.gram.count)
 
     def folds(self, tau: float) -> Folds:
-        """Stretches set aside, beside loop shapes of this size."""
+        """Held-out stretches, with loop shapes of size τ."""
         residual, _, shapes = self.white
         used = tau * shapes if tau > 0 else shapes[:, :0]
         return Folds(self.fitted, used, residual)
 
     @property
     def kinds(self) -> list[Kind]:
+        """The kinds of the columns."""
         return self.columns.kinds
 
     def misfit(self, hypothesis: Hypothesis) -> float:
-        """χ² per sample of what a hypothesis leaves."""
-        left = self.gram.left(hypothesis.tau, *hypothesis.columns(self.kinds))
-        return float(left @ left) / self.gram.count
+        """χ² per sample after a hypothesis."""
+        remainder = self.gram.remainder(hypothesis.tau, *hypothesis.columns(self.kinds))
+        return float(remainder @ remainder) / self.gram.count
 
-    def left_of(self, hypothesis: Hypothesis) -> np.ndarray:
-        """What a hypothesis leaves of the error (ΣL,), in the response's unit."""
+    def remainder_of(self, hypothesis: Hypothesis) -> np.ndarray:
+        """The error (ΣL,) minus what a hypothesis and a change of the model's parameters explain,
+        in the response's unit."""
         fitted = self.fitted
         chosen, sizes = hypothesis.columns(self.kinds)
         tangent = fitted.tangent
         lengths = np.linalg.norm(fitted.whitened(tangent), axis=0) + 1e-300
         parts = [
-            _FREE * tangent / lengths,
+            FREE * tangent / lengths,
             hypothesis.tau * self.columns.shapes,
             self.columns.matrix[:, chosen] * sizes,
         ]
         design = np.concatenate(parts, axis=1)
         white = fitted.whitened(design)
-        known = np.linalg.solve(
+        coefficients = np.linalg.solve(
             np.eye(design.shape[1]) + white.T @ white, white.T @ fitted.whitened(fitted.error)
         )
-        return fitted.error - design @ known
+        return fitted.error - design @ coefficients
 
 
 def view_of(
     fitted: Fitted, columns: Columns, small: float, *, thinned: bool = False, most: int = 3
 ) -> View:
-    """The posterior about a fit; loop shapes of up to `small`, a share of the response's span, may
-    stand beside effects of their own class.
+    """The posterior about a fit, over sets of up to `most` effects.
 
-    `thinned` where the noise's colour alone is known: samples of a misfit then count as far as they
-    differ from their neighbours.
+    Rate-independent effects are only combined with loop shapes up to `small`, over the response's
+    span.  If `thinned`, a correlated misfit reduces the number of independent samples; otherwise
+    the noise is taken to include it.
     """
     error, effects = fitted.whitened(fitted.error), fitted.whitened(columns.matrix)
     shapes = fitted.whitened(columns.shapes)
@@ -131,20 +134,20 @@ def view_of(
     gram = Gram(error, effects, shapes, fitted.whitened(fitted.tangent), samples)
     share = 1.0
     if thinned:
-        left = gram.left(float(TAUS[-1]), np.zeros(0, int), np.zeros(0))
-        if left @ left > MISFIT * gram.count:
-            alike = max(0.0, float(np.corrcoef(left[1:], left[:-1])[0, 1]))
+        remainder = gram.remainder(float(TAUS[-1]), np.zeros(0, int), np.zeros(0))
+        if remainder @ remainder > MISFIT * gram.count:
+            alike = max(0.0, float(np.corrcoef(remainder[1:], remainder[:-1])[0, 1]))
             share = max((1 - alike) / (1 + alike), _LEAST_EFFECTIVE / gram.count)
     posterior = select(gram, columns.kinds, small, share, most)
     return View(fitted, columns, gram, posterior, (error, effects, shapes), share)
 
 
 def with_misfit_as_noise(view: View, hypothesis: Hypothesis) -> Preparation:
-    """The preparation whose noise is all that a hypothesis leaves."""
-    left, at, noises = view.left_of(hypothesis), 0, []
+    """The preparation whose noise has the level and the colour of the error after a hypothesis."""
+    remainder, at, noises = view.remainder_of(hypothesis), 0, []
     nothing = np.zeros(0), np.zeros(0)
     for take, problem in zip(view.fitted.preparation.takes, view.fitted.problems, strict=True):
-        own = left[at : at + len(take.recording)][take.used]
+        own = remainder[at : at + len(take.recording)][take.used]
         at += len(problem.response)
         taps = colour_of(own)
         assert take.noise is not None  # a diagnosis has one

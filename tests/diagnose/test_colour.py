@@ -11,9 +11,9 @@ def test_a_coloured_series_is_whitened_to_unit_variance():
     white = np.random.default_rng(0).standard_normal(20_000)
     coloured = 3 * np.asarray(lfilter([1.0], [1.0, -1.4, 0.6], white))
     taps = colour_of(coloured)
-    found = np.asarray(lfilter(taps, [1.0], coloured))[20:]
-    assert found.std() == pytest.approx(1.0, rel=0.02)
-    assert abs(np.corrcoef(found[1:], found[:-1])[0, 1]) < 0.02
+    whitened = np.asarray(lfilter(taps, [1.0], coloured))[20:]
+    assert whitened.std() == pytest.approx(1.0, rel=0.02)
+    assert abs(np.corrcoef(whitened[1:], whitened[:-1])[0, 1]) < 0.02
     np.testing.assert_allclose(3 * taps[:3], [1.0, -1.4, 0.6], atol=0.05)
 
 

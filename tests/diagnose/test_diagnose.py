@@ -23,11 +23,11 @@ def five_plays(drive: np.ndarray, seed: int, extra: np.ndarray | float = 0.0) ->
     """A sum of plays, sample by sample, and white noise: hysteresis and nothing else."""
     response = 0.06 * drive
     for radius in RADII:
-        state, found = drive[0], []
+        state, states = drive[0], []
         for level in drive:
             state = min(max(state, level - radius), level + radius)
-            found.append(state)
-        response = response + 0.008 * np.array(found)
+            states.append(state)
+        response = response + 0.008 * np.array(states)
     noise = 0.005 * np.random.default_rng(seed).standard_normal(drive.size)
     return Recording(drive, response + noise + extra, STEP, "V", "um")
 
@@ -76,8 +76,8 @@ def test_the_named_parameter_is_in_its_interval(concealed):
 
 def test_the_noise_floor_is_the_simulated_one(concealed, null):
     case, diagnosis = concealed
-    for found in (diagnosis, null):
-        assert found.noise.method == "static"
+    for each in (diagnosis, null):
+        assert each.noise.method == "static"
     assert diagnosis.noise.sigma == pytest.approx(case.label["noise_sd_um"], rel=0.1)
 
 

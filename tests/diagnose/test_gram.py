@@ -27,33 +27,33 @@ def test_inner_products_are_those_of_the_dense_covariance(gram, tau):
     shapes = beside(SHAPES)
     covariance = np.eye(120) + tau**2 * shapes @ shapes.T
     solved = np.linalg.solve(covariance, np.column_stack([beside(COLUMNS), beside(RESIDUAL)]))
-    found = gram.under(tau)
-    np.testing.assert_allclose(found.columns, beside(COLUMNS).T @ solved[:, :-1], atol=1e-9)
-    np.testing.assert_allclose(found.along, beside(COLUMNS).T @ solved[:, -1], atol=1e-9)
-    assert found.square == pytest.approx(beside(RESIDUAL) @ solved[:, -1])
-    assert found.log_determinant == pytest.approx(np.linalg.slogdet(covariance)[1], abs=1e-9)
+    inner = gram.under(tau)
+    np.testing.assert_allclose(inner.columns, beside(COLUMNS).T @ solved[:, :-1], atol=1e-9)
+    np.testing.assert_allclose(inner.along, beside(COLUMNS).T @ solved[:, -1], atol=1e-9)
+    assert inner.square == pytest.approx(beside(RESIDUAL) @ solved[:, -1])
+    assert inner.log_determinant == pytest.approx(np.linalg.slogdet(covariance)[1], abs=1e-9)
 
 
-def test_columns_that_may_be_there_are_one_more_part_of_the_covariance(gram):
+def test_columns_may_be_a_further_part_of_the_covariance(gram):
     chosen, sizes = np.array([1, 4]), np.array([0.5, 2.0])
     covariance = (
         np.eye(120) + (beside(COLUMNS)[:, chosen] * sizes**2) @ beside(COLUMNS)[:, chosen].T
     )
-    found = gram.under(0.0).given(chosen, sizes)
-    assert found.square == pytest.approx(
+    inner = gram.under(0.0).given(chosen, sizes)
+    assert inner.square == pytest.approx(
         beside(RESIDUAL) @ np.linalg.solve(covariance, beside(RESIDUAL))
     )
-    assert found.log_determinant == pytest.approx(np.linalg.slogdet(covariance)[1])
+    assert inner.log_determinant == pytest.approx(np.linalg.slogdet(covariance)[1])
 
 
-def test_what_is_left_is_the_residual_without_the_likeliest(gram):
-    left = gram.left(1.0, np.array([2]), np.array([1e6]))
-    # Free columns take all that lies along them.
-    assert abs(beside(COLUMNS)[:, 2] @ left) < 1e-6
-    np.testing.assert_allclose(gram.left(0.0, np.zeros(0, int), np.zeros(0)), beside(RESIDUAL))
+def test_the_remainder_is_the_residual_minus_the_most_probable(gram):
+    remainder = gram.remainder(1.0, np.array([2]), np.array([1e6]))
+    # Free columns explain everything along them.
+    assert abs(beside(COLUMNS)[:, 2] @ remainder) < 1e-6
+    np.testing.assert_allclose(gram.remainder(0.0, np.zeros(0, int), np.zeros(0)), beside(RESIDUAL))
 
 
-def test_a_column_that_the_fit_takes_up_whole_is_none():
+def test_a_column_that_the_fit_absorbs_completely_is_none():
     columns = np.column_stack([TANGENT @ np.ones(3), COLUMNS[:, 0]])
     gram = Gram(RESIDUAL, columns, SHAPES, TANGENT, 120)
     assert gram.concealments[0] == pytest.approx(1.0)

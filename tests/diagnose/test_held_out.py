@@ -86,12 +86,12 @@ def test_the_zero_of_another_recording_costs_little_of_its_rmse(pole):
     generator = np.random.default_rng(3)
     sigma = SIGMA / np.sqrt(1 - pole**2)
     noise = Noise(sigma, "um", "specification", np.array([1, -pole]), SIGMA)
-    found = fit_of(CREEP.block, DRIVE, response(DRIVE), noise, coloured(generator, pole))
+    base = fit_of(CREEP.block, DRIVE, response(DRIVE), noise, coloured(generator, pole))
     rmse = []
     for _ in range(40):
         measured = response(OTHER) + 3.0 + coloured(generator, pole)
         recording = fj.Recording(OTHER, measured, STEP, "V", "um")
-        rmse.append(predict_recording(found, take_of(recording, noise, "constant", 0)).rmse)
+        rmse.append(predict_recording(base, take_of(recording, noise, "constant", 0)).rmse)
     assert np.mean(np.square(rmse)) < 1.05 * sigma**2
 
 
@@ -121,31 +121,31 @@ def refitted_errors(design: np.ndarray, measured: np.ndarray, fold: np.ndarray) 
 
 def test_stretches_are_predicted_as_by_refits_of_a_linear_model():
     error = 0.5 * np.random.default_rng(5).standard_normal(SAMPLES)
-    found = fit_of(CREEP.block, DRIVE, response(DRIVE), white(0.5), error)
-    fold = fold_of_sample(found.preparation.takes[0].recording, SAMPLES)
+    base = fit_of(CREEP.block, DRIVE, response(DRIVE), white(0.5), error)
+    fold = fold_of_sample(base.preparation.takes[0].recording, SAMPLES)
     # Beside its order, which changes little, creep has a gain and an offset.
-    tangent = found.tangent[:SAMPLES]
-    unseen = refitted_errors(tangent, found.error[:SAMPLES], fold)
-    seen = float(np.std(found.error[:SAMPLES]))
+    tangent = base.tangent[:SAMPLES]
+    unseen = refitted_errors(tangent, base.error[:SAMPLES], fold)
+    seen = float(np.std(base.error[:SAMPLES]))
     rmse = float(np.sqrt(np.mean(unseen**2)))
-    assert predict_stretches(found).rmse == pytest.approx(rmse, abs=0.05 * (rmse - seen))
+    assert predict_stretches(base).rmse == pytest.approx(rmse, abs=0.05 * (rmse - seen))
 
 
 def test_squares_of_folds_are_those_of_refits_beside_columns_and_shapes():
     generator = np.random.default_rng(6)
     error = 0.5 * generator.standard_normal(SAMPLES)
-    found = fit_of(CREEP.block, DRIVE, response(DRIVE), white(0.5), error)
-    residual = found.whitened(found.error)
+    base = fit_of(CREEP.block, DRIVE, response(DRIVE), white(0.5), error)
+    residual = base.whitened(base.error)
     shapes, columns = generator.standard_normal((2, residual.size, 3))
-    fold = fold_of_sample(found.preparation.takes[0].recording, residual.size)
+    fold = fold_of_sample(base.preparation.takes[0].recording, residual.size)
     # A prior sd of 1000 holds nothing.
-    tangent = found.whitened(found.tangent)
+    tangent = base.whitened(base.tangent)
     design = np.concatenate([tangent, shapes, columns], axis=1)
     wanted = refitted_errors(design, residual, fold) ** 2
-    squares = Folds(found, 1e3 * shapes, residual).squares(1e3 * columns)
+    squares = Folds(base, 1e3 * shapes, residual).squares(1e3 * columns)
     np.testing.assert_allclose(squares, [wanted[fold == k].sum() for k in range(FOLDS)], rtol=1e-4)
     # And none of it helps to predict noise.
-    assert squares.sum() > Folds(found, shapes[:, :0], residual).squares(columns[:, :0]).sum()
+    assert squares.sum() > Folds(base, shapes[:, :0], residual).squares(columns[:, :0]).sum()
 
 
 def test_stretches_are_whole_periods_as_many_as_make_a_twentysecond():
@@ -170,13 +170,13 @@ def test_a_drift_that_two_recordings_have_each_for_itself_is_named():
                      STEP, "V", "um")
         for u, rise in ((DRIVE[:few], 0.2), (OTHER[:few], -0.1))
     ]  # fmt: skip
-    found = fj.diagnose(CREEP, recordings, noise=SIGMA)
-    (effect,) = found.effects
+    diagnosis = fj.diagnose(CREEP, recordings, noise=SIGMA)
+    (effect,) = diagnosis.effects
     assert (effect.name, effect.confusable_with) == ("thermal_drift", ())
     slopes = {e.name: e for e in effect.parameters if e.name.startswith("slope")}
     for name, true in (("slope@1", 0.2), ("slope@2", -0.1)):
         assert abs(slopes[name].value - true) < 4 * slopes[name].standard_error
-    assert found.held_out.extended_rmse == pytest.approx(SIGMA, rel=0.1)
+    assert diagnosis.held_out.extended_rmse == pytest.approx(SIGMA, rel=0.1)
 
 
 def test_what_is_held_out_of_steady_motion_is_itself_steady_where_it_ends_as_it_began():

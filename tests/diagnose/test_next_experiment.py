@@ -13,7 +13,7 @@ from fracjax._diagnose._next_experiment import (
     LIKELY,
     Drive,
     Limits,
-    _most_telling,
+    _most_distinguishing,
     _Trial,
     drives,
     parse_limits,
@@ -24,6 +24,7 @@ from fracjax._diagnose._next_experiment import (
 from fracjax._parameters import set_values
 from fracjax._prepare import Noise, prepare
 from fracjax._solve import silent
+from tests.helpers import specified
 
 STEP, LEAD = 1e-3, 204
 TIMES = STEP * np.arange(4000)
@@ -44,16 +45,16 @@ def recording(frequency: float = 1.0) -> fj.Recording:
     ],
 )
 def test_limits_are_read_with_their_units(text, expected):
-    found = parse_limits(text, [recording()])
-    assert (found.low, found.high, found.slew) == pytest.approx(expected)
+    limits = parse_limits(text, [recording()])
+    assert (limits.low, limits.high, limits.slew) == pytest.approx(expected)
 
 
 def test_without_a_slew_ten_times_the_fastest_recorded_change():
-    found = parse_limits("0..100 V", [recording()])
-    assert found.slew == pytest.approx(10 * 2 * np.pi * 40, rel=1e-3)
-    known = recorded_limits([recording()])
-    assert (known.low, known.high) == pytest.approx((10, 90), abs=1e-3)
-    assert known.slew == found.slew
+    limits = parse_limits("0..100 V", [recording()])
+    assert limits.slew == pytest.approx(10 * 2 * np.pi * 40, rel=1e-3)
+    recorded = recorded_limits([recording()])
+    assert (recorded.low, recorded.high) == pytest.approx((10, 90), abs=1e-3)
+    assert recorded.slew == limits.slew
 
 
 @pytest.mark.parametrize(
@@ -69,10 +70,10 @@ def test_limits_that_are_none_are_refused_in_a_sentence(text):
 @pytest.mark.parametrize("slew", [50.0, 5e3, 1e6])
 def test_drives_keep_to_the_limits(slew):
     limits = Limits(-10.0, 70.0, slew)
-    found = drives(limits, STEP, "V", 20.0, LEAD)
-    assert len(found) >= (30 if slew > 1e3 else 10)
-    assert len({drive.description for drive in found}) == len(found)
-    for drive in found:
+    candidates = drives(limits, STEP, "V", 20.0, LEAD)
+    assert len(candidates) >= (30 if slew > 1e3 else 10)
+    assert len({drive.description for drive in candidates}) == len(candidates)
+    for drive in candidates:
         assert drive.values.min() >= -10 - 1e-9
         assert drive.values.max() <= 70 + 1e-9
         assert np.abs(np.diff(drive.values)).max() <= slew * STEP * (1 + 1e-9)
@@ -80,10 +81,10 @@ def test_drives_keep_to_the_limits(slew):
 
 def test_drives_are_what_they_say():
     """Without a limit on the slew, from the end of the rest that each begins with."""
-    told = drives(Limits(-10.0, 70.0, 1e6), STEP, "V", 20.0, LEAD)
-    found = {drive.description: drive.values for drive in told}
-    assert all(values.size == 4096 + LEAD for values in found.values())
-    moved = {name: (values[LEAD:] - 30) / 40 for name, values in found.items()}
+    candidates = drives(Limits(-10.0, 70.0, 1e6), STEP, "V", 20.0, LEAD)
+    waves = {drive.description: drive.values for drive in candidates}
+    assert all(values.size == 4096 + LEAD for values in waves.values())
+    moved = {name: (values[LEAD:] - 30) / 40 for name, values in waves.items()}
 
     def first(words: str) -> np.ndarray:
         return next(values for name, values in moved.items() if words in name)
@@ -147,26 +148,26 @@ def test_what_shows_above_the_band_is_sought_at_a_higher_rate(late, rate):
         preparation = prepare([recording(0.5)], noise=noise, history="constant")
         base = fj.parse_model("foh").block
         rivals = [DriveLag(late) >> base, Delay(late, longest=0.01) >> base]
-        found = propose(rivals, preparation, Limits(0, 100, 1e9), silent)
-    assert found.drive.step == pytest.approx(1 / rate)
-    assert found.drive.description.endswith(f", at {rate} samples/s")
-    assert found.probability > LIKELY
+        proposal = propose(rivals, preparation, Limits(0, 100, 1e9), silent)
+    assert proposal.drive.step == pytest.approx(1 / rate)
+    assert proposal.drive.description.endswith(f", at {rate} samples/s")
+    assert proposal.probability > LIKELY
 
 
 @pytest.mark.parametrize(("sigma", "rate"), [(0.2, 250), (0.4, 62.5)])
 def test_what_shows_after_the_recording_is_sought_at_a_lower_rate(sigma, rate):
     """A creep and a drift, of which four seconds show the beginning: longer holds part them."""
-    noise = Noise(sigma, "um", "specification", np.ones(1), sigma)
+    noise = specified(sigma)
     with jax.enable_x64(True):
         preparation = prepare([recording(0.5)], noise=noise, history="constant")
         base = fj.parse_model("foh").block
         drift = set_values(ThermalDrift(10.0, longest=60.0), {"amplitude": 0.2})
         rivals = [base >> LogarithmicCreep(0.02, 10.0), base + drift]
-        found = propose(rivals, preparation, Limits(0, 100, 1e5), silent)
-    assert found.drive.step == pytest.approx(1 / rate)
-    assert "steps" in found.drive.description
-    assert found.drive.description.endswith(f", at {rate:g} samples/s")
-    assert found.probability > LIKELY
+        proposal = propose(rivals, preparation, Limits(0, 100, 1e5), silent)
+    assert proposal.drive.step == pytest.approx(1 / rate)
+    assert "steps" in proposal.drive.description
+    assert proposal.drive.description.endswith(f", at {rate:g} samples/s")
+    assert proposal.probability > LIKELY
 
 
 def test_two_that_nothing_tells_apart_are_no_reason_to_leave_the_others_together():
@@ -178,11 +179,11 @@ def test_two_that_nothing_tells_apart_are_no_reason_to_leave_the_others_together
         alike = propose([lag, lag, late], preparation, Limits(0, 100, 1e5), silent)
         among = propose([late, lag, lag], preparation, Limits(0, 100, 1e5), silent)
         alone = propose([lag, lag], preparation, Limits(0, 100, 1e5), silent)
-    assert (alike.told, alike.all_apart) == ((2,), False)
-    assert (among.told, among.all_apart) == ((1, 2), False)
+    assert (alike.distinguished, alike.all_apart) == ((2,), False)
+    assert (among.distinguished, among.all_apart) == ((1, 2), False)
     assert alike.probability == pytest.approx(among.probability)
     assert alike.probability > 0.95
-    assert (alone.told, alone.all_apart) == ((1,), True)
+    assert (alone.distinguished, alone.all_apart) == ((1,), True)
     assert alone.probability < 1e-3
 
 
@@ -204,26 +205,26 @@ def probabilities(*drives: tuple[float, float, float]) -> np.ndarray:
     ],
 )
 def test_the_most_telling_drive(drives, chosen):
-    assert _most_telling(probabilities(*drives)) == chosen
+    assert _most_distinguishing(probabilities(*drives)) == chosen
 
 
 def test_what_a_drive_would_show_is_told_in_units_of_the_noise():
     """Of a delay and none: the rms of their difference over the noise's, whatever the grid."""
     drive = Drive("sine", 50 + 40 * np.sin(2 * np.pi * 5 * TIMES), STEP)
     sigma, lag = 0.01, 2e-3
-    noise = Noise(sigma, "um", "specification", np.ones(1), sigma)
+    noise = specified(sigma)
     with jax.enable_x64(True):
         block = Delay(lag, longest=0.1)
         late, punctual = (set_values(block, {"delay": d}) for d in (lag, 0.0))
-        (found,) = _Trial(drive, noise, 2).gaps([late, punctual])
+        (gap,) = _Trial(drive, noise, 2).gaps([late, punctual])
     wanted = 0.5 * (40 * 2 * np.sin(np.pi * 5 * lag) / sigma) ** 2
-    assert found == pytest.approx(wanted, rel=0.02)
+    assert gap == pytest.approx(wanted, rel=0.02)
 
 
 def test_the_fastest_full_tone_takes_the_slew_that_there_is():
     limits = Limits(-10.0, 70.0, 2e3)
-    found = {d.description: d.values for d in drives(limits, STEP, "V", 20.0, LEAD)}
-    full = [v for name, v in found.items() if name.startswith("a sine") and "over 80 V" in name]
+    waves = {d.description: d.values for d in drives(limits, STEP, "V", 20.0, LEAD)}
+    full = [v for name, v in waves.items() if name.startswith("a sine") and "over 80 V" in name]
     rates = sorted(np.abs(np.diff(values)).max() / STEP for values in full)
     assert rates[-1] == pytest.approx(limits.slew, rel=0.02)
     # Evenly in their logarithm, from two periods in all on.

@@ -29,8 +29,8 @@ def axes_of(residual: np.ndarray) -> dict[str, Axis]:
     problems = TAKEN.problems()
     whitened = np.zeros(problems[0].response.shape[0])
     whitened[: residual.size] = residual
-    found = locate(TAKEN, problems, Residual(whitened, np.zeros((whitened.size, 0))), 1e9)
-    return {axis.axis: axis for axis in found}
+    axes = locate(TAKEN, problems, Residual(whitened, np.zeros((whitened.size, 0))), 1e9)
+    return {axis.axis: axis for axis in axes}
 
 
 def white(seed: int) -> np.ndarray:
@@ -97,9 +97,9 @@ NOISE = 0.01
 
 
 def residual_of(preparation: Preparation) -> Residual:
-    """What a fit of creep leaves, without what it could absorb."""
-    found = fitted([fj.parse_model("creep").block], preparation)
-    return Residual.beside(found.whitened(found.error), found.whitened(found.tangent))
+    """The residual of a fit of creep."""
+    base = fitted([fj.parse_model("creep").block], preparation)
+    return Residual.beside(base.whitened(base.error), base.whitened(base.tangent))
 
 
 def axes_of_a_fit(extra: np.ndarray, seed: int = 0) -> dict:
@@ -107,12 +107,12 @@ def axes_of_a_fit(extra: np.ndarray, seed: int = 0) -> dict:
     law = fj.simulate(fj.parse_model("creep"), TONE_DRIVE, TONE_STEP, "constant").response
     noise = NOISE * np.random.default_rng(seed).standard_normal(TONE_TIMES.size)
     recording = fj.Recording(TONE_DRIVE, law + noise + extra, TONE_STEP, "V", "um")
-    told = fj.Noise(NOISE, "um", "specification", np.ones(1), NOISE)
+    specification = fj.Noise(NOISE, "um", "specification", np.ones(1), NOISE)
     with jax.enable_x64(True):
-        preparation = prepare([recording], history="constant", noise=told)
+        preparation = prepare([recording], history="constant", noise=specification)
         residual = residual_of(preparation)
-        found = locate(preparation, preparation.problems(), residual, 1e6)
-    return {axis.axis: axis for axis in found}
+        axes = locate(preparation, preparation.problems(), residual, 1e6)
+    return {axis.axis: axis for axis in axes}
 
 
 def test_what_is_coherent_with_fast_drive_stands_out_in_its_band():
@@ -138,8 +138,8 @@ def test_a_knock_stands_out_along_the_time():
 
 
 def frequency(preparation: Preparation, problems: Any, residual: Residual) -> Axis:
-    found = locate(preparation, problems, residual, 1e6)
-    return next(axis for axis in found if axis.axis == "frequency")
+    axes = locate(preparation, problems, residual, 1e6)
+    return next(axis for axis in axes if axis.axis == "frequency")
 
 
 def test_a_hum_that_does_not_repeat_stands_out_in_its_band():

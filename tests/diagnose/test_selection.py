@@ -40,24 +40,24 @@ def test_noise_alone_is_none():
 @pytest.mark.parametrize("size", [0.5, 2.0])
 def test_one_effect_is_named_with_its_kind(size):
     drawn = Drawn(1)
-    found = drawn.posterior(drawn.noise + size * drawn.columns[:, 7])
-    assert found.best.names == ("effect 2",)
-    assert KINDS[found.best.kinds[0]].start == 7
-    assert found.probability_of("effect 2") > 0.99
+    posterior = drawn.posterior(drawn.noise + size * drawn.columns[:, 7])
+    assert posterior.best.names == ("effect 2",)
+    assert KINDS[posterior.best.kinds[0]].start == 7
+    assert posterior.probability_of("effect 2") > 0.99
 
 
 def test_two_effects_are_both_there():
     drawn = Drawn(2)
-    found = drawn.posterior(drawn.noise + drawn.columns[:, 0] - 0.6 * drawn.columns[:, 12])
-    assert set(found.best.names) == {"effect 0", "effect 4"}
+    posterior = drawn.posterior(drawn.noise + drawn.columns[:, 0] - 0.6 * drawn.columns[:, 12])
+    assert set(posterior.best.names) == {"effect 0", "effect 4"}
 
 
 def test_a_shape_is_no_effect_and_hides_none():
     drawn = Drawn(3)
     shape = drawn.shapes @ drawn.generator.standard_normal(20)
-    found = drawn.posterior(drawn.noise + 0.3 * shape)
-    assert found.shape > 0.99
-    assert found.best.names == ()
+    posterior = drawn.posterior(drawn.noise + 0.3 * shape)
+    assert posterior.shape > 0.99
+    assert posterior.best.names == ()
     # Beside shapes that are larger than the noise an effect of their own class says nothing.
     beside = drawn.posterior(drawn.noise + 0.3 * shape + drawn.columns[:, 3] + drawn.columns[:, 22])
     assert beside.best.names == ("effect 1",)
@@ -66,17 +66,17 @@ def test_a_shape_is_no_effect_and_hides_none():
 def test_look_alikes_share_the_probability():
     drawn = Drawn(4)
     drawn.columns[:, 9] = drawn.columns[:, 0] + 0.02 * drawn.columns[:, 9]
-    found = drawn.posterior(drawn.noise + 0.5 * drawn.columns[:, 0])
-    both = [found.probability_of(f"effect {k}") for k in (0, 3)]
+    posterior = drawn.posterior(drawn.noise + 0.5 * drawn.columns[:, 0])
+    both = [posterior.probability_of(f"effect {k}") for k in (0, 3)]
     assert min(both) > 0.2
     assert sum(both) > 0.98
 
 
 def test_a_misfit_of_no_column_counts_as_noise():
     drawn = Drawn(5)
-    found = drawn.posterior(6 * drawn.noise)
-    assert found.sets[frozenset()] > 0.5
-    # What is beyond doubt in the noise's units is not, in the misfit's.
+    posterior = drawn.posterior(6 * drawn.noise)
+    assert posterior.sets[frozenset()] > 0.5
+    # An effect that is significant beside the noise is not beside the misfit.
     assert drawn.posterior(drawn.noise + 0.3 * drawn.columns[:, 0]).best.names == ("effect 0",)
     assert drawn.posterior(6 * drawn.noise + 0.3 * drawn.columns[:, 0]).best.names == ()
 
@@ -88,8 +88,8 @@ def test_the_probability_is_how_often_it_is_right():
         drawn = Drawn(100 + seed)
         k = int(drawn.generator.integers(EFFECTS))
         column = drawn.columns[:, EACH * k + int(drawn.generator.integers(EACH))]
-        found = drawn.posterior(drawn.noise + 0.2 * drawn.generator.standard_normal() * column)
-        names, probability = max(found.sets.items(), key=lambda pair: pair[1])
+        posterior = drawn.posterior(drawn.noise + 0.2 * drawn.generator.standard_normal() * column)
+        names, probability = max(posterior.sets.items(), key=lambda pair: pair[1])
         if names:
             said.append(probability)
             true.append(names == {f"effect {k}"})

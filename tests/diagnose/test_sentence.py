@@ -44,31 +44,32 @@ def test_the_first_place_that_stands_out_is_told():
     assert where_of([axis("frequency", "Hz", 1e-4)], "missing") == (
         "The mismatch stands out along frequency as a whole."
     )
-    nowhere = "Nowhere does the residual stand out from the noise."
+    nowhere = "The residual does not exceed the noise anywhere."
     assert where_of(AXES, "none") == nowhere
     assert where_of(AXES[1:2], "unexplained") == "The mismatch stands out along no axis."
     # Where none does by itself, what a named effect changes still has a place.
     assert where_of(AXES[1:2], "missing", ["creep"]) == (
-        "The mismatch stands out along no axis; what creep changes lies along time, at 0 to 1 s."
+        "The mismatch stands out along no axis; the changes by creep lie along time, at 0 to 1 s."
     )
     assert where_of([*AXES[1:2], AXES[2]], "missing", ["creep", "delay"]) == (
-        "The mismatch stands out along harmonics, at 1.5 to 2.5; what creep and delay changes lies "
+        "The mismatch stands out along harmonics, at 1.5 to 2.5; the changes by creep and delay "
+        "lie "
         "along time, at 0 to 1 s."
     )
 
 
 def test_of_several_recordings_each_is_told_first_where_most_is_left():
-    left = [("a.csv", 1.02), ("b.csv", 4.16), ("c.csv", 2.5)]
-    assert where_of(AXES[2:], "missing", left=left) == (
+    residuals = [("a.csv", 1.02), ("b.csv", 4.16), ("c.csv", 2.5)]
+    assert where_of(AXES[2:], "missing", residuals=residuals) == (
         "The mismatch stands out along harmonics, at 1.5 to 2.5. "
-        "What is left is 4.2 times the noise in b.csv, 2.5 in c.csv, 1 in a.csv."
+        "The residual is 4.2 times the noise in b.csv, 2.5 in c.csv, 1 in a.csv."
     )
-    many = [*left, ("d.csv", 1.1), ("e.csv", 1.0), ("f.csv", 0.9)]
-    assert where_of(AXES[2:], "missing", left=many).endswith(
+    many = [*residuals, ("d.csv", 1.1), ("e.csv", 1.0), ("f.csv", 0.9)]
+    assert where_of(AXES[2:], "missing", residuals=many).endswith(
         "in b.csv, 2.5 in c.csv, 1.1 in d.csv, 1 in a.csv, at most 1 elsewhere."
     )
-    assert "times" not in where_of(AXES[2:], "missing", left=left[:1])
-    assert "times" not in where_of(AXES, "none", left=left)
+    assert "times" not in where_of(AXES[2:], "missing", residuals=residuals[:1])
+    assert "times" not in where_of(AXES, "none", residuals=residuals)
 
 
 def said(verdict, effects=(), most_like=None, **others) -> str:
@@ -100,63 +101,64 @@ def named(*confusable_with: str, name: str = "creep") -> NamedEffect:
 
 def test_a_verdict_of_none_names_what_could_be_hidden(monkeypatch):
     assert said("none") == (
-        "foh and the recording agree within the noise floor of 1 um (specification); best hidden "
-        "would be creep, seen only if it changes the response by more than 0.25 um rms."
+        "foh and the recording agree within the noise floor of 1 um (specification); the effect "
+        "that could hide best is creep, detectable only if it changes the response by more than "
+        "0.25 um rms."
     )
     elsewhere = replace(HELD_OUT, method="recording", base_rmse=40.0)
     assert said("none", held_out=elsewhere) == said("none") + (
-        " But it is 40 um off on the recording held out, 40 times the noise: that shows what this "
-        "one does not, or this one leaves the numbers too open to predict it; diagnose both "
-        "together."
+        " But its error on the held-out recording is 40 um, 40 times the noise: that recording "
+        "shows an effect that this one does not, or this one does not determine the parameters "
+        "well enough to predict it; diagnose both together."
     )
     assert said("none", held_out=replace(elsewhere, base_rmse=1.9)) == said("none")
     assert said("none", held_out=replace(elsewhere, method="stretches")) == said("none")
     monkeypatch.setattr(SETTING, "response_span", 0.2)
-    assert said("none").endswith("creep, which foh takes up whole on such a drive.")
+    assert said("none").endswith("creep, which foh absorbs completely on such a drive.")
     residual = fj.Noise(1.0, "um", "residual", np.ones(1), 1.0)
     assert "a mismatch cannot be excluded" in said("none", noise=residual)
 
 
 def test_an_error_above_the_noise_is_not_called_agreement():
     assert said("none", excess=0.5).startswith(
-        "Nothing stands out from what foh leaves; yet that is 2.5 um where the noise floor of 1 um "
-        "(specification) would be left."
+        "No effect is significant in the residual of foh, but the residual is 2.5 um, more than "
+        "the noise floor of 1 um (specification)."
     )
 
 
 def test_what_is_missing_is_told_with_what_it_brings():
     law = fj.EFFECTS["creep"].sentence
-    falls = " With it the error on data held out falls from 0.3 to 0.1 um (noise floor 1 um)."
+    falls = " With it the error on held-out data falls from 0.3 to 0.1 um (noise floor 1 um)."
     assert said("missing", [named()]) == f"foh leaves out creep ({law}).{falls}"
     assert said("confusable", [named("resonance", "delay")]) == (
-        f"foh leaves out creep ({law}), or what this drive cannot tell from it: delay, resonance."
-        f"{falls}"
+        f"foh leaves out creep ({law}), or an effect that this drive cannot distinguish from it: "
+        f"delay, resonance.{falls}"
     )
-    beyond = "foh and the recording differ beyond noise"
+    beyond = "foh and the recording differ by more than the noise"
     unknown = "and no effect of the catalogue explains it."
     place = "along level, at 1 to 2, 4 to 5.5 V; it also shows along harmonics"
     assert said("unexplained") == f"{beyond} {place}, {unknown}"
     assert said("unexplained", axes=AXES[1:2]) == (
-        f"{beyond} all over, nowhere in particular, {unknown}"
+        f"{beyond} along no axis in particular, {unknown}"
     )
 
 
 def test_what_has_no_name_is_told_as_what_it_is_most_like():
     plain = said("missing", [named()])
     assert said("missing", [named()], most_like="backlash") == plain + (
-        " Something smaller is left, most like backlash, too small a share to name."
+        " A smaller residual remains, most similar to backlash, but too small to name an effect."
     )
-    assert said("unexplained", most_like="backlash").endswith(" It is most like backlash.")
+    assert said("unexplained", most_like="backlash").endswith(" It is most similar to backlash.")
     assert said("none", most_like="backlash") == said("none")
 
 
 def test_the_loop_s_shape_is_told_with_its_size():
     shape = Shape(0.31, "um", 0.97, "foh")
-    falls = " With it the error on data held out falls from 0.3 to 0.1 um (noise floor 1 um)."
-    size = " The loop's shape differs from foh's by 0.31 um rms, 97 % of the mismatch."
+    falls = " With it the error on held-out data falls from 0.3 to 0.1 um (noise floor 1 um)."
+    size = " The loop's shape differs from that of foh by 0.31 um rms, 97 % of the mismatch."
     assert said("missing", [named(name="hysteresis_shape")], shape=shape) == (
-        "foh's loop is not the actuator's, and no other physics stands out beside that."
-        f"{size}{falls}"
+        "The hysteresis loop of foh does not have the actuator's shape; no other effect is "
+        f"significant.{size}{falls}"
     )
     both = said("missing", [named(), named(name="hysteresis_shape")], shape=shape)
     assert both.startswith("foh leaves out creep (")
@@ -170,41 +172,51 @@ def test_an_error_on_held_out_data_far_above_the_noise_is_remarked_on():
 
 def test_an_error_on_held_out_data_that_rises_is_not_said_to_fall():
     worse = HeldOut("recording", 0.3, 0.31, (0.3,), (0.31,), "b.csv")
-    assert "on data held out rises from 0.3 to 0.31 um" in said(
+    assert "on held-out data rises from 0.3 to 0.31 um" in said(
         "missing", [named()], held_out=worse
     )
 
 
 @pytest.mark.parametrize(
-    ("names", "told", "all_apart", "chance", "said"),
+    ("names", "distinguished", "all_apart", "chance", "said"),
     [
         (("creep", "thermal_drift"), (1,), True, 0.5,
-         "Record a sine of 3 Hz: it tells creep from thermal_drift with a probability of 0.50."),
+         "Record a sine of 3 Hz: it distinguishes creep from thermal_drift with a probability of "
+         "0.50."),
         (("creep", "thermal_drift"), (1,), True, 0.49,
-         "No drive within the limits is likely to tell creep from thermal_drift: the best of them, "
+         "No drive within the limits is likely to distinguish creep from thermal_drift: the best "
+         "of them, "
          "a sine of 3 Hz, does so with a probability of 0.49. Better would be {advice}."),
         (("creep", "backlash"), (1,), True, 1e-9,
-         "No drive within the limits is likely to tell creep from backlash: the best of them, "
+         "No drive within the limits is likely to distinguish creep from backlash: the best of "
+         "them, "
          "a sine of 3 Hz, does so with a probability of less than 0.01. Wider limits, less noise "
          "or a longer recording may help."),
         (("creep", "thermal_drift", "backlash"), (2,), False, 0.9,
-         "Record a sine of 3 Hz: it tells creep from backlash with a probability of 0.90. No one "
-         "drive within the limits is likely to tell it from thermal_drift too; better for that "
+         "Record a sine of 3 Hz: it distinguishes creep from backlash with a probability of "
+         "0.90. No single "
+         "drive within the limits is likely to distinguish it from thermal_drift as well; better "
+         "for that "
          "would be {advice}."),
         (("creep", "thermal_drift", "backlash"), (1,), False, 0.9,
-         "Record a sine of 3 Hz: it tells creep from thermal_drift with a probability of 0.90. No "
-         "one drive within the limits is likely to tell it from backlash too."),
+         "Record a sine of 3 Hz: it distinguishes creep from thermal_drift with a probability of "
+         "0.90. No single "
+         "drive within the limits is likely to distinguish it from backlash as well."),
         (("creep", "thermal_drift", "backlash"), (1, 2), False, 0.9,
-         "Record a sine of 3 Hz: it tells creep from thermal_drift and backlash with a probability "
-         "of 0.90. What tells thermal_drift and backlash apart too is not among the drives within "
-         "the limits."),
+         "Record a sine of 3 Hz: it distinguishes creep from thermal_drift and backlash with a "
+         "probability "
+         "of 0.90. None of the drives within the limits also distinguishes thermal_drift and "
+         "backlash from each "
+         "other."),
     ],
 )  # fmt: skip
-def test_the_next_experiment_promises_no_more_than_its_chance(names, told, all_apart, chance, said):
+def test_the_next_experiment_promises_no_more_than_its_chance(
+    names, distinguished, all_apart, chance, said
+):
     drive = Drive("a sine of 3 Hz", np.zeros(2), STEP)
-    found = next_experiment(names, Proposal(drive, chance, told, all_apart))
-    assert found.separates == (names[0], *(names[k] for k in told))
-    assert found.sentence == said.format(advice=advice("creep", "thermal_drift"))
+    proposed = next_experiment(names, Proposal(drive, chance, distinguished, all_apart))
+    assert proposed.separates == (names[0], *(names[k] for k in distinguished))
+    assert proposed.sentence == said.format(advice=advice("creep", "thermal_drift"))
 
 
 def test_advice_is_found_whichever_effect_holds_it():

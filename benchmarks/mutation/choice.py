@@ -22,24 +22,14 @@ _FITS = (
 )
 _SEARCHES = ("solve/compressed", "crosscheck/crosscheck", *_FITS)
 _DIAGNOSES = (
-    "diagnose/judgement",
-    "diagnose/verdict",
-    "diagnose/refit",
+    "diagnose/selection",
+    "diagnose/gram",
+    "diagnose/held_out",
+    "diagnose/sentence",
     "diagnose/diagnose",
 )
-_ROUNDS = (
-    "diagnose/second_look",
-    "diagnose/contenders",
-    "diagnose/procedure",
-    "diagnose/restarts",
-    "diagnose/shortlist",
-    "diagnose/unseen_recordings",
-    "diagnose/usual_ranges",
-    "diagnose/worth_naming",
-    "diagnose/noise_beyond",
-)
 _CROSSCHECK = ("crosscheck/crosscheck", "crosscheck/searches", "crosscheck/box")
-_STEPS = ("solve/least_squares", "solve/starts", *_FITS, "solve/compressed", "diagnose/stage")
+_STEPS = ("solve/least_squares", "solve/starts", *_FITS, "solve/compressed")
 _OPERATORS = ("operators/convolution_quadrature", "operators/rate", "operators/grid")
 
 # By folder, and by the files that have tests of their own.
@@ -50,7 +40,7 @@ _FOLDERS = {
     "_fit": _FITS,
     "_frequency": ("frequency/frequency_fit", "frequency/creep_identification"),
     "_crosscheck": _CROSSCHECK,
-    "_diagnose": (*_DIAGNOSES, *_ROUNDS, "prepare/noise", "diagnose/stage"),
+    "_diagnose": ("diagnose/nuisance", "diagnose/places", *_DIAGNOSES),
 }
 _FILES = {
     "_definitions": ("operators/definitions",),
@@ -74,7 +64,7 @@ _FILES = {
     "_noise": ("prepare/noise", "prepare/noise_sources", *_FITS, "diagnose/diagnose"),
     "_numerics": ("solve/step", "solve/numerics", "diagnose/diagnose"),
     "_preparation": (*_FITS, "prepare/noise", "diagnose/diagnose"),
-    "_problem": ("prepare/noise", *_FITS, "solve/compressed", "diagnose/stage"),
+    "_problem": ("prepare/noise", *_FITS, "solve/compressed"),
     "_profile": ("fit/profile",),
     "_residuals": ("fit/residuals",),
     "_robust": ("fit/robust", *_FITS),
@@ -83,19 +73,13 @@ _FILES = {
     "_span": _SEARCHES,
     "_spelling": ("fit/spelling", "cli/fit"),
     "_swarm": ("crosscheck/searches", "crosscheck/crosscheck"),
-    "_evidence": ("diagnose/evidence", *_DIAGNOSES),
+    "_colour": ("diagnose/colour", *_DIAGNOSES),
     "_held_out": ("diagnose/held_out", *_DIAGNOSES),
-    "_locate": ("diagnose/locate", *_DIAGNOSES),
+    "_nuisance": ("diagnose/nuisance", *_DIAGNOSES),
+    "_places": ("diagnose/places", *_DIAGNOSES),
     "_sentence": ("diagnose/sentence", *_DIAGNOSES),
     "_next_experiment": ("diagnose/next_experiment", *_DIAGNOSES),
-    "_stage": ("diagnose/stage", "solve/starts", "solve/least_squares", *_DIAGNOSES),
-    "_codes": ("prepare/noise", *_DIAGNOSES),
-    "_curve": ("diagnose/curve", *_DIAGNOSES),
-    "_jumps": ("diagnose/jumps", *_DIAGNOSES),
-    "_score": ("diagnose/score", "diagnose/score_test", *_DIAGNOSES),
 }
-# Minutes on every mutant that nothing else has noticed: not run.
-SLOW = ("tests/diagnose/test_diagnose.py::test_interference_that_does_not_repeat_is_noise",)
 
 
 def tests_of(file: str) -> list[str]:

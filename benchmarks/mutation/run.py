@@ -37,7 +37,7 @@ from functools import partial
 from pathlib import Path
 
 from benchmarks.fitting.tables import Table
-from benchmarks.mutation.choice import SLOW, tests_of
+from benchmarks.mutation.choice import tests_of
 from benchmarks.mutation.mutants import Mutant, places
 from benchmarks.versions import versions
 
@@ -124,7 +124,7 @@ def said_of(
     test: str, copy: Path, *options: str, without: Sequence[str] = ()
 ) -> tuple[str, list[str]]:
     """What a file of tests says, and which of its tests fail."""
-    left_out = [f"--deselect={name}" for name in (*SLOW, *without)]
+    left_out = [f"--deselect={name}" for name in without]
     # The copy is the working folder, the root of pytest, and first for the tests' own processes.
     options = ("-n0", "-rfE", "--timeout=0", "-ofaulthandler_timeout=0", *options)
     child = subprocess.Popen(

@@ -127,12 +127,13 @@ def compensation() -> str:
 
 
 def trust() -> str:
-    """The five figures of the exam that matter most to a user, missed targets among them."""
+    """The five figures of the exam that matter most to a user, missed targets among them; each
+    over all runs, that of its cases alone included."""
     lines = [_line("measured", "target", "value", "cases", ""), "|---" * 5 + "|"]
-    rows = _marks(_EXAM, "grade")
-    targets = {row["measure"]: row["target"] for row in rows}
+    targets = {row["measure"]: row["target"] for row in _marks(_EXAM, "grade")}
     for name, told in _TRUST.items():
-        value, _, cases = _together(name, rows).partition(" of ")
+        alone = (run for run, measure in _ALONE.items() if measure == name)
+        value, _, cases = _together(name, _marks((*_EXAM, *alone), "grade")).partition(" of ")
         target = targets[name]
         ends = [float(end) for end in re.findall(r"[.\d]+", target)]
         low, high = (0, *ends) if "<=" in target else (*ends, 1)[:2]

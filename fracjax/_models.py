@@ -160,7 +160,8 @@ def prandtl_ishlinskii(setting: Setting = ORDINARY) -> AbstractBlock:
     return PrandtlIshlinskii(slope * shares, low=setting.drive_low, high=setting.drive_high)
 
 
-_SIZED = {"prandtl_ishlinskii": prandtl_ishlinskii}
+SIZED = {"prandtl_ishlinskii": prandtl_ishlinskii}
+"""Models whose size follows the recordings."""
 """The models whose blocks depend on the range of the drive, each with a function of the setting."""
 
 MODELS: dict[str, Callable[[], AbstractBlock]] = {
@@ -169,7 +170,7 @@ MODELS: dict[str, Callable[[], AbstractBlock]] = {
     "creep": Creep,
     "coupled": coupled,
     "bouc_wen": BoucWen,
-    **_SIZED,
+    **SIZED,
     "pea_dynamics": PEADynamics,
     "gain": Gain,
     "coupled_model_1": coupled_model_1,
@@ -286,8 +287,8 @@ def parse_model(
                 if name in EFFECTS and node is not whole:
                     here = {n.removeprefix(path): v for n, v in own.items() if n.startswith(path)}
                     return _typical_effect(word, setting, here, ahead)
-                if name in _SIZED:
-                    return _SIZED[name](setting or ORDINARY)
+                if name in SIZED:
+                    return SIZED[name](setting or ORDINARY)
                 if name in MODELS:
                     return MODELS[name]()
                 raise error(f'"{word}"', closest(word, words))

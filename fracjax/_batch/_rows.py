@@ -16,7 +16,7 @@ import numpy as np
 import pyarrow as pa
 
 from .._fit import Fit, Outcome, fit, fit_all, shape_of
-from .._models import MODELS, Model, as_model
+from .._models import MODELS, SIZED, Model, as_model
 from .._prepare import HistoryOption, ModelOptions, apply_options, free_parameters_of, model_of
 from .._recording import InputError, Recording
 from .._solve import LEAST_STARTS, can_compress
@@ -62,8 +62,9 @@ class Work:
         return as_model(self.model)
 
     def model_for(self, recording: Recording) -> Model:
-        """The model for one recording; only effects have a size of their own for each."""
-        if not isinstance(self.model, str) or self.model in MODELS:
+        """The model for one recording; effects and play operators have a size of their own for
+        each."""
+        if not isinstance(self.model, str) or self.model in MODELS.keys() - SIZED.keys():
             return self.typical
         return model_of(self.model, [recording])
 

@@ -172,7 +172,8 @@ def test_a_saved_fit_simulates_the_same(source, request, tmp_path):
 def test_a_saved_fit_says_what_it_rests_on(recovered, tmp_path):
     recovered.save(tmp_path / "fit.json")
     content = json.loads((tmp_path / "fit.json").read_text(encoding="utf-8"))
-    assert content["noise"] == {"sigma": SIGMA, "unit": "um", "method": "specification"}
+    noise = {"sigma": SIGMA, "unit": "um", "method": "specification", "relative_error": None}
+    assert content["noise"] == noise
     assert content["assumptions"] == [{"history": "constant", "settling_samples": 0}]
     assert content["units"] == {"drive": "V", "response": "um"}
     assert content["parameters"]["alpha"]["value"] == by_name(recovered)["alpha"].value

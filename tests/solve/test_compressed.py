@@ -11,11 +11,11 @@ import pytest
 import fracjax as fj
 from fracjax._blocks import Saturation
 from fracjax._crosscheck._box import cost_and_gradient
-from fracjax._parameters import named_parameters, replace_parameters, set_values
+from fracjax._parameters import named_parameters, set_values
 from fracjax._posterior import Normal, compressed, log_posteriors_of, target_of
 from fracjax._posterior._posterior import _starts
 from fracjax._prepare import layout_of, prepare
-from fracjax._prepare._keywords import constrain_parameters
+from fracjax._prepare._keywords import apply_options
 from fracjax._prepare._layout import with_gains, with_shapes_at
 from fracjax._prepare._problem import AbstractProblem, Problem
 from fracjax._solve import _solve as fitting
@@ -59,9 +59,7 @@ DRIVES = {
 def model_of(name: str) -> fj.Model:
     model = fj.parse_model(name).with_values(LAWS[name])
     bounds = ABOVE if name == "pea_dynamics" else {}
-    return fj.Model(
-        replace_parameters(model.block, constrain_parameters(model.parameters, {}, bounds))
-    )
+    return fj.Model(apply_options(model, fixed={}, bounds=bounds)[0])
 
 
 def recording_of(model: fj.Model, drive: np.ndarray, seed: int = 0) -> tuple:
@@ -187,9 +185,7 @@ def test_what_only_looks_like_a_mode_in_band_is_not_compressed():
 
 def test_a_term_that_is_fixed_at_nothing_takes_no_signals():
     model = model_of("foh")
-    block = replace_parameters(
-        model.block, constrain_parameters(model.parameters, {"k_p": 0.0}, {})
-    )
+    block = apply_options(model, fixed={"k_p": 0.0}, bounds={})[0]
     problems = prepared(model, [DRIVES["tones"]]).problems()
     found = compress(block, problems)
     assert found is not None
@@ -282,9 +278,7 @@ def test_the_search_finds_what_descents_of_the_full_model_find(name: str, monkey
 
 def test_a_bound_is_kept_in_the_search():
     model = model_of("foh")
-    block = replace_parameters(
-        model.block, constrain_parameters(model.parameters, {}, {"alpha": (0.3, 0.6)})
-    )
+    block = apply_options(model, fixed={}, bounds={"alpha": (0.3, 0.6)})[0]
     preparation = prepared(model, [DRIVES["tones"]], settling=0)
     starts = starts_of(block, 4, 0)
     found = search(starts, preparation.problems())

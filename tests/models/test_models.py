@@ -153,7 +153,7 @@ def drawn(name, seed):
     generator = np.random.default_rng(seed)
     block = fj.MODELS[name]()
     values = {
-        n: generator.uniform(0.1, 1.0) if p.gain else p.draw(generator)
+        n: generator.uniform(0.1, 1.0, np.shape(p.value)) if p.gain else p.draw(generator)
         for n, p in named_parameters(block).items()
         if not p.fixed
     }
@@ -177,7 +177,7 @@ def test_no_model_sees_the_future(name, seed, history):
     close(other[:until], one[:until], 1e-8)
 
 
-def power_of_time(unit: str, siblings: dict[str, float]) -> float:
+def power_of_time(unit: str, siblings: dict[str, np.ndarray]) -> float:
     """The power of seconds in a parameter's unit: "response/drive*s^alpha" → alpha."""
     if unit in ("s", "Hz"):
         return 1.0 if unit == "s" else -1.0
@@ -200,7 +200,7 @@ def test_no_model_depends_on_the_unit_of_time(name, seed, factor, history):
     """
     block, drive, _ = drawn(name, seed)
     parameters = named_parameters(block)
-    values, converted = {n: float(p.value) for n, p in parameters.items()}, {}
+    values, converted = {n: np.asarray(p.value) for n, p in parameters.items()}, {}
     for full, parameter in parameters.items():
         prefix = full[: full.rfind(".") + 1]
         siblings = {n[len(prefix) :]: v for n, v in values.items() if n.startswith(prefix)}
@@ -217,18 +217,20 @@ def test_every_gradient_is_the_finite_difference(name, seed):
     block, drive, _ = drawn(name, seed)
     free = {n: p.value for n, p in named_parameters(block).items() if not p.fixed}
     found = gradient(block, free, jnp.asarray(drive), Grid(np.asarray(STEP), "constant"))
-    for parameter, value in free.items():
-        move = 1e-5 * max(abs(float(value)), 1e-2)
-        ends = [
-            respond(
-                set_values(block, {parameter: value + side * move}), drive, Grid(STEP, "constant")
-            )
-            for side in (1, -1)
-        ]
-        wanted = (ends[0] - ends[1]) / (2 * move)
-        rounding = 1e-11 * np.abs(ends[0]).max() / move
-        allowed = 1e-4 * np.abs(wanted).max() + rounding
-        np.testing.assert_allclose(found[parameter], wanted, rtol=0, atol=allowed)
+    for parameter, values in free.items():
+        for at in np.ndindex(np.shape(values)):
+            move = 1e-5 * max(abs(float(np.asarray(values)[at])), 1e-2)
+            step = np.zeros(np.shape(values))
+            step[at] = move
+            ends = [
+                respond(set_values(block, {parameter: moved}), drive, Grid(STEP, "constant"))
+                for moved in (values + step, values - step)
+            ]
+            wanted = (ends[0] - ends[1]) / (2 * move)
+            rounding = 1e-11 * np.abs(ends[0]).max() / move
+            allowed = 1e-4 * np.abs(wanted).max() + rounding
+            of_it = np.asarray(found[parameter])[(slice(None), *at)]
+            np.testing.assert_allclose(of_it, wanted, rtol=0, atol=allowed)
 
 
 def test_memory_ahead_of_a_law_is_another_law_than_memory_beside_it():

@@ -94,7 +94,8 @@ def test_electrostriction_is_found_on_an_own_law(fine):
     square = drive + 0.02 * (drive - 50) ** 2 / np.ptp(drive)
     diagnosis = fj.diagnose(fj.Model(Solid()), recorded(solid(times, square), drive))
     assert [effect.name for effect in diagnosis.effects] == ["electrostriction"]
-    assert diagnosis.verdict == "missing"
+    # A cube about another point is within a hundredth of what the square explains.
+    assert set(diagnosis.effects[0].confusable_with) <= {"cubic_nonlinearity"}
     q = next(p for p in diagnosis.effects[0].parameters if p.name == "q")
     assert abs(q.value - 0.02) < 4 * q.standard_error + 4e-4
 

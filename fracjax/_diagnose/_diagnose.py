@@ -33,6 +33,10 @@ from ._next_experiment import Limits, parse_limits, propose, recorded_limits
 from ._result import Diagnosis, NextExperiment
 from ._sentence import next_experiment, sentence_of, where_of
 
+_SO_FAR = (
+    " This is the verdict so far: the time was over, or it was interrupted, before all refits were "
+    "made."
+)
 _STARTS = 8
 """Starts of the base fit; chosen by judgement."""
 _MAX_TIME = 120.0
@@ -157,7 +161,7 @@ def _concluded(
     most_like = None if verdict == "none" else findings.inquiry.judge.most_like(named)
     return Diagnosis(
         verdict=verdict,
-        sentence=sentence_of(findings, most_like),
+        sentence=sentence_of(findings, most_like) + (_SO_FAR if clock.stopped else ""),
         base=findings.base_fit,
         extended=findings.extended_fit,
         effects=effects,

@@ -137,6 +137,7 @@ def test_no_refit_is_begun_when_the_time_is_over():
     case = make_case("foh", "electrostriction", "bursts", level=3.0)
     diagnosis = fj.diagnose("foh", recording_of(case), max_time=1e-3)
     assert not diagnosis.complete
+    assert "This is the verdict so far" in diagnosis.sentence
     assert "electrostriction" in {e.name for e in diagnosis.effects}
 
 

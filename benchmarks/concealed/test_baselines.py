@@ -85,7 +85,7 @@ def test_forward_names_one_after_another() -> None:
     lines = null.columns["mains_interference"]
     both = forward(replace(null, residual=40 * lines[0] + 30 * lines[1]))  # of one effect
     assert [effect["name"] for effect in both["effects"]] == ["mains_interference"]
-    asked = np.sqrt(10 + np.log(null.stage.solved.samples))
+    asked = np.sqrt(10 + np.log(null.solved.samples))
     assert forward(replace(null, residual=1.01 * asked * lines[0]))["effects"]
     assert not forward(replace(null, residual=0.99 * asked * lines[0]))["effects"]
 

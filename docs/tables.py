@@ -248,6 +248,26 @@ def stage() -> str:
     return "\n".join(lines)
 
 
+def anew() -> str:
+    """First marks of the diagnosis built anew, on cases of the exam."""
+    return _first_marks("concealed/marks/anew/grade.csv")
+
+
+def inexact() -> str:
+    """Its first marks where no model has the actuator's loop."""
+    return _first_marks("concealed/inexact/marks/sealed_first/grade.csv")
+
+
+def _first_marks(path: str) -> str:
+    """A run's marks that are of any case, each with its interval."""
+    lines = [_line("measure", "target", "value", "95 % interval", "cases"), "|---" * 5 + "|"]
+    for row in rows_of(path):
+        if row["n"] not in ("", "0") and row["value"]:
+            interval = f"{row['low']} to {row['high']}" if row["low"] else ""
+            lines.append(_line(row["measure"], row["target"], row["value"], interval, row["n"]))
+    return "\n".join(lines)
+
+
 def _line(*cells: str) -> str:
     return f"| {' | '.join(cells)} |"
 
@@ -258,6 +278,8 @@ TABLES = {
     "nulls": nulls,
     "stage": stage,
     "exam": exam,
+    "anew": anew,
+    "inexact": inexact,
     "baselines": baselines,
     "posteriors": posteriors,
     "operators": operators,

@@ -6,6 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
+from .._blocks import BoucWen, PrandtlIshlinskii
 from .._computing import computing
 from .._fit import settle
 from .._models import Model
@@ -125,7 +126,8 @@ def diagnose(
         base = fitted([solved.block], preparation)
         unseen = None if holdout is None else held_out_take(preparation.takes[0], holdout)
         predict = predict_stretches if unseen is None else partial(predict_recording, take=unseen)
-        follows = not base.displaced
+        # A model with rates of its own may lead its drive; one without follows with odd parameters.
+        follows = not (base.displaced and isinstance(model.block, BoucWen | PrandtlIshlinskii))
         doubts = [text for text in (wrong_way(r, follows=follows) for r in listed) if text]
         inquiry = inquire(base, model.block, progress, clock, may_name=not doubts)
         findings = Findings(model, inquiry, unseen, predict, tuple(doubts))

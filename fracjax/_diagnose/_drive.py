@@ -134,7 +134,7 @@ def lead_of(recording: Recording) -> float:
 
 def wrong_way(recording: Recording, *, follows: bool) -> str:
     """The warning of a loop that no actuator has: one that is even in the drive, or one that leads
-    it, unless the model `follows` with parameters in their usual ranges; "" for other loops."""
+    it, unless the model `follows` as it may; "" for other loops."""
     if is_even(recording):
         return (
             f"{recording.source}: the response is even in the drive, a butterfly loop, which no "

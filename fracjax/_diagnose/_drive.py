@@ -10,7 +10,7 @@ from numpy.polynomial import chebyshev
 from scipy.ndimage import gaussian_filter1d
 
 from .._operators import interpolate
-from .._prepare import top_frequency
+from .._prepare import resolution, top_frequency
 from .._recording import Recording, spikes
 
 # All numbers here are chosen by judgement.
@@ -38,11 +38,8 @@ _CURVES = 6
 def drive_step(drive: np.ndarray) -> float:
     """The step between the codes that a drive (N,) is written in, where that is coarse; else 0."""
     span = float(np.ptp(drive))
-    gaps = np.diff(np.unique(drive))
-    step = float(gaps.min()) if gaps.size else 0.0
-    codes = np.round(gaps / step) if step else gaps
-    on_grid = bool(step) and np.all(np.abs(gaps / step - codes) < 0.1)
-    return step if on_grid and step > _COARSE * span else 0.0
+    step = resolution(drive) if span else 0.0
+    return step if step > _COARSE * span else 0.0
 
 
 def unrounded(recording: Recording) -> tuple[Recording, str]:

@@ -106,8 +106,7 @@ class Findings:
         inquiry = self.inquiry
         if not inquiry.is_shape:
             return None
-        counted = np.concatenate([problem.weights for problem in self.base.problems]) > 0
-        added = inquiry.explained_by_shape[counted]
+        added = inquiry.explained_by_shape[self.base.counted]
         excess = inquiry.first.gram.square - inquiry.first.gram.count
         share = (inquiry.first.gram.square - inquiry.judge.inner.square) / max(excess, 1e-300)
         unit = self.base.preparation.takes[0].recording.response_unit
@@ -241,8 +240,7 @@ class Findings:
         scores = np.abs(inner.along[columns]) / np.maximum(lengths, 1e-300)
         best = int(np.argmax(np.where(lengths > 0, scores, -1.0)))
         column = inquiry.first.columns.matrix[:, columns[best]]
-        counted = np.concatenate([problem.weights for problem in self.base.problems]) > 0
-        size = float(np.sqrt(np.mean(column[counted] ** 2)))
+        size = float(np.sqrt(np.mean(column[self.base.counted] ** 2)))
         refits = {e.names: e for rivals in inquiry.rivals for e in rivals}
         own = [e for names, e in refits.items() if name in names]
         return Candidate(

@@ -95,6 +95,11 @@ class Fitted:
         pairs = zip(self.solved.simulations, self.preparation.defects, strict=True)
         return tuple(simulation + defect[: simulation.size] for simulation, defect in pairs)
 
+    @cached_property
+    def counted(self) -> np.ndarray:
+        """Which of the padded recordings' samples (ΣL,) the fit counts."""
+        return np.concatenate([np.asarray(problem.weights) for problem in self.problems]) > 0
+
     @property
     def displaced(self) -> dict[str, Parameter]:
         """The fitted shapes that ended outside their usual range, by name."""

@@ -11,7 +11,7 @@ from __future__ import annotations
 import numpy as np
 
 from ._fitted import Fitted
-from ._held_out import FOLDS, fold_of_sample
+from ._held_out import FOLDS, folds_of
 
 FREE = 1e3
 """Prior sd of the tangent's coefficients in standard errors: in effect they are free."""
@@ -25,9 +25,7 @@ class Folds:
         tangent = fitted.whitened(fitted.tangent)
         tangent = FREE * tangent / (np.linalg.norm(tangent, axis=0) + 1e-300)
         self._fixed, self._residual = np.concatenate([tangent, shapes], axis=1), residual
-        takes, problems = fitted.preparation.takes, fitted.problems
-        pairs = zip(takes, problems, strict=True)
-        fold = np.concatenate([fold_of_sample(t.recording, len(p.response)) for t, p in pairs])
+        fold = folds_of(fitted)
         self._folds = [np.flatnonzero(fold == k) for k in range(FOLDS)]
         self._own = [self._products(rows) for rows in self._folds]
         self._all = tuple(map(sum, zip(*self._own, strict=True)))

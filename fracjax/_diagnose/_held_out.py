@@ -66,10 +66,7 @@ def predict_stretches(fitted: Fitted) -> Prediction:
     not determine.  Five folds consist of interleaved stretches, which are whole periods if the
     drive repeats.
     """
-    takes, problems = fitted.preparation.takes, fitted.problems
-    pairs = zip(takes, problems, strict=True)
-    fold = np.concatenate([fold_of_sample(t.recording, len(p.response)) for t, p in pairs])
-    counted = np.concatenate([np.asarray(problem.weights) for problem in problems]) > 0
+    fold, counted = folds_of(fitted), fitted.counted
     white, residual = fitted.whitened(fitted.tangent), fitted.whitened(fitted.error)
     free = fitted.solved.on(fitted.preparation).sensitivity().parameters
     parameters = named_parameters(fitted.solved.block)
@@ -85,6 +82,12 @@ def predict_stretches(fitted: Fitted) -> Prediction:
         step = np.linalg.lstsq(rows / scale, toward, rcond=None)[0] / scale
         error[inside] -= fitted.tangent[inside] @ step
     return _prediction(error[counted], fold[counted])
+
+
+def folds_of(fitted: Fitted) -> np.ndarray:
+    """The index of the fold of each padded sample (ΣL,) of all recordings."""
+    pairs = zip(fitted.preparation.takes, fitted.problems, strict=True)
+    return np.concatenate([fold_of_sample(t.recording, len(p.response)) for t, p in pairs])
 
 
 def fold_of_sample(recording: Recording, size: int) -> np.ndarray:

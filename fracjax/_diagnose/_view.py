@@ -130,7 +130,7 @@ def view_of(
     """
     error, effects = fitted.whitened(fitted.error), fitted.whitened(columns.matrix)
     shapes = fitted.whitened(columns.shapes)
-    samples = int(sum(np.count_nonzero(problem.weights) for problem in fitted.problems))
+    samples = int(np.count_nonzero(fitted.counted))
     gram = Gram(error, effects, shapes, fitted.whitened(fitted.tangent), samples)
     share = 1.0
     if thinned:

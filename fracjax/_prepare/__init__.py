@@ -28,8 +28,6 @@ from ._noise_sources import noise_below as noise_below
 from ._noise_sources import read_from_residual as read_from_residual
 from ._noise_sources import refine_noise as refine_noise
 from ._noise_sources import residual_noise as residual_noise
-from ._noise_sources import with_level_profile as with_level_profile
-from ._noise_stretches import level_from_differences as level_from_differences
 from ._normal import ROOT_TWO_PI as ROOT_TWO_PI
 from ._normal import AbstractPrior as AbstractPrior
 from ._normal import Normal as Normal
@@ -46,6 +44,7 @@ from ._prepare import prepare as prepare
 from ._prepare import prepare_fit as prepare_fit
 from ._problem import AbstractProblem as AbstractProblem
 from ._problem import Problem as Problem
+from ._setting import resolution as resolution
 from ._setting import setting_of as setting_of
 from ._setting import top_frequency as top_frequency
 from ._spelling import options_for as options_for

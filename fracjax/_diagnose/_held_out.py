@@ -14,7 +14,7 @@ from ._fitted import Fitted
 
 FOLDS = 5
 """Folds of held-out data; chosen by judgement."""
-_BLOCKS = 22
+STRETCHES = 22
 """Stretches of a recording.  If its drive occurs twice, no fold then contains the same phase of
 both."""
 _LEAST_READ = 1e-6
@@ -92,7 +92,7 @@ def folds_of(fitted: Fitted) -> np.ndarray:
 
 def fold_of_sample(recording: Recording, size: int) -> np.ndarray:
     """The index of the fold of each sample (size,), in interleaved stretches."""
-    repeats, stretch = recording.drive_period(), len(recording) / _BLOCKS
+    repeats, stretch = recording.drive_period(), len(recording) / STRETCHES
     if repeats is not None and repeats.period < len(recording) / FOLDS:
         stretch = repeats.period * max(1, round(stretch / repeats.period))
     return (np.arange(size) / stretch).astype(int) % FOLDS

@@ -11,14 +11,14 @@ import numpy as np
 from .._blocks import EFFECTS
 from ._folds import Folds
 from ._gram import Inner
-from ._selection import Hypothesis, occam_factor
-from ._thresholds import ALIKE, APART, DOUBT, SECOND, SHARE, SURE
+from ._selection import SIZES, Hypothesis, occam_factor
+from ._thresholds import ALIKE, APART, CHANCE, DOUBT, SECOND, SHARE, SURE
 from ._view import View
 
 _RIDGE = 1e-9
 """Added to a Gram matrix of unit columns, for stability."""
-_MOST_ALIKE = 4
-"""Look-alikes that are listed at most; chosen by judgement."""
+_MOST_ALIKE, _MOST = 4, 3
+"""Look-alikes that are listed at most, and effects that are named; chosen by judgement."""
 
 
 @dataclass(frozen=True)
@@ -71,19 +71,63 @@ class Judge:
         return [name for name in ranked if self.fall((name,)) >= 0.5 * self.fall((ranked[0],))]
 
     def names(self) -> tuple[Name, ...]:
-        """The named effects: of the likeliest set those that explain a sufficient share, on
-        held-out stretches too, and are present, or a look-alike is, with probability `SURE`."""
-        likeliest = self.seen.posterior.best.names
+        """The named effects, each of which is present, or a look-alike is, with probability
+        `SURE`: of a loop of the model's shape the likeliest, of another those that predict."""
+        return self._predicting() if self.is_inexact else self._likeliest()
+
+    def _likeliest(self) -> tuple[Name, ...]:
+        """The effects of the likeliest set that explain a sufficient share of the excess."""
+        likeliest, posterior = self.seen.posterior.best.names, self.seen.posterior
         special = {EFFECTS[name].special_case for name in likeliest}
         kept = [name for name in likeliest if name not in special]
-        while kept:
-            reach = {name: self._reach(name, kept) for name in kept}
-            least = min(reach, key=lambda name: reach[name])
-            if reach[least] >= 1:
+        while len(kept) > 1:
+            least = min(kept, key=lambda name: self._share(name, kept))
+            if self._share(least, kept) >= SECOND:
                 break
             kept.remove(least)
-        names = [self._name_of(name, kept) for name in kept]
+        names = []
+        for name in kept:
+            rest = [other for other in kept if other != name]
+            nothing = sum(p for names, p in posterior.sets.items() if names <= frozenset(rest))
+            names.append(Name(name, self._alike(name, rest), 1 - nothing, self._share(name, kept)))
         return tuple(name for name in names if name.probability >= SURE)
+
+    def _predicting(self) -> tuple[Name, ...]:
+        """The effects that explain a sufficient share of what the loop's shape and the effects
+        before them do not explain, in training and in held-out parts of the recording."""
+        chosen: dict[str, float] = {}
+        while len(chosen) < _MOST:
+            gains = {}
+            for name in self._candidates(chosen):
+                trained = self._trained(name, tuple(chosen))
+                if trained >= SHARE:
+                    gain = self._folds.gain(self._columns(chosen), self._columns([*chosen, name]))
+                    gains[name] = min(trained, gain.share), gain.p_value
+            if not gains:
+                break
+            best = max(gains, key=lambda name: gains[name][0])
+            share, p_value = gains[best]
+            if share < SHARE or p_value > CHANCE:
+                break
+            chosen[best] = 1 - p_value
+        kept = list(chosen)
+        return tuple(
+            Name(
+                name,
+                self._alike(name, [other for other in kept if other != name]),
+                probability,
+                self._share(name, kept),
+            )
+            for name, probability in chosen.items()
+        )
+
+    def _candidates(self, chosen: Iterable[str]) -> list[str]:
+        """The effects that may be added to those chosen."""
+        related = {EFFECTS[name].special_case for name in chosen}
+        related |= {e.name for e in EFFECTS.values() if e.special_case in set(chosen)}
+        names = dict.fromkeys(kind.name for kind in self.first.kinds)
+        taken = related.union(chosen)
+        return [name for name in names if name not in taken and not self._is_barred(name)]
 
     def most_like(self, named: Iterable[str]) -> str | None:
         """The effect that explains most of the remaining residual without being named; None if
@@ -98,27 +142,11 @@ class Judge:
         least = max(APART, 0.5 * SHARE * self.excess)
         return best if best is not None and gains[best] > least else None
 
-    def _name_of(self, name: str, kept: list[str]) -> Name:
-        """One name of the kept effects."""
-        rest = [other for other in kept if other != name]
-        posterior = self.seen.posterior
-        nothing = sum(p for names, p in posterior.sets.items() if names <= frozenset(rest))
-        return Name(name, self._alike(name, rest), 1 - nothing, self._share(name, kept))
-
-    def _reach(self, name: str, kept: list[str]) -> float:
-        """The share that an effect explains, over the share that a name requires.
-
-        If the loop has the model's shape, it is the share of the whole excess, beside others.
-        Otherwise it is the share of what the other effects and the loop's shape do not explain, in
-        training and on held-out stretches, the smaller of the two.
-        """
-        if not self.is_inexact:
-            return self._share(name, kept) / SECOND if len(kept) > 1 else np.inf
-        rest = [other for other in kept if other != name]
-        without, beside = self.fall(tuple(rest)), self.fall(tuple(kept))
-        trained = (beside - without) / self._beyond(self.inner.square - without)
-        before, after = (float(self._folds.squares(self._columns(n)).sum()) for n in (rest, kept))
-        return min(trained, (before - after) / self._beyond(before)) / SHARE
+    def _trained(self, name: str, rest: tuple[str, ...]) -> float:
+        """The share of what other effects and the loop's shape do not explain that an effect
+        explains."""
+        without = self.fall(rest)
+        return (self.fall((*rest, name)) - without) / self._beyond(self.inner.square - without)
 
     def _beyond(self, square: float) -> float:
         """χ² minus that of the noise, but no less than the uncertainty of the noise level."""
@@ -129,17 +157,10 @@ class Judge:
         """Held-out stretches beside the loop's shape."""
         return self.first.folds(self._tau)
 
-    def _columns(self, names: list[str]) -> np.ndarray:
-        """The whitened columns (ΣL, k) of effects as in the likeliest set, of unit prior sd."""
-        best = self.seen.posterior.best
-        chosen = [k for k, name in enumerate(best.names) if name in names]
-        part = best._replace(
-            names=tuple(names),
-            kinds=tuple(best.kinds[k] for k in chosen),
-            sizes=tuple(best.sizes[k] for k in chosen),
-        )
-        at, sizes = part.columns(self.first.kinds)
-        return self.first.white[1][:, at] * sizes
+    def _columns(self, names: Iterable[str]) -> np.ndarray:
+        """The whitened columns (ΣL, k) of effects, each of the kind that reduces χ² most, of unit
+        prior sd."""
+        return SIZES[-1] * self.first.white[1][:, self._best(self.inner, tuple(names))[1]]
 
     def _share(self, name: str, kept: list[str]) -> float:
         """The share of the excess that an effect explains beside others."""
@@ -171,9 +192,13 @@ class Judge:
         return self.is_inexact and kinds[0].is_shape
 
     def _fall(self, inner: Inner, names: tuple[str, ...]) -> float:
+        """The reduction of χ² by effects together."""
+        return self._best(inner, names)[0]
+
+    def _best(self, inner: Inner, names: tuple[str, ...]) -> tuple[float, np.ndarray]:
         """The reduction of χ² by effects together, each of the kind that reduces it most after
-        those before it."""
-        chosen, taken = np.zeros(0, dtype=int), 0.0
+        those before it, and the indices of their columns (k,)."""
+        taken, chosen = 0.0, np.zeros(0, dtype=int)
         for name in names:
             options = [k for k in self.first.kinds if k.name == name]
             falls = []
@@ -181,7 +206,7 @@ class Judge:
                 columns = np.concatenate([chosen, np.arange(kind.start, kind.stop)])
                 falls.append((_taken(inner, columns), columns))
             taken, chosen = max(falls, key=lambda pair: pair[0])
-        return taken
+        return taken, chosen
 
     def taken(self, columns: np.ndarray) -> float:
         """The reduction of χ² by columns with free gains."""

@@ -15,9 +15,9 @@ from .._solve import Solved, orthonormal_basis, simulate, solve_from
 
 _FINEST, _MOST_SAMPLES = 32, 2**18
 """The finest oversampling, and the longest recording on that grid; chosen by judgement."""
-_RENEWALS, _ENOUGH = 2, 0.25
-"""How often the fit is renewed at most, and the change of the correction, in noise units, below
-which it is not; chosen by judgement."""
+_RENEWALS, _ENOUGH, _TOLERATED = 2, 0.25, 1.0
+"""How often the fit is renewed on one grid, the change of the correction, in noise units, below
+which it is not, and that below which the grid is kept; chosen by judgement."""
 
 
 class Shaped(Problem):
@@ -137,7 +137,7 @@ def fitted(
 ) -> Fitted:
     """Fit from the starts on the coarse grid; the change of the simulation by a fine grid is
     subtracted from the responses and the fit renewed, until the change is constant within the
-    noise.
+    noise.  If renewals do not achieve that, the grid is refined.
 
     Source: Stetter, Numer. Math. 29 (1978) 425 (defect correction).
     """
@@ -152,10 +152,17 @@ def fitted(
         coarse = replace(coarse, defects=preparation.defects)
     solved = solve_from(list(starts), coarse)
     exact, coarse, change = _renewed(solved, coarse, finest)
-    for _ in range(_RENEWALS):
-        if change <= _ENOUGH:
+    while change > _ENOUGH:
+        for _ in range(_RENEWALS):
+            solved = solve_from([solved.block], coarse)
+            exact, coarse, change = _renewed(solved, coarse, finest)
+            if change <= _ENOUGH:
+                break
+        if change <= _TOLERATED or 2 * coarse.oversampling > finest:
             break
-        solved = solve_from([solved.block], coarse)
+        # The grid is too coarse for its own Jacobian, such as with a mode that rings.
+        coarse = replace(coarse, oversampling=2 * coarse.oversampling, defects=nothing)
+        solved = solve_from([solved.block, *starts], coarse)
         exact, coarse, change = _renewed(solved, coarse, finest)
     between = _simulated(solved, coarse, max(finest // 2, coarse.oversampling))
     finest_error = np.concatenate([a - b for a, b in zip(exact, between, strict=True)])

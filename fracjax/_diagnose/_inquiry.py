@@ -13,7 +13,7 @@ from .._prepare import Preparation
 from .._solve import Progress, tolerated_error
 from ._fitted import Fitted
 from ._names import Judge, Name
-from ._refits import Explanation, beside, explained_by
+from ._refits import Explanation, beside, explained_by, grown
 from ._thresholds import ALIKE, APART, MISFIT, NUMERICS, SURE
 from ._view import View, columns_of, view_of, with_misfit_as_noise
 
@@ -145,15 +145,16 @@ def _refitted(
         rest = [other for other in kept if other != name.effect]
         gain = _gain(inquiry, best, rest)
         special = EFFECTS[name.effect].special_case
-        near, larger = [], [e.name for e in EFFECTS.values() if e.special_case == name.effect]
-        larger += [special] if special else []
+        near, growing = [], _larger(name.effect)
+        larger = [*growing, special] if special else [*growing]
         if not judge.is_inexact and len(kept) == 1:
             larger += judge.leading(_MOST_TRIED)
         for other in dict.fromkeys([*larger, *name.alike[:_MOST_RIVALS]]):
             if clock.is_over:
                 break
             if other not in kept:
-                near.append(explained([*kept[:k], other, *kept[k + 1 :]]))
+                rival = explained([*kept[:k], other, *kept[k + 1 :]])
+                near.append(grown(rival, best, preparation) if other in growing else rival)
         margin = max(APART, (ALIKE if judge.is_inexact else _ALIKE_EXACT) * gain)
         leading = min([best, *near], key=lambda e: e.cost)
         near = [e if e is leading else beside(e, leading, preparation) for e in near]
@@ -164,6 +165,8 @@ def _refitted(
         first = _other_name(best, rest)
         names.append(replace(name, effect=first, alike=tuple(n for n in listed if n != first)))
         rivals.append(tuple(together))
+    if best.cost > judge.promised(()):
+        return inquiry.unnamed()
     return replace(inquiry, names=tuple(names), explanation=best, rivals=tuple(rivals))
 
 
@@ -197,6 +200,10 @@ def _carried(
         fits.append(explained_by([name], judge, nominal, base.preparation, 0.0))
     if not fits:
         return None
+    leading = min(fits, key=lambda e: e.cost)
+    for name in _larger(leading.names[0]):
+        larger = explained_by([name], judge, nominal, base.preparation, 0.0)
+        fits.append(grown(larger, leading, base.preparation))
     fall = base.solved.cost - min(e.fitted.solved.cost for e in fits)
     margin = max(APART, _ALIKE_EXACT * fall)
     near = _ranked(fits, margin, judge)
@@ -208,6 +215,11 @@ def _carried(
     present = 1 - inquiry.seen.posterior.nothing
     name = Name(best.names[0], alike, present, min(1.0, fall / judge.excess))
     return replace(inquiry, names=(name,), explanation=best, rivals=(tuple(near),), is_carried=True)
+
+
+def _larger(name: str) -> list[str]:
+    """The effects of which an effect is a special case."""
+    return [effect.name for effect in EFFECTS.values() if effect.special_case == name]
 
 
 def _other_name(explanation: Explanation, rest: Sequence[str]) -> str:

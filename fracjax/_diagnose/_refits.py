@@ -8,6 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .._blocks import EFFECTS, AbstractBlock
+from .._parameters import named_parameters, set_values
 from .._prepare import Preparation, Problem
 from .._solve import starts_of
 from ._columns import kind_of
@@ -98,17 +99,41 @@ def explained_by(
 def beside(other: Explanation, of: Explanation, preparation: Preparation) -> Explanation:
     """An explanation refitted from the model's parameters of another, if that is better, so that
     both are compared in the same basin."""
-    inside = of.fitted.solved.block
-    for layer in reversed(of.layers):
-        inside = getattr(inside, layer.inside)
-    block, parts = other.fitted.solved.block, []
-    for layer in reversed(other.layers):
-        parts.append(Layer(layer.effect, getattr(block, layer.place)))
+    return _again(other, [wrapped(_parts(of)[0], _parts(other)[1])], preparation)
+
+
+def grown(larger: Explanation, special: Explanation, preparation: Preparation) -> Explanation:
+    """An explanation refitted from the optimum of one that has a special case of one of its
+    effects, if that is better."""
+    inside, layers = _parts(special)
+    (k,) = (k for k, n in enumerate(larger.names) if n not in special.names)
+    effect, trial = larger.layers[k].effect, larger.layers[k].trial
+    shared = named_parameters(trial).keys() & named_parameters(layers[k].trial).keys()
+    values = named_parameters(layers[k].trial)
+    own = set_values(trial, {name: values[name].value for name in shared})
+    starts = []
+    for block in (own, *effect.beyond(own)):
+        parts = [*layers[:k], Layer(effect, block), *layers[k + 1 :]]
+        starts.append(wrapped(inside, parts))
+    return _again(larger, starts, preparation)
+
+
+def _parts(explanation: Explanation) -> tuple[AbstractBlock, list[Layer]]:
+    """The fitted model, and the fitted effects around it, the first innermost."""
+    block, layers = explanation.fitted.solved.block, []
+    for layer in reversed(explanation.layers):
+        layers.append(Layer(layer.effect, getattr(block, layer.place)))
         block = getattr(block, layer.inside)
-    start = wrapped(inside, parts[::-1])
-    again = fitted([start], preparation, other.fitted.preparation.shapes)
-    better = again.solved.cost < other.fitted.solved.cost
-    return replace(other, fitted=again) if better else other
+    return block, layers[::-1]
+
+
+def _again(
+    explanation: Explanation, starts: Sequence[AbstractBlock], preparation: Preparation
+) -> Explanation:
+    """An explanation refitted from further starts, if that is better."""
+    again = fitted(starts, preparation, explanation.fitted.preparation.shapes)
+    better = again.solved.cost < explanation.fitted.solved.cost
+    return replace(explanation, fitted=again) if better else explanation
 
 
 def _trials(name: str, judge: Judge) -> list[list[AbstractBlock]]:

@@ -83,6 +83,25 @@ class Findings:
         return warnings
 
     @property
+    def jumps(self) -> str:
+        """The jumps that explain the mismatch better than any effect, in words; "" if none do."""
+        jumps = self.inquiry.jumps
+        if jumps is None:
+            return ""
+        starts = np.cumsum([0, *(len(problem.response) for problem in self.base.problems)])
+        listed = []
+        for sample, size in zip(jumps.samples, jumps.sizes, strict=True):
+            k = int(np.searchsorted(starts, sample, side="right")) - 1
+            recording = self.base.preparation.takes[k].recording
+            of = f" of {recording.source}" if len(starts) > 2 else ""
+            time = (sample - starts[k]) * recording.dt
+            listed.append(f"by {size:.3g} {recording.response_unit} at {time:.4g} s{of}")
+        return (
+            f"The response jumps {', '.join(listed)}, where no effect of the catalogue does: look "
+            "for a mount that slips, a switched range or a bad contact."
+        )
+
+    @property
     def displaced(self) -> list[str]:
         """Warnings of base parameters outside their usual range: they may hide an effect."""
         warnings = []
@@ -195,7 +214,7 @@ class Findings:
         """The verdict, by the named effects and the excess over the noise."""
         if self.effects:
             return "confusable" if any(e.confusable_with for e in self.effects) else "missing"
-        return "unexplained" if self.is_beyond_noise else "none"
+        return "unexplained" if self.is_beyond_noise or self.jumps else "none"
 
     @cached_property
     def is_beyond_noise(self) -> bool:

@@ -12,6 +12,7 @@ from .._blocks import EFFECTS, AbstractBlock
 from .._prepare import Preparation
 from .._solve import Progress, tolerated_error
 from ._fitted import Fitted
+from ._jumps import Jumps, jumps_of
 from ._names import Judge, Name
 from ._refits import Explanation, beside, explained_by, grown
 from ._thresholds import ALIKE, APART, MISFIT, NUMERICS, SURE
@@ -52,7 +53,7 @@ class Inquiry:
 
     `first` has the noise as it was measured, `seen` the misfit as a part of it.  `rivals` are for
     each name its refit and those of its look-alikes.  `is_carried`: one effect, refitted, explains
-    all that loop shapes would.
+    all that loop shapes would.  `jumps` explain the residual better than any effect; None if not.
     """
 
     base: Fitted
@@ -63,6 +64,7 @@ class Inquiry:
     explanation: Explanation | None
     rivals: tuple[tuple[Explanation, ...], ...]
     is_carried: bool = False
+    jumps: Jumps | None = None
 
     def unnamed(self) -> Inquiry:
         """The same without names."""
@@ -117,11 +119,28 @@ def inquire(
         alone = not judge.is_inexact and len(names) < 2
         carried = None if alone else _carried(inquiry, nominal, progress, clock)
         if carried is not None:
-            return carried
-        return _refitted(inquiry, nominal, progress, clock) if names else inquiry
+            inquiry = carried
+        elif names:
+            inquiry = _refitted(inquiry, nominal, progress, clock)
+        return _beside_jumps(inquiry)
     except KeyboardInterrupt:
         clock.stopped = True
         return inquiry.unnamed()
+
+
+def _beside_jumps(inquiry: Inquiry) -> Inquiry:
+    """The inquiry without names if jumps explain the residual better than they do."""
+    judge, explanation = inquiry.judge, inquiry.explanation
+    jumps = jumps_of(inquiry.first, judge.alone.tau if judge.is_inexact else 0.0)
+    named = tuple(name.effect for name in inquiry.names)
+    explained = judge.fall(named)
+    if inquiry.is_carried and explanation is not None:
+        explained = inquiry.base.solved.cost - explanation.fitted.solved.cost
+    # Beside a loop of another shape, jumps follow a misfit as anything does.
+    may_jump = bool(named) or not judge.is_inexact
+    if may_jump and jumps.worth > max(APART, explained - sum(map(judge.price, named))):
+        return replace(inquiry.unnamed(), jumps=jumps)
+    return inquiry
 
 
 def _refitted(

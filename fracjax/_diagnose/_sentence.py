@@ -85,6 +85,7 @@ def sentence_of(findings: Findings, most_like: str | None) -> str:
         if all(axis.p_value >= SIGNIFICANCE for axis in findings.axes):
             place = "along no axis in particular"
         like = f" It is most similar to {most_like}." if most_like is not None else ""
+        like = f" {findings.jumps}" if findings.jumps else like
         return (
             f"{base.model.name} and {recorded} differ by more than the noise {place.rstrip('.')}, "
             f"and no effect of the catalogue explains it.{shape}{like}"

@@ -60,14 +60,10 @@ class Gram:
         tangent: np.ndarray,
         samples: int,
     ):
-        basis = _basis(tangent)
-
-        def beside(signals: np.ndarray) -> np.ndarray:
-            return signals - basis @ (basis.T @ signals)
-
-        self.count = samples - basis.shape[1]
-        self.residual, self.shapes = beside(residual), beside(shapes)
-        self.columns = beside(columns)
+        self._basis = _basis(tangent)
+        self.count = samples - self._basis.shape[1]
+        self.residual, self.shapes = self._beside(residual), self._beside(shapes)
+        self.columns = self._beside(columns)
         lengths, whole = (np.linalg.norm(x, axis=0) for x in (self.columns, columns))
         self.columns[:, lengths <= _SEEN * np.maximum(whole, 1e-12)] = 0.0
         self.concealments = 1 - (lengths / np.maximum(whole, 1e-300)) ** 2
@@ -78,6 +74,17 @@ class Gram:
         self.square = float(self.residual @ self.residual)
         turned = self.shapes @ self._turned
         self._shared, self._shared_residual = turned.T @ self.columns, turned.T @ self.residual
+
+    def _beside(self, signals: np.ndarray) -> np.ndarray:
+        """What the tangent does not explain of signals (L, …)."""
+        return signals - self._basis @ (self._basis.T @ signals)
+
+    def weighted(self, signals: np.ndarray, tau: float) -> np.ndarray:
+        """Whitened signals (L, k), projected, times the inverse covariance with loop shapes of size
+        τ."""
+        projected, turned = self._beside(signals), self.shapes @ self._turned
+        weights = tau**2 / (1 + tau**2 * self.values)
+        return projected - turned @ (weights[:, None] * (turned.T @ projected))
 
     @property
     def width(self) -> int:

@@ -10,14 +10,14 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._folds import FREE
 from ._view import View
 
 _GRID, _FINER = 96, 24
 """Times that are tried at first in all recordings, and again about the best; chosen by
 judgement."""
-_MOST = 5
-"""Jumps at most; chosen by judgement."""
+_MOST, _SEEN = 5, 1e-3
+"""Jumps at most, and the square of a whitened step below which the fit absorbs it; chosen by
+judgement."""
 
 
 class Jumps(NamedTuple):
@@ -32,50 +32,38 @@ class Jumps(NamedTuple):
 def jumps_of(view: View, tau: float) -> Jumps:
     """The jumps that explain most of a fit's residual beside loop shapes of size τ, one after
     another, as many as are worth their price of 2 ln N."""
-    error, _, shapes = view.white
-    tangent = view.fitted.whitened(view.fitted.tangent)
-    tangent = FREE * tangent / (np.linalg.norm(tangent, axis=0) + 1e-300)
-    fixed = np.concatenate([tangent, tau * shapes], axis=1) if tau > 0 else tangent
-    inverse = np.linalg.inv(np.eye(fixed.shape[1]) + fixed.T @ fixed)
-
-    def beside(signals: np.ndarray) -> np.ndarray:
-        return signals - fixed @ (inverse @ (fixed.T @ signals))
-
-    counted = np.flatnonzero(view.fitted.counted)
+    gram, counted = view.gram, np.flatnonzero(view.fitted.counted)
     ends = np.cumsum([len(problem.response) for problem in view.fitted.problems])
+    times = np.arange(ends[-1])[:, None]
 
     def steps(samples: np.ndarray) -> np.ndarray:
         """Whitened steps (ΣL, k) that last to the end of their recording."""
-        times = np.arange(error.size)[:, None]
         last = ends[np.searchsorted(ends, samples, side="right")]
         return view.fitted.whitened(((times >= samples) & (times < last)).astype(float))
 
-    price, residual = 2 * np.log(view.gram.count), beside(error)
-    chosen: list[int] = []
-    columns, taken = np.zeros((error.size, 0)), 0.0
-    # Grids leave out the first sample, at which a step is the offset.
+    remaining = gram.weighted(gram.residual[:, None], tau)[:, 0]
+    price, worth = 2 * np.log(gram.count), 0.0
+    chosen, earlier = np.zeros(0, dtype=int), np.zeros((ends[-1], 0))
+    # A step at the first sample is the offset.
     grid = counted[1:][:: max(1, counted.size // _GRID)]
-    while len(chosen) < _MOST:
-        tried, spacing = grid, np.diff(grid).max(initial=1)
+    while chosen.size < _MOST:
+        tried, shared = grid, gram.weighted(earlier, tau)
+        inverse = np.linalg.inv(earlier.T @ shared)
         for _ in range(2):
-            added = beside(steps(tried))
-            falls = [_taken(np.column_stack([columns, a]), residual) for a in added.T]
+            columns = steps(tried)
+            across = columns.T @ shared
+            along = columns.T @ remaining - across @ (inverse @ (earlier.T @ remaining))
+            squares = np.sum(columns * gram.weighted(columns, tau), axis=0)
+            squares = squares - np.sum((across @ inverse) * across, axis=1)
+            falls = along**2 / np.maximum(squares, _SEEN)
             best = int(np.argmax(falls))
-            close = np.abs(counted - tried[best]) <= spacing
-            now, fall, column = int(tried[best]), falls[best], added[:, best]
-            tried = counted[1:][close[1:]]
-            tried = tried[:: max(1, tried.size // _FINER)]
-        if fall - taken < price:
+            sample, fall, column = int(tried[best]), float(falls[best]), columns[:, [best]]
+            close = np.abs(counted[1:] - sample) <= np.diff(grid).max(initial=1)
+            tried = counted[1:][close][:: max(1, int(close.sum()) // _FINER)]
+        if fall < price:
             break
-        chosen.append(now)
-        columns, taken = np.column_stack([columns, column]), fall
-    sizes = np.linalg.lstsq(columns, residual, rcond=None)[0] if chosen else np.zeros(0)
+        chosen, worth = np.append(chosen, sample), worth + fall - price
+        earlier = np.concatenate([earlier, column], axis=1)
+    sizes = np.linalg.solve(earlier.T @ gram.weighted(earlier, tau), earlier.T @ remaining)
     order = np.argsort(chosen)
-    samples = tuple(chosen[k] for k in order)
-    return Jumps(samples, tuple(sizes[order].tolist()), taken - price * len(chosen))
-
-
-def _taken(columns: np.ndarray, residual: np.ndarray) -> float:
-    """The reduction of χ² by columns (ΣL, k) with free gains."""
-    gains = np.linalg.lstsq(columns, residual, rcond=None)[0]
-    return float(residual @ (columns @ gains))
+    return Jumps(tuple(chosen[order].tolist()), tuple(sizes[order].tolist()), worth)

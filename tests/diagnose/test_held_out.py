@@ -16,10 +16,12 @@ from fracjax._diagnose._fitted import Fitted, fitted
 from fracjax._diagnose._folds import Folds
 from fracjax._diagnose._held_out import (
     FOLDS,
+    STRETCHES,
     fold_of_sample,
     predict_recording,
     predict_stretches,
 )
+from fracjax._diagnose._thresholds import CHANCE, SHARE
 from fracjax._operators._grid import History
 from fracjax._parameters import set_values
 from fracjax._prepare import Noise, Preparation, prepare, take_of
@@ -131,7 +133,7 @@ def test_stretches_are_predicted_as_by_refits_of_a_linear_model():
     assert predict_stretches(base).rmse == pytest.approx(rmse, abs=0.05 * (rmse - seen))
 
 
-def test_squares_of_folds_are_those_of_refits_beside_columns_and_shapes():
+def test_errors_of_folds_are_those_of_refits_beside_columns_and_shapes():
     generator = np.random.default_rng(6)
     error = 0.5 * generator.standard_normal(SAMPLES)
     base = fit_of(CREEP.block, DRIVE, response(DRIVE), white(0.5), error)
@@ -141,11 +143,31 @@ def test_squares_of_folds_are_those_of_refits_beside_columns_and_shapes():
     # A prior sd of 1000 holds nothing.
     tangent = base.whitened(base.tangent)
     design = np.concatenate([tangent, shapes, columns], axis=1)
-    wanted = refitted_errors(design, residual, fold) ** 2
-    squares = Folds(base, 1e3 * shapes, residual).squares(1e3 * columns)
-    np.testing.assert_allclose(squares, [wanted[fold == k].sum() for k in range(FOLDS)], rtol=1e-4)
-    # And none of it helps to predict noise.
-    assert squares.sum() > Folds(base, shapes[:, :0], residual).squares(columns[:, :0]).sum()
+    wanted = refitted_errors(design, residual, fold)
+    folds = Folds(base, 1e3 * shapes, residual)
+    np.testing.assert_allclose(folds.errors(1e3 * columns), wanted, rtol=1e-3, atol=1e-3)
+    parts = np.array_split(np.flatnonzero(base.counted), STRETCHES)
+    squares = [np.sum(wanted[part] ** 2) for part in parts]
+    np.testing.assert_allclose(folds.squares(1e3 * columns), squares, rtol=1e-3)
+
+
+def test_what_is_there_improves_most_parts_and_what_follows_a_misfit_one():
+    generator, bump = np.random.default_rng(7), np.zeros(SAMPLES)
+    bump[700:780] = 20 * SIGMA
+    line = hum(0.3, 2 * SIGMA)
+    error = bump + line + SIGMA * generator.standard_normal(SAMPLES)
+    base = fit_of(CREEP.block, DRIVE, response(DRIVE), white(), error)
+    folds = Folds(base, np.zeros((base.error.size, 0)), base.whitened(base.error))
+    without, there = np.zeros((base.error.size, 0)), np.zeros((base.error.size, 1))
+    follows = there.copy()
+    there[:SAMPLES, 0] = hum(0.3, 1.0) / SIGMA
+    # It explains most of the whole excess, and predicts nothing but that.
+    follows[:SAMPLES, 0] = (bump + 0.2 * generator.standard_normal(SAMPLES)) / SIGMA
+    real, imagined = folds.gain(without, there), folds.gain(without, follows)
+    assert real.share > SHARE
+    assert real.p_value < CHANCE
+    assert imagined.share < SHARE
+    assert imagined.p_value > CHANCE
 
 
 def test_stretches_are_whole_periods_as_many_as_make_a_twentysecond():

@@ -1,0 +1,40 @@
+"""Refits of modes that ring."""
+
+import numpy as np
+import pytest
+from scipy.signal import TransferFunction, lsim
+
+import fracjax as fj
+from fracjax._recording import Recording
+
+STEP, SIGMA = 1e-4, 2e-3
+TIMES = STEP * np.arange(2500)
+
+
+def moved(frequency: float, damping: float, drive: np.ndarray) -> np.ndarray:
+    """The drive through a mode, on a finer grid."""
+    fine, w = STEP / 16 * np.arange(16 * TIMES.size), 2 * np.pi * frequency
+    held = np.interp(fine, TIMES, drive)
+    mode = TransferFunction([w * w], [1, 2 * damping * w, w * w])
+    return np.asarray(lsim(mode, held - held[0], fine)[1])[::16] + drive[0]
+
+
+def ringing(first_share: float) -> Recording:
+    """A drive with corners through two lightly damped modes, and nothing else."""
+    generator = np.random.default_rng(0)
+    corners = np.arange(0, TIMES[-1] + 0.02, 0.02)
+    drive = np.interp(TIMES, corners, generator.uniform(10, 90, corners.size))
+    one, other = moved(610, 0.01, drive), moved(985, 0.02, drive)
+    response = 0.1 * (first_share * one + (1 - first_share) * other)
+    noise = SIGMA * generator.standard_normal(drive.size)
+    return Recording(drive, response + noise, STEP, "V", "um")
+
+
+@pytest.mark.parametrize(("share", "name"), [(0.6, "second_mode"), (1.0, "resonance")])
+def test_a_mode_that_rings_is_refitted_to_the_noise_and_two_are_two(share, name):
+    diagnosis = fj.diagnose("creep", ringing(share), noise=SIGMA)
+    assert [e.name for e in diagnosis.effects] == [name]
+    found = {p.name: p.value for p in diagnosis.effects[0].parameters}
+    assert found["frequency"] == pytest.approx(610, rel=0.01)
+    assert found["damping"] == pytest.approx(0.01, rel=0.3)
+    assert diagnosis.held_out.extended_rmse == pytest.approx(SIGMA, rel=0.1)

@@ -30,6 +30,7 @@ from ._findings import Findings
 from ._fitted import fitted
 from ._held_out import predict_recording, predict_stretches
 from ._inquiry import Clock, inquire
+from ._nearest import nearest_model
 from ._next_experiment import Limits, parse_limits, propose, recorded_limits
 from ._result import Diagnosis, NextExperiment
 from ._sentence import next_experiment, sentence_of, where_of
@@ -135,6 +136,10 @@ def diagnose(
             findings = replace(findings, with_plays=False)
         if findings.is_refuted:
             findings = replace(findings, inquiry=inquiry.unnamed())
+        if findings.is_far:
+            rmse = findings.predicted[0].rmse
+            nearest = nearest_model(model, rmse, preparation, history, predict, progress, clock)
+            findings = replace(findings, nearest=nearest)
         limits = limits or recorded_limits(listed)
         return _concluded(findings, limits, corrected, progress, clock)
 

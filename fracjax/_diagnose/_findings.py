@@ -18,11 +18,12 @@ from ._fitted import Fitted, fitted
 from ._held_out import Predict, Prediction
 from ._inquiry import Inquiry
 from ._layers import Layer, path_of, wrapped, written
+from ._nearest import Nearest
 from ._places import Residual, acting_at, freedom_of, locate
 from ._refits import Explanation
 from ._result import Axis, Candidate, HeldOut, NamedEffect, Shape, Verdict
 from ._shape import HYSTERESIS_SHAPE, entry_of
-from ._thresholds import APART, DETECTED, EXPLAINED, REFUTED, SIGNIFICANCE
+from ._thresholds import APART, DETECTED, EXPLAINED, FAR, REFUTED, SIGNIFICANCE
 
 _MEMORY = "minor_loop_memory"
 """The effect that stands for the loop's shape in the extended model."""
@@ -35,7 +36,8 @@ _USUAL_PLAY = 0.2
 @dataclass(frozen=True, eq=False)
 class Findings:
     """An inquiry into a model, with the held-out recording, if any, and how it is predicted;
-    `doubts` are the reasons why the recording cannot be diagnosed."""
+    `doubts` are the reasons why the recording cannot be diagnosed, and `nearest` is a model that is
+    nearer."""
 
     model: Model
     inquiry: Inquiry
@@ -43,6 +45,7 @@ class Findings:
     predict: Predict
     doubts: tuple[str, ...] = ()
     with_plays: bool = True
+    nearest: Nearest | None = None
 
     @property
     def base(self) -> Fitted:
@@ -65,6 +68,12 @@ class Findings:
             error = (take.recording.response - simulation)[take.used]
             residuals.append((take.recording.source, float(error.std()) / take.noise.sigma))
         return residuals
+
+    @property
+    def is_far(self) -> bool:
+        """Whether the loop has another shape than the model's, and the residual is far above the
+        noise."""
+        return self.inquiry.is_shape and any(times > FAR for _, times in self.residuals)
 
     @property
     def tones(self) -> list[str]:

@@ -134,10 +134,12 @@ def fitted(
     starts: Sequence[AbstractBlock],
     preparation: Preparation,
     shapes: tuple[tuple[np.ndarray, np.ndarray], ...] = (),
+    hopeless: float = np.inf,
 ) -> Fitted:
     """Fit from the starts on the coarse grid; the change of the simulation by a fine grid is
     subtracted from the responses and the fit renewed, until the change is constant within the
-    noise.  If renewals do not achieve that, the grid is refined.
+    noise.  If renewals do not achieve that, the grid is refined.  A fit whose χ² stays above
+    `hopeless` is left there.
 
     Source: Stetter, Numer. Math. 29 (1978) 425 (defect correction).
     """
@@ -150,9 +152,9 @@ def fitted(
     coarse = Corrected(**own, defects=nothing, shapes=shapes)
     if isinstance(preparation, Corrected):
         coarse = replace(coarse, defects=preparation.defects)
-    solved = solve_from(list(starts), coarse)
+    solved = solve_from(list(starts), coarse, hopeless)
     exact, coarse, change = _renewed(solved, coarse, finest)
-    while change > _ENOUGH:
+    while change > _ENOUGH and solved.cost <= hopeless:
         for _ in range(_RENEWALS):
             solved = solve_from([solved.block], coarse)
             exact, coarse, change = _renewed(solved, coarse, finest)

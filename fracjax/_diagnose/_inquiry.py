@@ -29,6 +29,9 @@ judgement."""
 _HALF = 0.5
 """The share of the excess that an effect must explain to be refitted without loop shapes; chosen by
 judgement."""
+_HOPELESS = 10.0
+"""χ² of a refit without loop shapes after its first steps, over that of the likeliest hypothesis,
+above which it goes no further; chosen by judgement."""
 _SMALL = 1.0
 """The size of loop shapes that counts as none, in innovations of the noise; chosen by judgement."""
 
@@ -131,14 +134,15 @@ def inquire(
 def _beside_jumps(inquiry: Inquiry) -> Inquiry:
     """The inquiry without names if jumps explain the residual better than they do."""
     judge, explanation = inquiry.judge, inquiry.explanation
+    if judge.is_inexact and not inquiry.names:
+        # Beside a loop of another shape, jumps follow a misfit as anything does.
+        return inquiry
     jumps = jumps_of(inquiry.first, judge.alone.tau if judge.is_inexact else 0.0)
     named = tuple(name.effect for name in inquiry.names)
     explained = judge.fall(named)
     if inquiry.is_carried and explanation is not None:
         explained = inquiry.base.solved.cost - explanation.fitted.solved.cost
-    # Beside a loop of another shape, jumps follow a misfit as anything does.
-    may_jump = bool(named) or not judge.is_inexact
-    if may_jump and jumps.worth > max(APART, explained - sum(map(judge.price, named))):
+    if jumps.worth > max(APART, explained - sum(map(judge.price, named))):
         return replace(inquiry.unnamed(), jumps=jumps)
     return inquiry
 
@@ -211,15 +215,18 @@ def _carried(
     Far from the fit an effect may explain the residual although its secant does not.
     """
     base, first, judge = inquiry.base, inquiry.first, inquiry.judge.without_shapes()
+    hopeless = _HOPELESS * first.misfit(first.posterior.best) * first.gram.count
     fits: list[Explanation] = []
     for name in judge.leading(_MOST_TRIED):
         if clock.is_over or judge.fall((name,)) < _HALF * judge.excess:
             break
         progress(f"refitting with {name}")
-        fits.append(explained_by([name], judge, nominal, base.preparation, 0.0))
+        fits.append(explained_by([name], judge, nominal, base.preparation, 0.0, hopeless))
     if not fits:
         return None
     leading = min(fits, key=lambda e: e.cost)
+    if leading.fitted.solved.cost > hopeless:
+        return None
     for name in _larger(leading.names[0]):
         larger = explained_by([name], judge, nominal, base.preparation, 0.0)
         fits.append(grown(larger, leading, base.preparation))

@@ -63,13 +63,18 @@ class Explanation:
 
 
 def explained_by(
-    names: Sequence[str], judge: Judge, nominal: AbstractBlock, preparation: Preparation, tau: float
+    names: Sequence[str],
+    judge: Judge,
+    nominal: AbstractBlock,
+    preparation: Preparation,
+    tau: float,
+    hopeless: float = np.inf,
 ) -> Explanation:
     """The model fitted together with effects, with loop shapes of size τ in the noise.
 
     It starts from the trials that explain most of the residual, with the model's parameters as
     fitted and nominal; of a single effect each form of its block is tried.  If χ² exceeds what the
-    columns predict, further starts follow.
+    columns predict, further starts follow, unless it is above `hopeless`.
     """
     view, options = judge.first, [_trials(name, judge) for name in names]
     base, price = view.fitted.solved.block, sum(map(judge.price, names))
@@ -86,9 +91,10 @@ def explained_by(
             for trial in trials[1:]:
                 layers = [*best[:k], Layer(EFFECTS[names[k]], trial), *best[k + 1 :]]
                 starts.append(wrapped(base, layers))
-        fits.append(Explanation(best, fitted(starts, preparation, shapes), price))
+        fits.append(Explanation(best, fitted(starts, preparation, shapes, hopeless), price))
     best = min(fits, key=lambda e: e.cost)
-    if best.fitted.solved.cost < judge.promised(names) + APART:
+    cost = best.fitted.solved.cost
+    if cost > hopeless or cost < judge.promised(names) + APART:
         return best
     # The model's own parameters may be in a poor basin, which they reached without the effect.
     starts = [wrapped(block, best.layers) for block in starts_of(nominal, _STARTS_AGAIN, seed=0)]

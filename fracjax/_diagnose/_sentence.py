@@ -88,7 +88,7 @@ def sentence_of(findings: Findings, most_like: str | None) -> str:
         like = f" {findings.jumps}" if findings.jumps else like
         return (
             f"{base.model.name} and {recorded} differ by more than the noise {place.rstrip('.')}, "
-            f"and no effect of the catalogue explains it.{shape}{like}"
+            f"and no effect of the catalogue explains it.{shape}{like}{_nearer(findings)}"
         )
     smaller = ""
     if most_like is not None:
@@ -96,7 +96,18 @@ def sentence_of(findings: Findings, most_like: str | None) -> str:
             f" A smaller residual remains, most similar to {most_like}, but too small to name an "
             "effect."
         )
-    return f"{_named(findings)}{shape}{_improvement(findings)}{smaller}"
+    return f"{_named(findings)}{shape}{_improvement(findings)}{smaller}{_nearer(findings)}"
+
+
+def _nearer(findings: Findings) -> str:
+    """The sentence on a model that is nearer to the recording, or ""."""
+    if findings.nearest is None:
+        return ""
+    near, own = findings.nearest, findings.held_out.base_rmse
+    return (
+        f" The model {near.name} is nearer: its error on held-out data is {near.rmse:.3g} "
+        f"{findings.noise.unit}, that of {findings.base_fit.model.name} {own:.3g}."
+    )
 
 
 def _named(findings: Findings) -> str:

@@ -4,7 +4,7 @@ SIGNIFICANCE = 0.01
 """p-value below which a place on an axis, or the residual as a whole, is significant; by
 convention."""
 
-SURE = 0.9
+SURE = 0.95
 """The smallest probability at which an effect, or another shape of the loop, is reported; chosen by
 judgement."""
 
@@ -51,3 +51,7 @@ with a margin."""
 REFUTED = 2.0
 """Ratio of the extended model's error on a held-out recording to the base's from which the names
 are withdrawn; chosen by judgement."""
+
+FAR = 10.0
+"""The residual, over the noise, from which a loop of another shape is far from the model's, and the
+other models are compared; chosen by judgement."""

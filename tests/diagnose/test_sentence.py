@@ -8,6 +8,7 @@ import numpy as np
 import pytest
 
 import fracjax as fj
+from fracjax._diagnose._nearest import Nearest
 from fracjax._diagnose._next_experiment import Drive, Proposal
 from fracjax._diagnose._result import Axis, Candidate, HeldOut, NamedEffect, Shape
 from fracjax._diagnose._sentence import advice, next_experiment, sentence_of, where_of
@@ -89,6 +90,8 @@ def said(verdict, effects=(), most_like=None, **others) -> str:
         excess=0.0,
         doubt=0.1,
         doubts=(),
+        jumps="",
+        nearest=None,
     )
     for name, value in others.items():
         setattr(findings, name, value)
@@ -163,6 +166,18 @@ def test_the_loop_s_shape_is_told_with_its_size():
     both = said("missing", [named(), named(name="hysteresis_shape")], shape=shape)
     assert both.startswith("foh leaves out creep (")
     assert size in both
+
+
+def test_a_nearer_model_and_jumps_are_told_at_the_end():
+    nearest, jumps = Nearest("prandtl_ishlinskii", 0.05), "The response jumps by 2 um at 3 s."
+    near = (
+        " The model prandtl_ishlinskii is nearer: its error on held-out data is 0.05 um, that of "
+        "foh 0.3."
+    )
+    for case in (("missing", [named()]), ("unexplained",)):
+        assert said(*case, nearest=nearest) == said(*case) + near
+    told = said("unexplained", most_like="thermal_drift", jumps=jumps)
+    assert told == f"{said('unexplained')} {jumps}"
 
 
 def test_an_error_on_held_out_data_far_above_the_noise_is_remarked_on():

@@ -142,7 +142,9 @@ def _beside_jumps(inquiry: Inquiry) -> Inquiry:
     explained = judge.fall(named)
     if inquiry.is_carried and explanation is not None:
         explained = inquiry.base.solved.cost - explanation.fitted.solved.cost
-    if jumps.worth > max(APART, explained - sum(map(judge.price, named))):
+    better = jumps.worth > max(APART, explained - sum(map(judge.price, named)))
+    # They are only told if they explain all: any mismatch has a few steps in it.
+    if better and jumps.left < MISFIT:
         return replace(inquiry.unnamed(), jumps=jumps)
     return inquiry
 

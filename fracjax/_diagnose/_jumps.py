@@ -22,11 +22,12 @@ judgement."""
 
 class Jumps(NamedTuple):
     """The samples (k,) of all recordings at which the response jumps, by how much, in the
-    response's unit, and the reduction of χ² minus its price."""
+    response's unit, the reduction of χ² minus its price, and χ² per sample that is left."""
 
     samples: tuple[int, ...]
     sizes: tuple[float, ...]
     worth: float
+    left: float
 
 
 def jumps_of(view: View, tau: float) -> Jumps:
@@ -66,4 +67,6 @@ def jumps_of(view: View, tau: float) -> Jumps:
         earlier = np.concatenate([earlier, column], axis=1)
     sizes = np.linalg.solve(earlier.T @ gram.weighted(earlier, tau), earlier.T @ remaining)
     order = np.argsort(chosen)
-    return Jumps(tuple(chosen[order].tolist()), tuple(sizes[order].tolist()), worth)
+    samples, heights = tuple(chosen[order].tolist()), tuple(sizes[order].tolist())
+    square = float(gram.residual @ remaining) - worth - price * chosen.size
+    return Jumps(samples, heights, worth, square / gram.count)

@@ -248,6 +248,19 @@ def stage() -> str:
     return "\n".join(lines)
 
 
+def proof() -> str:
+    """The stage's figures for two models, in a sentence."""
+    rows = [row for row in rows_of("real/piezo_dbo.csv") if row["how"] == "by hand"]
+    constant = {row["model"]: row for row in rows if row["history"] == "constant"}
+    plays, foh = constant["prandtl_ishlinskii"], constant["foh"]
+    return (
+        f"Fitted to the first file with an error of {plays['train_um']} µm rms, `prandtl_ishlinskii` "
+        f"predicts the second to {plays['unseen_um']} µm\nrms, {plays['over_floor']} times the noise "
+        f"floor. `foh`, with {foh['train_um']} µm on the first, predicts it to {foh['unseen_um']} µm, "
+        f"{foh['over_floor']} times."
+    )
+
+
 def anew() -> str:
     """First marks of the diagnosis built anew, on cases of the exam."""
     return _first_marks("concealed/marks/anew/grade.csv")
@@ -277,6 +290,7 @@ TABLES = {
     "real": real,
     "nulls": nulls,
     "stage": stage,
+    "proof": proof,
     "exam": exam,
     "anew": anew,
     "inexact": inexact,

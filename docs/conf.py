@@ -8,12 +8,12 @@ Pages are what lies in this folder.  Written before they are read: `effects.md` 
 
 from __future__ import annotations
 
-import re
 import shutil
 import sys
 import warnings
 from pathlib import Path
 
+from docutils.nodes import SkipNode
 from latex2mathml.converter import convert
 from sphinx.addnodes import pending_xref
 from sphinx.application import Sphinx
@@ -23,7 +23,7 @@ HERE = Path(__file__).parent
 sys.path.insert(0, str(HERE.parent))
 
 import fracjax  # noqa: E402
-from docs import gallery  # noqa: E402
+from docs import docstrings, gallery  # noqa: E402
 
 project = "fracjax"
 release = fracjax.__version__
@@ -42,6 +42,8 @@ html_css_files = ["site.css"]
 html_math_renderer = "mathml"
 html_show_sphinx = False
 html_show_sourcelink = False
+html_copy_source = False
+smartquotes = False
 # Notebooks have shell commands, `!fracjax`, among their Python.
 suppress_warnings = ["misc.highlighting_failure"]
 
@@ -56,28 +58,18 @@ napoleon_use_rtype = False
 # ArviZ 0.23 warns once a day when it is imported.
 warnings.filterwarnings("ignore", r"\nArviZ is undergoing a major refactor", FutureWarning)
 
-SECTION = re.compile(r"(Args|Attributes|Raises|Returns|Yields):$")
-CODE = re.compile(r"(`+[^`]*`+)")
-SPECIAL = re.compile(r"([*|]|(?<=\w)_(?!\w))")
+
+def as_rst(_app, what: str, _name, _object, _options, lines: list[str]) -> None:
+    """A docstring as Sphinx reads it, in place."""
+    lines[:] = docstrings.as_rst(lines)
+    if what in ("attribute", "property"):
+        lines.insert(0, "")  # or napoleon takes what stands before a colon for its type
 
 
-def as_rst(_app, _what, _name, _object, _options, lines: list[str]) -> None:
-    """A docstring as reStructuredText: equations, which are indented, are literal blocks, and what
-    would be markup outside code is text."""
-    rst, literal, section = [], False, False
-    for before, line in zip(["", *lines], lines, strict=False):
-        indented = line.startswith("    ")
-        if line and not indented:
-            literal, section = False, bool(SECTION.match(line))
-        if indented and not section and not before and not literal:
-            rst += ["::", ""]
-            literal = True
-        if not literal and not re.match(r" +\*+\w+:", line):
-            parts = CODE.split(line)
-            parts[::2] = [SPECIAL.sub(r"\\\1", text) for text in parts[::2]]
-            line = "".join(parts)
-        rst.append(line)
-    lines[:] = rst
+def without_constructor(_app, what, _name, _object, _options, signature, returned):
+    """The signature of what a user gets and does not make is left out."""
+    made = what == "class" and "<factory>" in (signature or "")
+    return ("", returned) if made else None
 
 
 def under_public_name(app: Sphinx, environment, node: pending_xref, content):
@@ -95,10 +87,7 @@ def write_formula(self, node) -> None:
     """A formula as MathML, which browsers draw without a script."""
     display = "block" if node.tagname == "math_block" else "inline"
     self.body.append(convert(node.astext(), display=display))
-    # Nothing is to follow: the text is written.
-    from docutils.nodes import SkipNode
-
-    raise SkipNode
+    raise SkipNode  # The node's text is not written again.
 
 
 def write_pages(_app: Sphinx) -> None:
@@ -115,6 +104,7 @@ def setup(app: Sphinx) -> None:
     """What Sphinx calls."""
     # Before napoleon, whose priority is 500.
     app.connect("autodoc-process-docstring", as_rst, priority=400)
+    app.connect("autodoc-process-signature", without_constructor)
     app.connect("missing-reference", under_public_name)
     app.connect("builder-inited", write_pages)
     app.add_html_math_renderer("mathml", (write_formula, None), (write_formula, None))

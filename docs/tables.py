@@ -253,11 +253,12 @@ def proof() -> str:
     rows = [row for row in rows_of("real/piezo_dbo.csv") if row["how"] == "by hand"]
     constant = {row["model"]: row for row in rows if row["history"] == "constant"}
     plays, foh = constant["prandtl_ishlinskii"], constant["foh"]
+    fitted, unseen, floors = "train_um", "unseen_um", "over_floor"
     return (
-        f"Fitted to the first file with an error of {plays['train_um']} µm rms, `prandtl_ishlinskii` "
-        f"predicts the second to {plays['unseen_um']} µm\nrms, {plays['over_floor']} times the noise "
-        f"floor. `foh`, with {foh['train_um']} µm on the first, predicts it to {foh['unseen_um']} µm, "
-        f"{foh['over_floor']} times."
+        f"Fitted to the first file with an error of {plays[fitted]} µm rms, `prandtl_ishlinskii` "
+        f"predicts the second to {plays[unseen]} µm\nrms, {plays[floors]} times the noise floor. "
+        f"`foh`, with {foh[fitted]} µm on the first, predicts it to {foh[unseen]} µm, "
+        f"{foh[floors]} times."
     )
 
 

@@ -9,7 +9,7 @@ import jax
 import matplotlib as mpl
 import numpy as np
 
-from .._blocks import EFFECTS, AbstractBlock, Effect, Setting
+from .._blocks import EFFECTS, AbstractBlock, Effect, Gain, Setting
 from .._models import parse_model
 from .._operators import Grid
 from .._prepare import prepare
@@ -19,6 +19,8 @@ from .._show.drawing import COLOURS, MEASURED, STYLE, canvas
 
 _STEP = 5e-4
 """Time step of the picture's drive [s]."""
+_SPAN = 10.0
+"""Span of the response without the effect [µm]."""
 _NARROW = 5.2
 """Width of a stacked picture [inch]."""
 _VISIBLE = 0.15
@@ -37,10 +39,11 @@ def _drive() -> np.ndarray:
 def _without() -> tuple[AbstractBlock, Setting, np.ndarray]:
     """The model foh, the scales of the drive, and its response [µm]."""
     drive = _drive()
-    setting = prepare([Recording(drive, 0.1 * drive, _STEP, "V", "um")]).setting
-    base = parse_model("foh", setting).block
-    plain = base.respond(drive, _grid())
-    return base, setting, plain * (10 / np.ptp(plain))
+    scaled = _SPAN / float(np.ptp(drive)) * drive
+    setting = prepare([Recording(drive, scaled, _STEP, "V", "um")]).setting
+    foh = parse_model("foh", setting).block
+    base = foh >> Gain(_SPAN / float(np.ptp(foh.respond(drive, _grid()))))
+    return base, setting, np.asarray(base.respond(drive, _grid()))
 
 
 def _grid() -> Grid:

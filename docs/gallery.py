@@ -18,7 +18,7 @@ What `fj.diagnose` can name, one section for each effect of `fj.EFFECTS`; `fracj
 shows the same in the shell.  Each picture has the loop of the model `foh` without and with the
 effect, and below it the change of the response over time, for a drive of three amplitudes and
 two speeds (grey).  The change is the largest that the catalogue tries; small ones are magnified
-in the loop.
+in the loop.  Plausible ranges are for a drive from 0 to 100 and a response of 10, in their units.
 
 A *look-alike* is an effect whose change is so like this one's on many drives that a fit cannot
 distinguish them.  Beside it stands the experiment that can.

@@ -21,6 +21,8 @@ _STEP = 5e-4
 """Time step of the picture's drive [s]."""
 _SPAN = 10.0
 """Span of the response without the effect [µm]."""
+_RESOLUTION = 0.1
+"""Step between the codes of the response [µm], for quantisation."""
 _NARROW = 5.2
 """Width of a stacked picture [inch]."""
 _VISIBLE = 0.15
@@ -39,8 +41,8 @@ def _drive() -> np.ndarray:
 def _without() -> tuple[AbstractBlock, Setting, np.ndarray]:
     """The model foh, the scales of the drive, and its response [µm]."""
     drive = _drive()
-    scaled = _SPAN / float(np.ptp(drive)) * drive
-    setting = prepare([Recording(drive, scaled, _STEP, "V", "um")]).setting
+    codes = np.round(_SPAN / _RESOLUTION * drive / np.ptp(drive))
+    setting = prepare([Recording(drive, _RESOLUTION * codes, _STEP, "V", "um")]).setting
     foh = parse_model("foh", setting).block
     base = foh >> Gain(_SPAN / float(np.ptp(foh.respond(drive, _grid()))))
     return base, setting, np.asarray(base.respond(drive, _grid()))
@@ -79,7 +81,7 @@ def draw_effect(name: str, path: Path, *, stacked: bool = False) -> None:
         loop.plot(drive, plain, color=MEASURED, lw=2.4, alpha=0.5, label="without")
         magnified = "" if factor == 1 else f", magnified {factor:g} times"
         loop.plot(drive, plain + factor * change, color=COLOURS[0], label=f"with{magnified}")
-        loop.legend(loc="upper left")
+        loop.legend(loc="lower right")
         loop.set_title(name)
         loop.set_xlabel("drive [V]")
         loop.set_ylabel("response [µm]")

@@ -43,7 +43,8 @@ html_math_renderer = "mathml"
 html_show_sphinx = False
 html_show_sourcelink = False
 html_copy_source = False
-smartquotes = False
+# Dashes are made typographic, quotation marks are not: they stand about names as they are typed.
+smartquotes_action = "D"
 # Notebooks have shell commands, `!fracjax`, among their Python.
 suppress_warnings = ["misc.highlighting_failure"]
 

@@ -248,6 +248,20 @@ def stage() -> str:
     return "\n".join(lines)
 
 
+def proof() -> str:
+    """The stage's figures for two models, in a sentence."""
+    rows = [row for row in rows_of("real/piezo_dbo.csv") if row["how"] == "by hand"]
+    constant = {row["model"]: row for row in rows if row["history"] == "constant"}
+    plays, foh = constant["prandtl_ishlinskii"], constant["foh"]
+    fitted, unseen, floors = "train_um", "unseen_um", "over_floor"
+    return (
+        f"Fitted to the first file with an error of {plays[fitted]} µm rms, `prandtl_ishlinskii` "
+        f"predicts the second to {plays[unseen]} µm\nrms, {plays[floors]} times the noise floor. "
+        f"`foh`, with {foh[fitted]} µm on the first, predicts it to {foh[unseen]} µm, "
+        f"{foh[floors]} times."
+    )
+
+
 def anew() -> str:
     """First marks of the diagnosis built anew, on cases of the exam."""
     return _first_marks("concealed/marks/anew/grade.csv")
@@ -277,6 +291,7 @@ TABLES = {
     "real": real,
     "nulls": nulls,
     "stage": stage,
+    "proof": proof,
     "exam": exam,
     "anew": anew,
     "inexact": inexact,

@@ -80,7 +80,7 @@ def diagnose_command(
     }
     settings = given.how(data)
     content = Content("diagnosis", [each.source for each in data], [model.name])
-    with folder(out, content), stages(results.quiet) as progress:
+    with folder(out, content), stages(results.quiet, max_time) as progress:
         diagnosis = diagnose_and_save(
             model, data, out, results, progress, **requested, **asked, **settings
         )

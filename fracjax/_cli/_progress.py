@@ -10,6 +10,8 @@ from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
 if TYPE_CHECKING:
+    from rich.progress import Task, TextColumn
+
     from .._batch import Count
     from .._solve import Progress
 
@@ -51,9 +53,24 @@ class _Lines:
             self.write(f"{done} of {total}" + (f"; {estimate}" if estimate else ""))
 
 
+def until(limit: float) -> TextColumn:
+    """A column with the time until a limit [s] from now, beside the present stage."""
+    from rich.progress import TextColumn
+    from rich.text import Text
+
+    end = time.monotonic() + limit
+
+    class Until(TextColumn):
+        def render(self, task: Task) -> Text:
+            return Text("" if task.finished else f"limit in {max(0, end - time.monotonic()):.0f} s")
+
+    return Until("")
+
+
 @contextmanager
-def stages(quiet: bool) -> Iterator[Progress]:
-    """A function that begins a stage, shown with a spinner and the time that it takes."""
+def stages(quiet: bool, limit: float | None = None) -> Iterator[Progress]:
+    """A function that begins a stage, shown with a spinner and the time that it takes, and with
+    that until the command's limit [s], if it has one."""
     if quiet:
         yield _silent
         return
@@ -68,8 +85,10 @@ def stages(quiet: bool) -> Iterator[Progress]:
     from rich.progress import Progress as Bars
     from rich.progress import SpinnerColumn, TextColumn, TimeElapsedColumn
 
-    columns = SpinnerColumn(finished_text=" "), TextColumn("{task.description}", markup=False)
-    with Bars(*columns, TimeElapsedColumn(), console=Console(stderr=True)) as bars:
+    text = TextColumn("{task.description}", markup=False)
+    columns = [SpinnerColumn(finished_text=" "), text, TimeElapsedColumn()]
+    columns += [] if limit is None else [until(limit)]
+    with Bars(*columns, console=Console(stderr=True)) as bars:
 
         def finish() -> None:
             for task in bars.task_ids:

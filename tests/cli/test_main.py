@@ -8,11 +8,12 @@ import time
 from pathlib import Path
 
 import pytest
+from rich.progress import Progress
 
 import fracjax._diagnose
 from fracjax._cli import run
 from fracjax._cli._main import cli
-from fracjax._cli._progress import _BRIEF, chain_bar, stages
+from fracjax._cli._progress import _BRIEF, chain_bar, stages, until
 from fracjax._cli._tables import print_text
 from tests.helpers import failure
 
@@ -186,6 +187,17 @@ def test_a_stage_that_lasts_is_a_line_where_there_is_no_terminal(capsys):
         progress("a long one")
         time.sleep(1.5 * _BRIEF)
     assert capsys.readouterr().err == ""
+
+
+def test_a_limit_counts_down_beside_the_present_stage(monkeypatch):
+    clock = iter((0.0, 30.0, 130.0))
+    monkeypatch.setattr("fracjax._cli._progress.time.monotonic", lambda: next(clock))
+    column, bars = until(120.0), Progress()
+    bars.add_task("a stage", total=1)
+    (task,) = bars.tasks
+    assert [column.render(task).plain for _ in range(2)] == ["limit in 90 s", "limit in 0 s"]
+    bars.update(task.id, completed=1)
+    assert column.render(task).plain == ""
 
 
 def test_a_count_is_a_line_now_and_then(capsys, monkeypatch):

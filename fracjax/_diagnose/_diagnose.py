@@ -25,7 +25,7 @@ from .._prepare import (
 )
 from .._recording import InputError, Recording, require_units_of
 from .._solve import Progress, discretisation_warnings, silent
-from ._drive import thinned, unrounded, without_spikes, wrong_way
+from ._drive import shortened, thinned, unrounded, without_spikes, wrong_way
 from ._findings import Findings
 from ._fitted import fitted
 from ._held_out import predict_recording, predict_stretches
@@ -106,7 +106,8 @@ def diagnose(
     clock = Clock(max_time)
     corrected: list[str] = []
     corrections = (without_spikes, unrounded)
-    for correct in (*corrections, thinned) if not mask and settling is None else corrections:
+    fewer = (thinned, shortened) if not mask and settling is None else ()
+    for correct in (*corrections, *fewer):
         pairs = [correct(recording) for recording in listed]
         listed = [recording for recording, _ in pairs]
         corrected += [warning for _, warning in pairs if warning]

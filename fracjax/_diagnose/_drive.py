@@ -100,6 +100,19 @@ def thinned(recording: Recording) -> tuple[Recording, str]:
     return fewer, warning
 
 
+def shortened(recording: Recording) -> tuple[Recording, str]:
+    """The first part of a recording that is long even as `thinned`, and a warning."""
+    used, whole = 2 * _MOST_SAMPLES, len(recording)
+    if whole <= used:
+        return recording, ""
+    warning = (
+        f"{recording.source}: the first {used * recording.dt:.4g} s of "
+        f"{whole * recording.dt:.4g} s were used, since the drive's band needs every sample; "
+        "diagnose other parts on their own."
+    )
+    return recording.window(0, used), warning
+
+
 def _explained(response: np.ndarray, curves: np.ndarray) -> float:
     """The sum of squares of a centred response (N,) that curves (N, k) of the drive explain."""
     centred = curves - curves.mean(axis=0)

@@ -28,10 +28,10 @@ NESTED = slice(2900, 3700)
 
 
 def demonstration() -> Figure:
-    """What is left of the demonstration's recording by foh, and with creep, which is its truth."""
+    """What is left of the demonstration's recording by foh, and with its truth beside foh."""
     with as_file(files("fracjax") / "_demo") as shipped:
         recording = fj.read(shipped / "training.csv")
-    fits = [fj.fit(model, recording) for model in ("foh", "foh >> creep")]
+    fits = [fj.fit(model, recording) for model in ("foh", "minor_loop_memory >> foh")]
     noise = fits[0].preparation.takes[0].noise
     assert noise is not None  # the drive rests
     drawing, rows = canvas(4.2, 2, 1, sharex=True, sharey=True)

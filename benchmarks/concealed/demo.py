@@ -1,11 +1,11 @@
 """A demonstration: FOH actuator with one concealed effect, and a held-out recording of it.
 
-Run: python -m benchmarks.concealed.demo --effect creep --out DIR
+Run: python -m benchmarks.concealed.demo --effect minor_loop_memory --out DIR
 
 `training.csv` (3,900 samples at 150 Hz, 26 s) repeats a 13 s drive exactly twice: rest, bursts
 from 0.5 to 12 Hz, a staircase both ways with holds of 0.3 to 3 s, rest. `heldout.csv` is the same
-actuator on another drive. `label.json` holds the truth. FOH absorbs log creep so well that at
-4 % per decade it leaves 0.05 % of the range; the noise here is 0.02 % so that level 2 is reached.
+actuator on another drive. `label.json` holds the truth.  FOH absorbs the memory of turning points
+so well that R² is 0.99999; what it leaves is three times the noise, which is 0.02 % of the range.
 """
 
 from __future__ import annotations
@@ -46,7 +46,7 @@ def heldout_drive() -> Drive:
 
 
 def demo(
-    effect: str = "creep", level: float = 2.0, fraction: float = 2e-4, seed: int = 0
+    effect: str = "minor_loop_memory", level: float = 3.0, fraction: float = 2e-4, seed: int = 0
 ) -> tuple[Case, np.ndarray]:
     """The training case, and the held-out recording as columns s, V, um."""
     case = make_case("foh", effect, training_drive(), level, "white", seed, fraction)
@@ -61,8 +61,8 @@ def demo(
 def main() -> None:
     """Command line: write training.csv, heldout.csv and label.json."""
     p = argparse.ArgumentParser(description=main.__doc__)
-    p.add_argument("--effect", default="creep", choices=EFFECTS)
-    p.add_argument("--level", type=float, default=2.0)
+    p.add_argument("--effect", default="minor_loop_memory", choices=EFFECTS)
+    p.add_argument("--level", type=float, default=3.0)
     p.add_argument("--noise-fraction", type=float, default=2e-4)
     p.add_argument("--seed", type=int, default=0)
     p.add_argument("--out", type=File, required=True)

@@ -121,7 +121,7 @@ class ResidualAnalysis(Shown):
         )
 
     def _view(self) -> View:
-        sentences = "; ".join(self.findings)
+        sentences = ". ".join(self.findings)
         return View(f"Residual of {self.source}, {self.residual.size} samples: {sentences}.")
 
     def plot(self) -> Drawing:

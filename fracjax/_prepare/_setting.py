@@ -26,7 +26,7 @@ def setting_of(recordings: list[Recording]) -> Setting:
         top_rate=float(max(np.abs(np.diff(r.drive)).max() / r.dt for r in driven)),
         rms_rate=float(max(np.sqrt(np.mean(np.diff(r.drive) ** 2)) / r.dt for r in driven)),
         response_low=float(min(r.response.min() - r.response[0] for r in recordings)),
-        resolution=min(resolution(r.response) for r in recordings),
+        resolution=min(r.resolution for r in recordings),
     )
 
 
@@ -40,21 +40,6 @@ def driven_recordings(recordings: Sequence[Recording]) -> list[Recording]:
     if not any(spans):
         varying(recordings[0].drive, f"{recordings[0].source}, drive")
     return [r for r, span in zip(recordings, spans, strict=True) if span > _REST * max(spans)]
-
-
-def resolution(response: np.ndarray) -> float:
-    """The step [response unit] of the grid of a response's (N,) values, 0 where there is none.
-
-    Neighbouring values must be whole steps apart, to a tenth of a step, and the smallest gap must
-    be one step.  A converter's codes that were scaled and rounded to a few digits still qualify.
-    Noise of many digits does not, nor do codes so fine that no code has its neighbour in the
-    recording.
-    """
-    gaps = np.diff(np.unique(response))
-    gaps = gaps[gaps > 1e-9 * np.ptp(response)]  # smaller gaps are rounding errors
-    codes = np.round(gaps / gaps.min())
-    step = float(gaps.sum() / codes.sum())
-    return step if np.all(np.abs(gaps / step - codes) < 0.1) else 0.0
 
 
 def top_frequency(recording: Recording) -> float:

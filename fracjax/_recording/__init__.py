@@ -8,6 +8,7 @@ from fracjax._recording._signals import (
     MINIMUM_SAMPLES,
     bridged,
     require_samples,
+    resolution,
     spikes,
     varying,
 )
@@ -28,6 +29,7 @@ __all__ = [
     "require_kind",
     "require_samples",
     "require_units_of",
+    "resolution",
     "runs_of",
     "spikes",
     "unit",

@@ -7,7 +7,6 @@ from typing import Protocol
 import numpy as np
 
 from fracjax._recording._periods import Repeats, runs_of, unit_range
-from fracjax._recording._signals import spikes
 
 
 class Sampled(Protocol):
@@ -46,6 +45,11 @@ class Sampled(Protocol):
     @property
     def rate(self) -> float:
         """The sampling rate [Hz]."""
+        ...
+
+    @property
+    def spikes(self) -> np.ndarray:
+        """The samples of the response that stand alone, shape (N,)."""
         ...
 
     def __len__(self) -> int: ...
@@ -124,9 +128,9 @@ def _quantised_drive(recording: Sampled) -> str | None:
 
 def _spikes(recording: Sampled) -> str | None:
     """Samples of the response that stand alone."""
-    alone = spikes(recording.response)
+    alone = recording.spikes
     if recording.masked is not None:
-        alone &= ~recording.masked
+        alone = alone & ~recording.masked
     if not 0 < np.count_nonzero(alone) <= 0.02 * len(recording):
         return None
     at = recording.dt * int(alone.argmax())

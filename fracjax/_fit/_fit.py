@@ -67,7 +67,7 @@ def fit_of(model: Model, solved: Solved, loss: Loss = "least_squares") -> Fit:
         units=(first.drive_unit, first.response_unit),
         inflation=inflation,
         residuals=solved.whitened,
-        derivative=solved.derivative,
+        derivative=solved.whitened_derivative(),
     )
     return Fit(
         model=Model(solved.block, model.name),

@@ -107,9 +107,9 @@ class Problem(AbstractProblem):
         if isinstance(signals, np.ndarray) and isinstance(self.weights, np.ndarray):
             taps = np.asarray(self.whitening)
             taps = taps[: 1 + np.flatnonzero(taps)[-1]]
-            coloured = taps.size > 1 and signals.size > 0
-            filtered = lfilter(taps, 1.0, signals, axis=0) if coloured else taps[0] * signals
-            return (np.transpose(np.asarray(filtered)) * self.weights).T
+            if taps.size == 1 or not signals.size:
+                return (signals.T * (taps[0] * self.weights)).T
+            return (np.asarray(lfilter(taps, 1.0, signals.T, axis=-1)) * self.weights).T
         length, others = signals.shape[0], [(0, 0)] * (signals.ndim - 1)
         padded = jnp.pad(jnp.asarray(signals), [(_FILTER_TAPS - 1, 0), *others])
         starts = range(_FILTER_TAPS - 1, -1, -1)

@@ -7,6 +7,7 @@ from typing import Protocol
 import numpy as np
 
 from fracjax._recording._periods import Repeats, runs_of, unit_range
+from fracjax._recording._signals import spikes
 
 
 class Sampled(Protocol):
@@ -45,11 +46,6 @@ class Sampled(Protocol):
     @property
     def rate(self) -> float:
         """The sampling rate [Hz]."""
-        ...
-
-    @property
-    def spikes(self) -> np.ndarray:
-        """The samples of the response that stand alone, shape (N,)."""
         ...
 
     def __len__(self) -> int: ...
@@ -128,7 +124,7 @@ def _quantised_drive(recording: Sampled) -> str | None:
 
 def _spikes(recording: Sampled) -> str | None:
     """Samples of the response that stand alone."""
-    alone = recording.spikes
+    alone = spikes(recording.response)
     if recording.masked is not None:
         alone = alone & ~recording.masked
     if not 0 < np.count_nonzero(alone) <= 0.02 * len(recording):

@@ -8,9 +8,9 @@ import numpy as np
 
 from .._prepare import Preparation, Problem
 from ._least_squares import simulate
-from ._responses import respond_all
 from ._result import Progress, Solved
 from ._solve import solve_again
+from ._stack import respond_rows
 
 FINEST = 32
 """Most steps per sample."""
@@ -96,7 +96,7 @@ def _halved(solved: Sequence[Solved]) -> list[np.ndarray]:
     """Each fit's whitened simulation (ΣL,) with half its step; those of stacks together."""
     finer = [one.preparation.problems(2 * one.preparation.oversampling) for one in solved]
     stacked = [at for at, one in enumerate(solved) if one.stacked]
-    responses = respond_all([solved[at].block for at in stacked], [finer[at][0] for at in stacked])
+    responses = respond_rows([solved[at].block for at in stacked], [finer[at][0] for at in stacked])
     together = dict(zip(stacked, responses, strict=True))
     return [
         problems[0].whiten(together[at]) if one.stacked else _whitened(one, problems)
@@ -149,7 +149,7 @@ def _present(solved: Solved) -> np.ndarray:
 def _whitened(solved: Solved, problems: Sequence[Problem]) -> np.ndarray:
     """A fit's whitened simulations (ΣL,) on the grids of these problems."""
     if solved.stacked:
-        responses = respond_all(solved.blocks, problems)
+        responses = respond_rows(solved.blocks, problems)
     else:
         responses = map(simulate, solved.blocks, problems)
     pairs = zip(responses, problems, strict=True)

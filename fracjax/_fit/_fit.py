@@ -80,7 +80,6 @@ def fit_of(model: Model, solved: Solved, loss: Loss = "least_squares") -> Fit:
         converged=solved.converged,
         start_costs=solved.start_costs,
         models=tuple(Model(block, model.name) for block in solved.blocks),
-        combinations=uncertainty.combinations,
         residual_order=uncertainty.order,
         correlation=uncertainty.correlation,
         robust=robust,

@@ -11,6 +11,8 @@ noise requires, is not solved here.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
+from functools import reduce
+from operator import iadd
 from typing import NamedTuple
 
 import jax
@@ -19,7 +21,7 @@ from scipy.linalg import get_lapack_funcs
 
 from .._blocks import AbstractBlock
 from .._parameters import named_parameters, set_values
-from .._prepare import Preparation, Problem, layout_of, with_gains, with_shapes_at
+from .._prepare import Preparation, Problem, layout_of
 from ._chains import chains_of
 from ._compressed import Part, parts_of
 from ._elimination import eliminate
@@ -71,10 +73,9 @@ def can_compress(block: AbstractBlock) -> bool:
     return bool(single and layout_of(block).shapes and chains and all_bounded(chains))
 
 
-def can_stack(block: AbstractBlock, preparation: Preparation) -> bool:
-    """Whether a fit of a block to these recordings can be a row of a stack."""
-    alone = len(preparation.takes) == 1 and not preparation.conditions
-    return alone and can_compress(block)
+def is_alone(preparation: Preparation) -> bool:
+    """Whether a fit is to one recording without conditions, as the rows of a stack are."""
+    return len(preparation.takes) == 1 and not preparation.conditions
 
 
 def solve_rows(rows: Sequence[Row]) -> list[Solved | None]:
@@ -110,11 +111,10 @@ def _groups(
 
 def _kind(block: AbstractBlock) -> tuple:
     """Equal for blocks of one structure, with the same bounds and fixed parameters."""
-    layout = layout_of(block)
-    size = sum(size for _, size in layout.gains)
-    middle = with_gains(with_shapes_at(block, np.full(len(layout.shapes), 0.5)), np.zeros(size))
-    leaves, structure = jax.tree_util.tree_flatten(middle)
-    return structure, b"".join(np.asarray(leaf).tobytes() for leaf in leaves)
+    fixed = []
+    for parameter in named_parameters(block).values():
+        fixed += [parameter.lower, parameter.upper, *([parameter.value] * parameter.fixed)]
+    return jax.tree_util.tree_structure(block), tuple(map(float, fixed))
 
 
 class _Signals(NamedTuple):
@@ -144,13 +144,10 @@ class _Signals(NamedTuple):
 
     def mix(self, factors: np.ndarray) -> np.ndarray:
         """Sums (R, k, L) of the signals of each row, by factors (R, k, n)."""
-        count, each, _ = factors.shape
         ends = np.cumsum([of_chain.shape[1] for of_chain in self.values])[:-1]
-        if self.shared:  # one product of matrices for all rows
-            factors = factors.reshape(1, count * each, -1)
         pairs = zip(np.split(factors, ends, axis=-1), self.values, strict=True)
-        mixed = np.sum([piece @ of_chain for piece, of_chain in pairs], axis=0)
-        return mixed.reshape(count, each, -1)
+        mixed = (piece @ of_chain for piece, of_chain in pairs)
+        return reduce(iadd, mixed)
 
 
 def _signals(block: AbstractBlock, problems: Sequence[Problem]) -> _Signals | None:
@@ -295,8 +292,7 @@ class _Optima(NamedTuple):
 def _confirm(rows: Sequence[Row], signals: _Signals, optima: _Optima) -> list[Solved | None]:
     """The rows at their optima; None where the compressed problem is another than the full one."""
     problems = [row.problem for row in rows]
-    blocks = [with_gains(with_shapes_at(row.block, p), g)
-              for row, p, g in zip(rows, optima.positions, optima.gains, strict=True)]  # fmt: skip
+    blocks = _blocks_at(rows[0].block, optima)
     mixed = signals.mix(np.concatenate([optima.mixed[:, None], optima.derivative], axis=1))
     responses, derivatives = mixed[:, 0], mixed[:, 1:]
     constants = _held_by_gain(rows[0].block, optima.positions, problems)
@@ -331,6 +327,18 @@ def _confirm(rows: Sequence[Row], signals: _Signals, optima: _Optima) -> list[So
             )
         )
     return results
+
+
+def _blocks_at(block: AbstractBlock, optima: _Optima) -> list[AbstractBlock]:
+    """The block at each row's optimum."""
+    layout = layout_of(block)
+    gains = {n: g[:, None] for (n, _), g in zip(layout.gains, optima.gains.T, strict=True)}
+    values = shapes_at(block, layout, optima.positions) | gains
+    shapes = {name: np.shape(p.value) for name, p in named_parameters(block).items()}
+    return [
+        set_values(block, {name: v[row].reshape(shapes[name]) for name, v in values.items()})
+        for row in range(len(optima.gains))
+    ]
 
 
 def _largest_error(

@@ -7,7 +7,7 @@ import fracjax as fj
 from fracjax._computing import computing
 from fracjax._prepare import HistoryOption, Preparation, prepare
 from fracjax._solve import Solved, fit_blocks, simulate, solve_from
-from fracjax._solve._stack import Row, can_stack, solve_rows
+from fracjax._solve._stack import Row, can_compress, is_alone, solve_rows
 
 STEP, SAMPLES = 2e-3, 600
 SHAPES = {
@@ -98,9 +98,10 @@ def test_what_needs_the_full_model_is_not_stacked():
     with computing():
         one, two, *_ = preparations(fj.parse_model("foh"), True)
         joint = Preparation((*one.takes, *two.takes), 1)
-        assert can_stack(foh, one)
-        assert not can_stack(bouc_wen, one)
-        assert not can_stack(foh, joint)
+        assert can_compress(foh)
+        assert not can_compress(bouc_wen)
+        assert is_alone(one)
+        assert not is_alone(joint)
         # From two starts each is searched for on the full model, as in `fit`.
         assert not fit_blocks([foh], [one], 2, 0)[0].stacked
 

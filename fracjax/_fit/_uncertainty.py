@@ -82,19 +82,23 @@ def uncertainty_of(
     rows = np.concatenate([priors.shapes, priors.gains, nothing], axis=1)
     stacked = np.concatenate([derivative, (rows.T / priors.sds).T])
     lengths = np.maximum(np.linalg.norm(stacked, axis=0), _LEAST_LENGTH)
-    basis, triangle = np.linalg.qr(stacked / lengths)
-    turn, singular, right = np.linalg.svd(triangle)
-    basis = basis @ turn
-    spread = right.T / np.maximum(singular, 1e-12)
     counted = [np.asarray(p.weights) > 0 for p in problems]
     recursion = np.ones(1)
     if residuals is not None:
         used = [r[c] for r, c in zip(residuals, counted, strict=True)]
         recursion = autoregression(used)[0]
-    ends = np.cumsum([len(c) for c in counted])
-    *parts, prior = np.split(basis, ends)
-    coloured = [_coloured(part, recursion) for part in parts]
-    middle = inflation**2 * np.sum([c.T @ c for c in coloured], axis=0) + prior.T @ prior
+    if recursion.size == 1 and not len(rows):
+        # R = 1, so that the basis, whose products would be 1, need not be computed.
+        _, singular, right = np.linalg.svd(np.linalg.qr(stacked / lengths, mode="r"))
+        middle = inflation**2 * np.eye(singular.size)
+    else:
+        basis, triangle = np.linalg.qr(stacked / lengths)
+        turn, singular, right = np.linalg.svd(triangle)
+        ends = np.cumsum([len(c) for c in counted])
+        *parts, prior = np.split(basis @ turn, ends)
+        coloured = [_coloured(part, recursion) for part in parts]
+        middle = inflation**2 * np.sum([c.T @ c for c in coloured], axis=0) + prior.T @ prior
+    spread = right.T / np.maximum(singular, 1e-12)
     count = len(parameters.labels)
 
     def physical(inside: np.ndarray) -> np.ndarray:

@@ -4,12 +4,11 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 from scipy.signal import fftconvolve, lfilter
 
-from .._recording import InputError, Recording, bridged
+from .._recording import InputError, Recording, bridged, kept
 from ._noise import NONE, Noise, level_from_differences, white_noise
 from ._noise_stretches import (
     PIECES,
@@ -38,8 +37,6 @@ _SAME_RATE = 1e-6
 _LOWER = 0.97
 """The noise reread from repeats of the residual replaces the first where its level or innovation is
 below this share of it.  Chosen by judgement."""
-_LARGEST_KEPT = 2**14
-"""Most samples of a drive whose lag is kept, which limits memory.  Chosen by judgement."""
 _LARGEST_RATIO = 2.0
 """Largest ratio of the variance of what does not repeat to that of the noise of rests, above which
 it is more than noise.  Chosen by judgement."""
@@ -334,23 +331,13 @@ def noise_below(residual: np.ndarray, used: np.ndarray, recording: Recording) ->
     )
 
 
+@kept
 def repetition_lag(drive: np.ndarray) -> int | None:
     """The number of samples after which a drive (N,) repeats, None where it does not.
 
     At least a third of the drive must repeat, to 0.2 % of the drive's standard deviation, and the
     repeated part must vary at least half as much as the whole.
     """
-    return _kept_lag(drive.tobytes()) if drive.size <= _LARGEST_KEPT else _lag(drive)
-
-
-@lru_cache(maxsize=160)
-def _kept_lag(drive: bytes) -> int | None:
-    """The lag of a drive, kept because a fit asks for it several times, and a batch more often."""
-    return _lag(np.frombuffer(drive))
-
-
-def _lag(drive: np.ndarray) -> int | None:
-    """The lag of `repetition_lag`."""
     centred = drive - drive.mean()
     spread, size = centred.std(), drive.size
     lags = np.arange(size // 3, size - size // 3)

@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .._blocks import Setting
-from .._recording import Recording, varying
+from .._recording import Recording, kept, varying
 
 _REST = 1e-2
 """A recording whose drive spans less than this share of the widest one is a rest."""
@@ -44,8 +44,14 @@ def driven_recordings(recordings: Sequence[Recording]) -> list[Recording]:
 
 def top_frequency(recording: Recording) -> float:
     """The frequency [Hz] below which 99 % of the power of the drive's rate lies."""
-    rate = np.diff(recording.drive)
+    return _top_frequency(recording.drive, recording.dt)
+
+
+@kept
+def _top_frequency(drive: np.ndarray, step: float) -> float:
+    """The frequency [Hz] of `top_frequency`, of a drive (N,) in steps of time [s]."""
+    rate = np.diff(drive)
     power = np.abs(np.fft.rfft((rate - rate.mean()) * np.hanning(rate.size))) ** 2
-    frequencies = np.fft.rfftfreq(rate.size, recording.dt)
+    frequencies = np.fft.rfftfreq(rate.size, step)
     share = np.cumsum(power) / power.sum()
     return float(max(frequencies[np.searchsorted(share, 0.99)], frequencies[1]))

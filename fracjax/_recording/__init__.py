@@ -1,6 +1,7 @@
 """The recording, validated once at the border, and the units it is written in."""
 
 from fracjax._recording._errors import InputError, closest, found_in, item, pair_of, require_kind
+from fracjax._recording._kept import kept
 from fracjax._recording._periods import Repeats, runs_of
 from fracjax._recording._recording import Recording, require_units_of
 from fracjax._recording._signals import (
@@ -24,6 +25,7 @@ __all__ = [
     "closest",
     "found_in",
     "item",
+    "kept",
     "pair_of",
     "parse_quantity",
     "require_kind",

@@ -145,7 +145,7 @@ class Recording(Shown):
         [s], 64 samples (which give a noise level to 9 %) and a hundredth of the recording.
         """
         minimum = max(64, len(self) // 100, math.ceil(minimum_seconds * self.rate))
-        return stretches_at_rest(unit_range(self.drive), minimum)
+        return list(stretches_at_rest(unit_range(self.drive), minimum))
 
     def _view(self) -> View:
         def span(signal: np.ndarray, unit_: str) -> str:

@@ -97,7 +97,7 @@ def spikes(response: np.ndarray) -> np.ndarray:
     bends = np.zeros(len(response))
     bends[1:-1] = np.abs(response[1:-1] - (response[:-2] + response[2:]) / 2)
     padded = np.pad(bends, _AROUND, constant_values=np.nan)
-    typical, span = float(_median(bends)), np.nan
+    typical, span = float(np.nanmedian(bends)), np.nan
     for width in range(1, _WIDEST_SPIKE + 1):
         before, after = response[: -width - 1], response[width + 1 :]
         middle = (before + after) / 2
@@ -116,13 +116,15 @@ def spikes(response: np.ndarray) -> np.ndarray:
         first = np.flatnonzero(far)
         around = padded[first[:, None] + np.arange(width + 2 * _AROUND)]
         # At the ends of the recording there is less around.
-        first = first[height[first] > _SPIKE * _median(around, axis=-1)]
+        first = first[height[first] > _SPIKE * _medians(around)]
         for at in range(1, width + 1):
             alone[first + at] = True
     return alone
 
 
-def _median(values: np.ndarray, axis: int | None = None) -> np.ndarray:
-    """The median of the values that are numbers, by NumPy's faster function where all are."""
-    median = np.nanmedian if np.isnan(values).any() else np.median
-    return median(values, axis=axis)
+def _medians(values: np.ndarray) -> np.ndarray:
+    """The median of the numbers in each row (…, n), faster than NumPy's where some are none."""
+    ordered = np.sort(values, axis=-1)  # what is no number comes last
+    count = np.count_nonzero(~np.isnan(values), axis=-1)
+    middle = np.stack([(count - 1) // 2, count // 2], axis=-1)
+    return np.take_along_axis(ordered, middle, axis=-1).mean(axis=-1)

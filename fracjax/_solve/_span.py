@@ -68,7 +68,7 @@ def span_of(block: AbstractBlock, problem: Problem) -> Span | None:
     drive, grid = np.asarray(problem.drive), problem.grid
     content = b"".join(np.asarray(leaf).tobytes() for leaf in (*leaves, grid.step, drive))
     return _compute(
-        _Request((structure, grid.history, problem.oversampling, content), middle, problem)
+        Request((structure, grid.history, problem.oversampling, content), middle, problem)
     )
 
 
@@ -81,7 +81,7 @@ def all_bounded(chains: Sequence[Chain]) -> bool:
 
 
 @dataclass(frozen=True)
-class _Request:
+class Request:
     """A request for a span, equal to another where the keys are equal.
 
     Attributes:
@@ -96,7 +96,7 @@ class _Request:
 
 
 @lru_cache(maxsize=4)
-def _compute(request: _Request) -> Span | None:
+def _compute(request: Request) -> Span | None:
     """The span of a request, kept for equal requests."""
     chains, problem = chains_of(request.block), request.problem
     assert chains is not None  # span_of has checked it

@@ -11,7 +11,7 @@ noise requires, is not solved here.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import reduce
+from functools import lru_cache, reduce
 from operator import iadd
 from typing import NamedTuple
 
@@ -29,7 +29,7 @@ from ._interpolation import shapes_at, unit_gains
 from ._lockstep import Stack, columns_around, dependences, descend_together
 from ._responses import held, respond_all, stacked
 from ._result import Solved
-from ._span import Chosen, all_bounded, span_of_drives
+from ._span import Chosen, Request, all_bounded, span_of_drives
 
 _SPANNED = 1e-9
 """The shapes of a stack end where all others are in the span to this share of their size: far
@@ -41,6 +41,8 @@ _CHECKED = 4
 """Rows of a stack whose responses are compared with the full model.  Chosen by judgement."""
 _SAME_DRIVE = 4
 """From so many rows with the same drive they are a stack of their own.  Chosen by judgement."""
+_LARGEST_KEPT = 2**15
+"""Most samples of a drive whose signals are kept, which limits memory.  Chosen by judgement."""
 _LARGEST = 2**23
 """Most numbers in the signals of a stack, which limits memory.  Chosen by judgement."""
 _SIGNALS = 40
@@ -151,13 +153,33 @@ class _Signals(NamedTuple):
 
 
 def _signals(block: AbstractBlock, problems: Sequence[Problem]) -> _Signals | None:
-    """The signals of a stack; None where too many would be needed."""
+    """The signals of a stack; None where too many would be needed.
+
+    Those of a drive that all rows share are kept, because the next stack may have it too.
+    """
+    drives, like = [np.asarray(problem.drive) for problem in problems], problems[0]
+    if len(drives) == 1 or not all(np.array_equal(drive, drives[0]) for drive in drives[1:]):
+        return _signals_of(block, drives, like)
+    if drives[0].size > _LARGEST_KEPT:
+        return _signals_of(block, drives[:1], like)
+    grid = like.grid.history, float(like.grid.step), like.oversampling
+    return _kept_signals(Request((*_kind(block), *grid, drives[0].tobytes()), block, like))
+
+
+@lru_cache(maxsize=4)
+def _kept_signals(request: Request) -> _Signals | None:
+    """The signals of the request's drive, kept for equal requests."""
+    problem = request.problem
+    return _signals_of(request.block, [np.asarray(problem.drive)], problem)
+
+
+def _signals_of(
+    block: AbstractBlock, drives: Sequence[np.ndarray], like: Problem
+) -> _Signals | None:
+    """The signals of drives (M,) on the grid of a problem; None where too many would be needed."""
     chains = chains_of(block)
-    assert chains is not None  # can_stack has checked it
-    drives = [np.asarray(problem.drive) for problem in problems]
-    if all(np.array_equal(drive, drives[0]) for drive in drives[1:]):
-        drives = drives[:1]
-    span = span_of_drives(chains, np.stack(drives, axis=1), problems[0], _SPANNED)
+    assert chains is not None  # can_compress has checked it
+    span = span_of_drives(chains, np.stack(drives, axis=1), like, _SPANNED)
     if span is None:
         return None
     chosen, values = span

@@ -86,6 +86,11 @@ def path_of_name(name: str, block: AbstractBlock) -> str:
     return by_name.get(base, base) + name[len(base) :]
 
 
+def suffix_of(name: str) -> str:
+    """The index of a component and of a recording at the end of a name; "" where it has none."""
+    return name[len(_COMPONENT.sub("", name)) :]
+
+
 def shown_name(name: str, block: AbstractBlock) -> str:
     """The name shown of a parameter that is given by its block's name or by its place."""
     base = _COMPONENT.sub("", name)

@@ -10,8 +10,8 @@ from numpy.polynomial import chebyshev
 from scipy.ndimage import gaussian_filter1d
 
 from .._operators import interpolate
-from .._prepare import resolution, top_frequency
-from .._recording import Recording, spikes
+from .._prepare import top_frequency
+from .._recording import Recording, resolution
 
 # All numbers here are chosen by judgement.
 _WIDTHS = (48, 32, 24, 16, 12, 8, 6, 4, 3, 2)
@@ -66,7 +66,7 @@ def unrounded(recording: Recording) -> tuple[Recording, str]:
 
 def without_spikes(recording: Recording) -> tuple[Recording, str]:
     """A recording with its spikes masked, and a warning."""
-    alone = spikes(recording.response)
+    alone = recording.spikes
     if not 0 < alone.sum() <= _MOST_SPIKES * len(recording):
         return recording, ""
     masked = alone if recording.masked is None else alone | recording.masked

@@ -1,6 +1,7 @@
 """Fits with standard errors, profiles, residual analysis and comparisons."""
 
 from ._combinations import Combination as Combination
+from ._combinations import combinations_among as combinations_among
 from ._compare import Comparison as Comparison
 from ._compare import compare as compare
 from ._compare import compare_fits as compare_fits

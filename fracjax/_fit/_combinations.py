@@ -17,6 +17,8 @@ from itertools import combinations
 import numpy as np
 from scipy.sparse.csgraph import connected_components
 
+from ._estimate import Estimate
+
 _STRONG_CORRELATION = 0.995
 """One minus the largest eigenvalue of a group's vector; of two parameters it is their correlation.
 Chosen by judgement."""
@@ -69,6 +71,17 @@ class Combination:
             "unit": self.unit,
             "coefficients": self.coefficients,
         }
+
+
+def combinations_among(
+    estimates: Sequence[Estimate], correlation: np.ndarray
+) -> tuple[Combination, ...]:
+    """The well-determined combinations of estimates with a correlation matrix (n, n)."""
+    errors = np.array([e.standard_error for e in estimates])
+    covariance = correlation * np.outer(errors, errors)
+    values = np.array([e.value for e in estimates])
+    units = [e.unit for e in estimates]
+    return combinations_of([e.name for e in estimates], values, units, covariance)
 
 
 def combinations_of(

@@ -67,7 +67,7 @@ def fit_of(model: Model, solved: Solved, loss: Loss = "least_squares") -> Fit:
         units=(first.drive_unit, first.response_unit),
         inflation=inflation,
         residuals=solved.whitened,
-        derivative=solved.derivative,
+        derivative=solved.whitened_derivative(),
     )
     return Fit(
         model=Model(solved.block, model.name),
@@ -80,7 +80,6 @@ def fit_of(model: Model, solved: Solved, loss: Loss = "least_squares") -> Fit:
         converged=solved.converged,
         start_costs=solved.start_costs,
         models=tuple(Model(block, model.name) for block in solved.blocks),
-        combinations=uncertainty.combinations,
         residual_order=uncertainty.order,
         correlation=uncertainty.correlation,
         robust=robust,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 from dataclasses import asdict, dataclass, field
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -17,7 +18,7 @@ from .._prepare import Noise, Preparation
 from .._recording import InputError, Recording, item, require_units_of
 from .._show import Shown, Table, View, figure, quantity
 from .._simulate import simulate
-from ._combinations import Combination
+from ._combinations import Combination, combinations_among
 from ._estimate import Estimate
 from ._grade import shortcomings_of
 from ._linear import LinearSystem, to_control, to_scipy
@@ -127,7 +128,6 @@ class Fit(Shown):
         start_costs: χ² at the end of each start, dimensionless.
         warnings: sentences about doubts in the fit.
         models: each recording's model.
-        combinations: well-determined combinations of strongly correlated parameters.
         residual_order: the order of the whitened residual's autoregression, for which the standard
             errors allow.
         robust: how a robust loss weighted the samples, None for least squares.
@@ -146,7 +146,6 @@ class Fit(Shown):
     start_costs: tuple[float, ...]
     warnings: tuple[str, ...] = ()
     models: tuple[Model, ...] = ()
-    combinations: tuple[Combination, ...] = ()
     residual_order: int = 0
     robust: Robust | None = None
     profiles: tuple[Profile, ...] = ()
@@ -156,6 +155,11 @@ class Fit(Shown):
     def parameters(self) -> ByName[Estimate]:
         """The estimates by name, each in its unit: `fit.parameters["resonance.damping"].value`."""
         return ByName(self.model.block, ((e.name, e) for e in self.estimates))
+
+    @cached_property
+    def combinations(self) -> tuple[Combination, ...]:
+        """Well-determined combinations of strongly correlated parameters, in their units."""
+        return combinations_among(self.estimates, self.correlation)
 
     @property
     def noise(self) -> Noise:

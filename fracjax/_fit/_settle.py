@@ -209,7 +209,7 @@ def _scale(before: Preparation, after: Preparation) -> float | None:
     pairs = list(zip(before.problems(), after.problems(), strict=True))
     scale = float(pairs[0][1].whitening[0] / pairs[0][0].whitening[0])
     proportional = all(
-        np.allclose(b.whitening, scale * a.whitening, 1e-12, 0)
+        np.all(np.abs(b.whitening - scale * a.whitening) <= 1e-12 * np.abs(b.whitening))
         and np.array_equal(a.weights, b.weights)
         for a, b in pairs
     )

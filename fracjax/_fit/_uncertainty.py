@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass
 from itertools import combinations
 
@@ -10,11 +10,10 @@ import numpy as np
 from scipy.signal import lfilter
 
 from .._blocks import AbstractBlock
-from .._naming import path_of_name
-from .._parameters import named_parameters
+from .._naming import suffix_of
+from .._parameters import Parameter, named_parameters
 from .._prepare import Conditions, FreeParameter, autoregression, free_parameters_of, prior_rows
 from .._solve import Linearised, sensitivity
-from ._combinations import Combination, combinations_of
 from ._estimate import Estimate, is_at_bound, physical_unit
 
 _STRONG_CORRELATION = 0.995
@@ -34,7 +33,6 @@ class Uncertainty:
     Attributes:
         estimates: the parameters with standard errors, in their units.
         correlated: pairs that are strongly correlated, as texts.
-        combinations: well-determined combinations of them.
         curvature: (n,) standard errors from χ² alone, in the parameters' units.
         order: the order of the residual's autoregression, 0 where it is white.
         correlation: (n, n) of the estimates, dimensionless.
@@ -42,7 +40,6 @@ class Uncertainty:
 
     estimates: tuple[Estimate, ...]
     correlated: tuple[str, ...]
-    combinations: tuple[Combination, ...]
     curvature: np.ndarray
     order: int
     correlation: np.ndarray
@@ -85,19 +82,23 @@ def uncertainty_of(
     rows = np.concatenate([priors.shapes, priors.gains, nothing], axis=1)
     stacked = np.concatenate([derivative, (rows.T / priors.sds).T])
     lengths = np.maximum(np.linalg.norm(stacked, axis=0), _LEAST_LENGTH)
-    basis, triangle = np.linalg.qr(stacked / lengths)
-    turn, singular, right = np.linalg.svd(triangle)
-    basis = basis @ turn
-    spread = right.T / np.maximum(singular, 1e-12)
     counted = [np.asarray(p.weights) > 0 for p in problems]
     recursion = np.ones(1)
     if residuals is not None:
         used = [r[c] for r, c in zip(residuals, counted, strict=True)]
         recursion = autoregression(used)[0]
-    ends = np.cumsum([len(c) for c in counted])
-    *parts, prior = np.split(basis, ends)
-    coloured = [_coloured(part, recursion) for part in parts]
-    middle = inflation**2 * np.sum([c.T @ c for c in coloured], axis=0) + prior.T @ prior
+    if recursion.size == 1 and not len(rows):
+        # R = 1, so that the basis, whose products would be 1, need not be computed.
+        _, singular, right = np.linalg.svd(np.linalg.qr(stacked / lengths, mode="r"))
+        middle = inflation**2 * np.eye(singular.size)
+    else:
+        basis, triangle = np.linalg.qr(stacked / lengths)
+        turn, singular, right = np.linalg.svd(triangle)
+        ends = np.cumsum([len(c) for c in counted])
+        *parts, prior = np.split(basis @ turn, ends)
+        coloured = [_coloured(part, recursion) for part in parts]
+        middle = inflation**2 * np.sum([c.T @ c for c in coloured], axis=0) + prior.T @ prior
+    spread = right.T / np.maximum(singular, 1e-12)
     count = len(parameters.labels)
 
     def physical(inside: np.ndarray) -> np.ndarray:
@@ -108,8 +109,9 @@ def uncertainty_of(
     response_size = np.linalg.norm([p.size for p in problems])
     sizes = np.linalg.norm(derivative, axis=0)[:count] / response_size
     errors = np.sqrt(np.diag(covariance))
+    named = [named_parameters(block) for block in blocks[: 1 if parameters.shared else None]]
     estimates = tuple(
-        _estimate(parameter, parameter in parameters.gains, blocks, error, error * size, units)
+        _estimate(parameter, parameter in parameters.gains, named, error, error * size, units)
         for parameter, error, size in zip(
             parameters.shapes + parameters.gains, errors, sizes, strict=True
         )
@@ -121,11 +123,9 @@ def uncertainty_of(
         for i, j in combinations(range(count), 2)
         if abs(correlation[i, j]) > _STRONG_CORRELATION
     )
-    values = np.array([e.value for e in estimates])
-    well_determined = combinations_of(labels, values, [e.unit for e in estimates], covariance)
     curvature = np.sqrt(np.diag(physical(np.eye(len(lengths)))))
     order = recursion.size - 1
-    return Uncertainty(estimates, pairs, well_determined, curvature, order, correlation)
+    return Uncertainty(estimates, pairs, curvature, order, correlation)
 
 
 def _coloured(columns: np.ndarray, recursion: np.ndarray) -> np.ndarray:
@@ -143,19 +143,17 @@ def _coloured(columns: np.ndarray, recursion: np.ndarray) -> np.ndarray:
 def _estimate(
     free_parameter: FreeParameter,
     gain: bool,
-    blocks: tuple[AbstractBlock, ...],
+    named: Sequence[Mapping[str, Parameter]],
     error: float,
     share: float,
     units: tuple[str, str],
 ) -> Estimate:
-    """The estimate of a free parameter.
+    """The estimate of a free parameter, from each recording's parameters by name.
 
     For a gain, `share` is the effect of its error as a share of the response.
     """
-    parameter, k = (
-        named_parameters(blocks[free_parameter.recording or 0])[free_parameter.name],
-        free_parameter.component,
-    )
+    recording, k = free_parameter.recording, free_parameter.component
+    parameter = named[recording or 0][free_parameter.name]
     value = float(np.ravel(parameter.value)[k])
     low, high = (
         np.ravel(np.broadcast_to(end, np.shape(parameter.value)))[k] for end in parameter.plausible
@@ -174,5 +172,5 @@ def _estimate(
         bool(identified),
         is_at_bound(parameter, k),
         parameter.logarithmic,
-        path=path_of_name(free_parameter.label, blocks[0]),
+        path=free_parameter.name + suffix_of(free_parameter.label),
     )

@@ -26,7 +26,14 @@ from jax.flatten_util import ravel_pytree
 
 from .._blocks import AbstractBlock, AbstractLinearBlock
 from .._computing import compiled, computing
-from .._fit import SCHEMA, Combination, Estimate, parameter_table, uncertainty_of
+from .._fit import (
+    SCHEMA,
+    Combination,
+    Estimate,
+    combinations_among,
+    parameter_table,
+    uncertainty_of,
+)
 from .._models import Model, as_model
 from .._naming import ByName
 from .._parameters import named_parameters, set_values
@@ -277,7 +284,7 @@ def fit_frequency_response(
         conditions=conditions,
         estimates=uncertainty.estimates,
         correlated=uncertainty.correlated,
-        combinations=uncertainty.combinations,
+        combinations=combinations_among(uncertainty.estimates, uncertainty.correlation),
         fitted=symbols,
         amplitude_rms_dB=float(_DECIBEL * np.sqrt(np.mean(np.log(np.abs(ratio)) ** 2))),
         phase_rms_deg=float(np.degrees(np.sqrt(np.mean(np.angle(ratio) ** 2)))),

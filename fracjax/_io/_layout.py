@@ -4,6 +4,7 @@ import csv
 import re
 from collections.abc import Sequence
 from dataclasses import dataclass
+from functools import lru_cache
 from typing import NamedTuple
 
 from fracjax._io._numbers import decimal_of, kind_of_cell
@@ -65,8 +66,9 @@ def cells_of(line: str, separator: str) -> list[str]:
     return [cell.strip() for cell in line.split(separator)]
 
 
+@lru_cache(maxsize=1024)
 def kind_of(cell: str) -> str:
-    """What a cell holds: a kind of `kind_of_cell`, or "stamp"."""
+    """What a cell holds: a kind of `kind_of_cell`, or "stamp"; kept because several steps ask."""
     kind = kind_of_cell(cell)
     return "stamp" if kind == "text" and is_stamp(cell) else kind
 
@@ -98,6 +100,9 @@ def layout_of(
     best: _Run | None = None
     separator = ""
     for candidate in [stated[0]] if stated else _that_differ(lines, separators):
+        # Where the separator is absent each line is one cell, which is no more numbers than these.
+        if best is not None and best.score >= len(lines) and not _separates(candidate, lines):
+            continue
         runs = _runs(lines, candidate, max(skip, stated[1] + 1 if stated else 0))
         top = max(runs, key=lambda run: run.score, default=None)
         if top is not None and top.score > (best.score if best else 0):
@@ -127,15 +132,17 @@ def layout_of(
 
 
 def _that_differ(lines: Sequence[str], separators: Sequence[str]) -> list[str]:
-    """The separators that stand in the lines, and the first that does not: all others cut alike."""
-    present = [
-        any(len(line.split()) > 1 for line in lines)
-        if separator.isspace() and separator != "\t"
-        else any(separator in line for line in lines)
-        for separator in separators
-    ]
-    absent = present.index(False) if False in present else -1
-    return [s for at, s in enumerate(separators) if present[at] or at == absent]
+    """The separators that stand in the lines, and at last one that does not: all others cut
+    alike."""
+    present = [separator for separator in separators if _separates(separator, lines)]
+    return present + [separator for separator in separators if separator not in present][:1]
+
+
+def _separates(separator: str, lines: Sequence[str]) -> bool:
+    """Whether a separator stands in any of the lines."""
+    if separator.isspace() and separator != "\t":
+        return any(len(line.split()) > 1 for line in lines)
+    return any(separator in line for line in lines)
 
 
 def _runs(lines: Sequence[str], separator: str, skip: int) -> list[_Run]:

@@ -136,13 +136,13 @@ def decimal_of(cells: Sequence[str]) -> str:
     A comma that is followed by three digits only, everywhere, could part thousands: it is decimal
     unless a point stands in any cell.
     """
-    commas = [c for c in cells if re.search(r"\d,\d|^[-+]?,\d", c)]
+    commas = [c for c in cells if "," in c and re.search(r"\d,\d|^[-+]?,\d", c)]
+    if not commas:
+        return "."
     points = [c for c in cells if re.search(r"\d\.|\.\d", c)]
     both = [c for c in commas if "." in c]
     if both:
         return "," if sum(c.rfind(",") > c.rfind(".") for c in both) > len(both) / 2 else "."
-    if not commas:
-        return "."
     if not points:
         return ","
     return "," if len(commas) >= len(points) else "."

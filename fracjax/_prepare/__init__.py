@@ -44,7 +44,6 @@ from ._prepare import prepare as prepare
 from ._prepare import prepare_fit as prepare_fit
 from ._problem import AbstractProblem as AbstractProblem
 from ._problem import Problem as Problem
-from ._setting import resolution as resolution
 from ._setting import setting_of as setting_of
 from ._setting import top_frequency as top_frequency
 from ._spelling import options_for as options_for

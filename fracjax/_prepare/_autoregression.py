@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from math import log, sqrt
 
 import numpy as np
 from scipy.fft import next_fast_len
@@ -53,12 +54,16 @@ def autoregression(
     periodograms = [np.abs(np.fft.rfft(s)) ** 2 / s.size for s in series]
     estimate: Autoregression = np.ones(1), 1.0
     previous = np.zeros(largest + 1)
+    untouched = not any(t.size for t in terms)
     for _ in range(_PASSES):
-        pairs = zip(periodograms, terms, strict=True)
+        pairs, was_white = zip(periodograms, terms, strict=True), estimate[0].size == 1
         parts = [_autocovariance(power, t, estimate, largest) for power, t in pairs]
         autocovariance = np.average(parts, axis=0, weights=sizes)
         estimate = _yule_walker(autocovariance, count, np.exp(-1 / shortest))
-        if np.allclose(autocovariance, previous, rtol=0, atol=_CONVERGED * autocovariance[0]):
+        # A flat expectation gives the same again, whatever its level.
+        if untouched and was_white and estimate[0].size == 1:
+            break
+        if np.abs(autocovariance - previous).max() <= _CONVERGED * autocovariance[0]:
             break
         previous = autocovariance
     return estimate
@@ -76,17 +81,17 @@ def _yule_walker(autocovariance: np.ndarray, count: int, damping: float) -> Auto
     autocovariance = autocovariance.copy()
     autocovariance[0] *= 1 + _WHITE_SHARE
     best = np.ones(1), float(np.sqrt(autocovariance[0]))
-    least = count * np.log(autocovariance[0])
-    taps, variance = np.ones(1), float(autocovariance[0])
+    least = count * log(autocovariance[0])
+    taps, variance = np.eye(1, autocovariance.size)[0], float(autocovariance[0])
     for order in range(1, autocovariance.size):
         # Levinson's recursion: one more coefficient from the autoregression of one order less.
-        reflection = -(taps @ autocovariance[order:0:-1]) / variance
-        taps = np.append(taps, 0.0) + reflection * np.append(0.0, taps[::-1])
+        reflection = -float(taps[:order] @ autocovariance[order:0:-1]) / variance
+        taps[: order + 1] += reflection * taps[order::-1]
         variance *= 1 - reflection**2
-        score = count * np.log(variance) + order * np.log(count)
+        score = count * log(variance) + order * log(count)
         if score < least:
-            damped = taps * damping ** np.arange(order + 1)
-            best, least = (damped, float(np.sqrt(variance))), score
+            damped = taps[: order + 1] * damping ** np.arange(order + 1)
+            best, least = (damped, sqrt(variance)), score
     return best
 
 

@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
+from scipy.stats import kurtosis
 
-from ._tone import Tone
+from ._tone import Tone, tone_in
 
 Method = Literal["repeats", "static", "specification", "residual"]
 _BARELY_MORE = 1.25
@@ -16,8 +18,65 @@ its colour is the noise's.  Chosen by judgement."""
 _LAGS = 4096
 """Length of the transform by which an autocorrelation is summed: the memories of noise end well
 within it."""
+_NORMAL_MEDIAN = 0.6745
+"""Median of the absolute value of a standard normal variable."""
 NONE = np.zeros(0), np.zeros(0)
 """No lines, or no profile over time."""
+
+
+def level_from_differences(differences: np.ndarray) -> float:
+    """The standard deviation of normal noise with such differences, from their median.
+
+    The median ignores outliers and oscillations at the beginning of a rest.
+    """
+    return float(np.median(np.abs(differences)) / (_NORMAL_MEDIAN * np.sqrt(2)))
+
+
+@dataclass(frozen=True)
+class Whitened:
+    """The samples that a noise was read from, whitened; what they show is computed once asked for.
+
+    Attributes:
+        stretches: per stretch (n,), of unit variance.
+        slow: per stretch, the number of its slowest lines that fitted terms have removed.
+        taps: (p+1,) the filter that whitened them [1/unit].
+        sigma: the rms of the noise, in its unit.
+        shared: how many of the samples hold the same noise.
+    """
+
+    stretches: tuple[np.ndarray, ...]
+    slow: tuple[int, ...]
+    taps: np.ndarray
+    sigma: float
+    shared: float
+
+    @cached_property
+    def kurtosis(self) -> float:
+        """The kurtosis, dimensionless, at least the 3 of normal noise."""
+        return max(float(kurtosis(np.concatenate(self.stretches), fisher=False)), 3.0)
+
+    @cached_property
+    def lines(self) -> tuple[np.ndarray, np.ndarray]:
+        """Frequencies [1/sample] (n,) and power (n,), without the slowest."""
+        spectra = [
+            (np.fft.rfftfreq(w.size)[k:], np.abs(np.fft.rfft(w))[k:] ** 2 / w.size)
+            for w, k in zip(self.stretches, self.slow, strict=True)
+        ]
+        frequencies, power = (np.concatenate(parts) for parts in zip(*spectra, strict=True))
+        return frequencies, power
+
+    @cached_property
+    def crest(self) -> float:
+        """The rms divided by the estimate from the median of the differences."""
+        white = np.concatenate(self.stretches)
+        # The median is 0 where most samples have the code of their neighbour.
+        level = level_from_differences(np.diff(white))
+        return float(np.sqrt(np.mean(white**2))) / level if level else 1.0
+
+    @cached_property
+    def tone(self) -> Tone | None:
+        """The strongest tone, None where none is significant."""
+        return tone_in(self.stretches, self.taps, self.sigma, self.shared)
 
 
 @dataclass(frozen=True)
@@ -37,17 +96,13 @@ class Noise:
         filter: (p+1,) coefficients of the autoregression, dimensionless.
         innovation: the standard deviation of the autoregression's white input, in `unit`.
         effective: the number of independent samples that it was read from.
-        kurtosis: of the whitened noise, dimensionless, 3 for normal noise.
-        lines: frequencies [1/sample] (n,) and power (n,) of the whitened noise, 1 where the filter
-            fits, each with 2/`shared` degrees of freedom.
         shared: how many of the samples hold the same noise, 1 where all are independent.
         is_leftover: whether it was read from a fit's residual, so that a better fit improves it;
             with a specified level this concerns only its colour.
         course: the level's profile over time: sample numbers (n,) and the level there relative to
             its average (n,); empty where no change is significant.
-        crest: the rms divided by the estimate from the median of the differences, dimensionless, 1
-            for normal noise.
-        tone: a tone that is clearly present (see `_tone`), else None.
+        whitened: the samples that it was read from, None where there are none.
+        removed_tone: the strongest of the tones that were taken out, else None.
     """
 
     sigma: float
@@ -56,13 +111,35 @@ class Noise:
     filter: np.ndarray
     innovation: float
     effective: float = np.inf
-    kurtosis: float = 3.0
-    lines: tuple[np.ndarray, np.ndarray] = field(default=NONE, repr=False)
     shared: float = 1.0
     is_leftover: bool = False
     course: tuple[np.ndarray, np.ndarray] = NONE
-    crest: float = 1.0
-    tone: Tone | None = None
+    whitened: Whitened | None = field(default=None, repr=False)
+    removed_tone: Tone | None = None
+
+    @property
+    def kurtosis(self) -> float:
+        """The kurtosis of the whitened noise, dimensionless, 3 for normal noise."""
+        return self.whitened.kurtosis if self.whitened else 3.0
+
+    @property
+    def lines(self) -> tuple[np.ndarray, np.ndarray]:
+        """Frequencies [1/sample] (n,) and power (n,) of the whitened noise, 1 where the filter
+        fits, each with 2/`shared` degrees of freedom.
+        """
+        return self.whitened.lines if self.whitened else NONE
+
+    @property
+    def crest(self) -> float:
+        """The rms divided by the estimate from the median of the differences, dimensionless, 1 for
+        normal noise.
+        """
+        return self.whitened.crest if self.whitened else 1.0
+
+    @property
+    def tone(self) -> Tone | None:
+        """A tone that is clearly present (see `_tone`), else None."""
+        return self.removed_tone or (self.whitened.tone if self.whitened else None)
 
     def coloured_as(self, other: Noise) -> Noise:
         """A noise of this level and origin with the colour of another.

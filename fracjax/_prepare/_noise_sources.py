@@ -4,23 +4,20 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
-from functools import lru_cache
 
 import numpy as np
 from scipy.signal import fftconvolve, lfilter
 
-from .._recording import InputError, Recording, bridged, spikes
-from ._noise import NONE, Noise, white_noise
+from .._recording import InputError, Recording, bridged, kept
+from ._noise import NONE, Noise, level_from_differences, white_noise
 from ._noise_stretches import (
     PIECES,
     Stretch,
     first_settled,
-    level_from_differences,
     level_without_motion,
     noise_in,
     without_events,
 )
-from ._setting import resolution
 
 _REST_SECONDS = 0.2
 """The shortest rest [s] from which noise is read.  Chosen by judgement."""
@@ -40,8 +37,6 @@ _SAME_RATE = 1e-6
 _LOWER = 0.97
 """The noise reread from repeats of the residual replaces the first where its level or innovation is
 below this share of it.  Chosen by judgement."""
-_LARGEST_KEPT = 2**14
-"""Most samples of a drive whose lag is kept, which limits memory.  Chosen by judgement."""
 _LARGEST_RATIO = 2.0
 """Largest ratio of the variance of what does not repeat to that of the noise of rests, above which
 it is more than noise.  Chosen by judgement."""
@@ -148,7 +143,7 @@ def _noise_of_repeats(stretches: list[Stretch], recording: Recording) -> Noise:
     """The noise of differences between periods."""
     return noise_in(
         stretches, recording.response_unit, "repeats", _SHARED,
-        resolution=resolution(recording.response), least=_least_level(recording),
+        resolution=recording.resolution, least=_least_level(recording),
     )  # fmt: skip
 
 
@@ -156,8 +151,7 @@ def _least_level(recording: Recording) -> float:
     """The least level [response unit, rms] of a response's noise: the rounding error of its codes,
     which repeats and rests may hide, or that of a simulation.
     """
-    response = recording.response
-    return max(resolution(response) / np.sqrt(12), _EXACT * float(np.ptp(response)))
+    return max(recording.resolution / np.sqrt(12), _EXACT * float(np.ptp(recording.response)))
 
 
 def _from_static(recording: Recording, counts: np.ndarray | None, step: float) -> list[Stretch]:
@@ -201,7 +195,7 @@ def measured_noise(
         )
     if series := _from_repeats(recording, counts):
         return _noise_of_repeats(series, recording)
-    step = resolution(recording.response)
+    step = recording.resolution
     if series := _from_static(recording, counts, step):
         return noise_in(series, unit, "static", resolution=step)
     return None
@@ -209,12 +203,10 @@ def measured_noise(
 
 def _without_spikes(recording: Recording) -> Recording:
     """The recording with straight lines over its spikes: five of them can be all of its rms."""
-    alone = spikes(recording.response)
-    return (
-        replace(recording, response=bridged(recording.response, alone))
-        if alone.any()
-        else recording
-    )
+    alone = recording.spikes
+    if not alone.any():
+        return recording
+    return replace(recording, response=bridged(recording.response, alone))
 
 
 def measured_noises(
@@ -318,7 +310,7 @@ def residual_noise(residual: np.ndarray, used: np.ndarray, recording: Recording)
         noise = noise_in([Stretch.settled(difference, 0)], unit, "repeats", least=least)
     else:
         noise = noise_below(residual, used, recording)
-        level = max(level_without_motion(residual, used & ~spikes(recording.response)), least)
+        level = max(level_without_motion(residual, used & ~recording.spikes), least)
         if noise.sigma**2 > _BARELY_MORE * level**2:
             noise = replace(white_noise(level, unit, "residual"), effective=noise.effective)
     return replace(noise, is_leftover=True)
@@ -329,7 +321,7 @@ def noise_below(residual: np.ndarray, used: np.ndarray, recording: Recording) ->
 
     It is that of a residual smaller than the measured noise, and elsewhere an upper bound.
     """
-    counted = used & ~spikes(recording.response)
+    counted = used & ~recording.spikes
     centred = residual[counted] - residual[counted].mean()
     return noise_in(
         [Stretch.untouched(centred, 0)],
@@ -339,23 +331,13 @@ def noise_below(residual: np.ndarray, used: np.ndarray, recording: Recording) ->
     )
 
 
+@kept
 def repetition_lag(drive: np.ndarray) -> int | None:
     """The number of samples after which a drive (N,) repeats, None where it does not.
 
     At least a third of the drive must repeat, to 0.2 % of the drive's standard deviation, and the
     repeated part must vary at least half as much as the whole.
     """
-    return _kept_lag(drive.tobytes()) if drive.size <= _LARGEST_KEPT else _lag(drive)
-
-
-@lru_cache(maxsize=160)
-def _kept_lag(drive: bytes) -> int | None:
-    """The lag of a drive, kept because a fit asks for it several times, and a batch more often."""
-    return _lag(np.frombuffer(drive))
-
-
-def _lag(drive: np.ndarray) -> int | None:
-    """The lag of `repetition_lag`."""
     centred = drive - drive.mean()
     spread, size = centred.std(), drive.size
     lags = np.arange(size // 3, size - size // 3)

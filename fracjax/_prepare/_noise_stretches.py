@@ -7,11 +7,11 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import lfilter
-from scipy.stats import chi2, kurtosis
+from scipy.stats import chi2
 
 from ._autoregression import autoregression, removed_power
-from ._noise import NONE, Method, Noise, white_noise
-from ._tone import Tone, tone_in
+from ._noise import NONE, Method, Noise, Whitened, level_from_differences, white_noise
+from ._tone import Tone
 
 PIECES = 12
 """Pieces of a recording in which the level of the noise is followed.  Chosen by judgement."""
@@ -19,8 +19,6 @@ _SHORTEST_PIECE = 40
 """Fewest samples of a piece.  Chosen by judgement."""
 _SIGNIFICANT = 1e-4
 """p-value below which the level of the noise counts as varying.  Chosen by judgement."""
-_NORMAL_MEDIAN = 0.6745
-"""Median of the absolute value of a standard normal variable."""
 _LOUDER = 1.2
 """A stretch this many times as loud as the later ones still holds what has not settled.  Chosen by
 judgement."""
@@ -135,13 +133,15 @@ def noise_in(
     is reported.
     """
     noise = _noise_with_tones(stretches, unit, method, shared, resolution, least)
+    if method == "residual" or noise.tone is None:
+        return noise
     strongest = noise.tone
     for _ in range(_MOST_TONES):
-        if noise.tone is None or method == "residual":
+        if noise.tone is None:
             break
         stretches = [s.without_tone(noise.tone) for s in stretches]
         noise = _noise_with_tones(stretches, unit, method, shared, resolution, least)
-    return replace(noise, tone=strongest)
+    return replace(noise, removed_tone=strongest)
 
 
 def _noise_with_tones(
@@ -152,7 +152,7 @@ def _noise_with_tones(
     resolution: float,
     least: float,
 ) -> Noise:
-    """The noise of stretches, and the strongest tone in them."""
+    """The noise of stretches, with the tones in them."""
     if np.sqrt(np.mean(np.concatenate([s.samples for s in stretches]) ** 2)) <= least:
         samples = sum(s.samples.size for s in stretches)
         return replace(white_noise(least, unit, method), effective=samples / shared, shared=shared)
@@ -171,30 +171,18 @@ def _noise_with_tones(
             w / np.interp(start + np.arange(w.size), *profile)
             for w, start in zip(whitened, starts, strict=True)
         ]
-    white = np.concatenate(whitened)
-    # The median is 0 where most samples have the code of their neighbour.
-    median_level = level_from_differences(np.diff(white))
-    whitened_kurtosis = max(float(kurtosis(white, fisher=False)), 3.0)
     # The fitted terms have removed the slowest lines.
-    slow = [1 + (s.removed - 2 * s.tones + 1) // 2 for s in stretches]
-    spectra = [
-        (np.fft.rfftfreq(w.size)[k:], np.abs(np.fft.rfft(w))[k:] ** 2 / w.size)
-        for w, k in zip(whitened, slow, strict=True)
-    ]
-    frequencies, power = (np.concatenate(parts) for parts in zip(*spectra, strict=True))
+    slow = tuple(1 + (s.removed - 2 * s.tones + 1) // 2 for s in stretches)
     return Noise(
         sigma,
         unit,
         method,
         coefficients,
         innovation,
-        effective=white.size / shared,
-        kurtosis=whitened_kurtosis,
-        lines=(frequencies, power),
+        effective=sum(w.size for w in whitened) / shared,
         shared=shared,
         course=profile,
-        crest=float(np.sqrt(np.mean(white**2))) / median_level if median_level else 1.0,
-        tone=tone_in(whitened, taps, sigma, shared),
+        whitened=Whitened(tuple(whitened), slow, taps, sigma, shared),
     )
 
 
@@ -223,14 +211,6 @@ def _level_profile(
     if chi2.sf(np.sum((relative**2 - 1) ** 2) / variance, pieces - 1) > _SIGNIFICANT:
         return NONE
     return centres, relative
-
-
-def level_from_differences(differences: np.ndarray) -> float:
-    """The standard deviation of normal noise with such differences, from their median.
-
-    The median ignores outliers and oscillations at the beginning of a rest.
-    """
-    return float(np.median(np.abs(differences)) / (_NORMAL_MEDIAN * np.sqrt(2)))
 
 
 def level_without_motion(signal: np.ndarray, used: np.ndarray) -> float:

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import Any
 
 import equinox as eqx
@@ -15,7 +14,7 @@ from scipy.signal import lfilter
 
 from .._blocks import AbstractBlock
 from .._operators import Grid, History, ahead, refine
-from .._recording import Recording
+from .._recording import Recording, kept
 
 _FILTER_TAPS = 13
 """Length of every whitening filter, for one compiled program: an autoregression of order 12."""
@@ -107,9 +106,9 @@ class Problem(AbstractProblem):
         if isinstance(signals, np.ndarray) and isinstance(self.weights, np.ndarray):
             taps = np.asarray(self.whitening)
             taps = taps[: 1 + np.flatnonzero(taps)[-1]]
-            coloured = taps.size > 1 and signals.size > 0
-            filtered = lfilter(taps, 1.0, signals, axis=0) if coloured else taps[0] * signals
-            return (np.transpose(np.asarray(filtered)) * self.weights).T
+            if taps.size == 1 or not signals.size:
+                return (signals.T * (taps[0] * self.weights)).T
+            return (np.asarray(lfilter(taps, 1.0, signals.T, axis=-1)) * self.weights).T
         length, others = signals.shape[0], [(0, 0)] * (signals.ndim - 1)
         padded = jnp.pad(jnp.asarray(signals), [(_FILTER_TAPS - 1, 0), *others])
         starts = range(_FILTER_TAPS - 1, -1, -1)
@@ -153,15 +152,11 @@ def make_problem(
     counted[: whitening.size - 1] = 0.0
     weights = counted if weights is None else counted * weights
     length = samples if history == "periodic" else padded_length(samples)
-    shape = (length - samples, oversampling, history)
-    if samples * oversampling > _LARGEST_KEPT:
-        fine = _refined(drive, *shape)
-    else:
-        fine = _kept_refined(drive.tobytes(), *shape)
+    refined = _kept_refined if samples * oversampling <= _LARGEST_KEPT else _refined
     padding = (0, length - samples)
     steps = np.arange(length)[:, None] >= np.array(jumps, dtype=int)
     return Problem(
-        drive=fine,
+        drive=refined(drive, length - samples, oversampling, history),
         response=np.pad(response, padding, mode="edge"),
         weights=np.pad(weights, padding),
         whitening=taps,
@@ -176,10 +171,7 @@ def _refined(drive: np.ndarray, padding: int, oversampling: int, history: Histor
     return _extended(refine(drive, oversampling, history), padding * oversampling)
 
 
-@lru_cache(maxsize=160)
-def _kept_refined(drive: bytes, padding: int, oversampling: int, history: History) -> np.ndarray:
-    """`_refined`, kept because a fit needs it several times, and a batch more often."""
-    return _refined(np.frombuffer(drive), padding, oversampling, history)
+_kept_refined = kept(_refined)
 
 
 def _extended(drive: np.ndarray, count: int) -> np.ndarray:

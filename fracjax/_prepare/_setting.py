@@ -7,7 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .._blocks import Setting
-from .._recording import Recording, varying
+from .._recording import Recording, kept, varying
 
 _REST = 1e-2
 """A recording whose drive spans less than this share of the widest one is a rest."""
@@ -26,7 +26,7 @@ def setting_of(recordings: list[Recording]) -> Setting:
         top_rate=float(max(np.abs(np.diff(r.drive)).max() / r.dt for r in driven)),
         rms_rate=float(max(np.sqrt(np.mean(np.diff(r.drive) ** 2)) / r.dt for r in driven)),
         response_low=float(min(r.response.min() - r.response[0] for r in recordings)),
-        resolution=min(resolution(r.response) for r in recordings),
+        resolution=min(r.resolution for r in recordings),
     )
 
 
@@ -42,25 +42,16 @@ def driven_recordings(recordings: Sequence[Recording]) -> list[Recording]:
     return [r for r, span in zip(recordings, spans, strict=True) if span > _REST * max(spans)]
 
 
-def resolution(response: np.ndarray) -> float:
-    """The step [response unit] of the grid of a response's (N,) values, 0 where there is none.
-
-    Neighbouring values must be whole steps apart, to a tenth of a step, and the smallest gap must
-    be one step.  A converter's codes that were scaled and rounded to a few digits still qualify.
-    Noise of many digits does not, nor do codes so fine that no code has its neighbour in the
-    recording.
-    """
-    gaps = np.diff(np.unique(response))
-    gaps = gaps[gaps > 1e-9 * np.ptp(response)]  # smaller gaps are rounding errors
-    codes = np.round(gaps / gaps.min())
-    step = float(gaps.sum() / codes.sum())
-    return step if np.all(np.abs(gaps / step - codes) < 0.1) else 0.0
-
-
 def top_frequency(recording: Recording) -> float:
     """The frequency [Hz] below which 99 % of the power of the drive's rate lies."""
-    rate = np.diff(recording.drive)
+    return _top_frequency(recording.drive, recording.dt)
+
+
+@kept
+def _top_frequency(drive: np.ndarray, step: float) -> float:
+    """The frequency [Hz] of `top_frequency`, of a drive (N,) in steps of time [s]."""
+    rate = np.diff(drive)
     power = np.abs(np.fft.rfft((rate - rate.mean()) * np.hanning(rate.size))) ** 2
-    frequencies = np.fft.rfftfreq(rate.size, recording.dt)
+    frequencies = np.fft.rfftfreq(rate.size, step)
     share = np.cumsum(power) / power.sum()
     return float(max(frequencies[np.searchsorted(share, 0.99)], frequencies[1]))

@@ -1,6 +1,7 @@
 """The recording, validated once at the border, and the units it is written in."""
 
 from fracjax._recording._errors import InputError, closest, found_in, item, pair_of, require_kind
+from fracjax._recording._kept import kept
 from fracjax._recording._periods import Repeats, runs_of
 from fracjax._recording._recording import Recording, require_units_of
 from fracjax._recording._signals import (
@@ -8,6 +9,7 @@ from fracjax._recording._signals import (
     MINIMUM_SAMPLES,
     bridged,
     require_samples,
+    resolution,
     spikes,
     varying,
 )
@@ -23,11 +25,13 @@ __all__ = [
     "closest",
     "found_in",
     "item",
+    "kept",
     "pair_of",
     "parse_quantity",
     "require_kind",
     "require_samples",
     "require_units_of",
+    "resolution",
     "runs_of",
     "spikes",
     "unit",

@@ -1,10 +1,10 @@
 """Periods and rests of a drive."""
 
-from functools import lru_cache
 from typing import NamedTuple
 
 import numpy as np
 
+from fracjax._recording._kept import kept
 from fracjax._recording._signals import MINIMUM_SAMPLES
 
 
@@ -26,8 +26,6 @@ _POINT = 3e-3
 _PATTERN = 2e-3
 """Largest rms departure from the mean pattern, in the pattern's own standard deviations."""
 _CANDIDATES = 32
-_LARGEST_KEPT = 2**14
-"""Most samples of a drive whose repeats are kept, which limits memory."""
 
 
 def unit_range(signal: np.ndarray) -> np.ndarray:
@@ -83,19 +81,9 @@ def _stretch(u: np.ndarray, period: int) -> Repeats | None:
     return None
 
 
+@kept
 def repeats_in(u: np.ndarray) -> Repeats | None:
     """Locate the longest periodic stretch of u, shape (N,), then reduce it to its fundamental."""
-    return _kept_repeats(u.tobytes()) if len(u) <= _LARGEST_KEPT else _repeats(u)
-
-
-@lru_cache(maxsize=160)
-def _kept_repeats(u: bytes) -> Repeats | None:
-    """The repeats of a drive, kept because many recordings may have the same."""
-    return _repeats(np.frombuffer(u))
-
-
-def _repeats(u: np.ndarray) -> Repeats | None:
-    """The repeats of `repeats_in`."""
     mismatch = _mismatch(u)
     lags = _minima(mismatch)
     deepest = lags[np.argsort(mismatch[lags], kind="stable")[:_CANDIDATES]]
@@ -109,6 +97,7 @@ def _repeats(u: np.ndarray) -> Repeats | None:
     return longest._replace(period=next(kept, longest.period))
 
 
+@kept
 def stretches_at_rest(u: np.ndarray, minimum: int) -> list[tuple[int, int]]:
     """Stretches of u, shape (N,), in 0..1, at least `minimum` long, no wider than their noise."""
     if minimum > len(u):

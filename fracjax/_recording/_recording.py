@@ -10,7 +10,14 @@ import numpy as np
 
 from fracjax._recording._errors import InputError
 from fracjax._recording._periods import Repeats, repeats_in, stretches_at_rest, unit_range
-from fracjax._recording._signals import LARGEST, signal_of, varying, without_missing
+from fracjax._recording._signals import (
+    LARGEST,
+    resolution,
+    signal_of,
+    spikes,
+    varying,
+    without_missing,
+)
 from fracjax._recording._units import parse_quantity, unit
 from fracjax._recording._warnings import warnings_about
 from fracjax._show import Shown, Table, View, figure, quantity
@@ -120,6 +127,16 @@ class Recording(Shown):
     def _repeats(self) -> Repeats | None:
         return repeats_in(unit_range(self.drive))
 
+    @cached_property
+    def spikes(self) -> np.ndarray:
+        """Whether samples (N,) of the response stand alone, far from those before and behind."""
+        return spikes(self.response)
+
+    @cached_property
+    def resolution(self) -> float:
+        """The step [response unit] of the grid of the response's values, 0 where there is none."""
+        return resolution(self.response)
+
     def static_stretches(self, minimum_seconds: float = 0.0) -> list[tuple[int, int]]:
         """Stretches `[start, stop)` [samples] of constant drive, where the noise can be read.
 
@@ -128,7 +145,7 @@ class Recording(Shown):
         [s], 64 samples (which give a noise level to 9 %) and a hundredth of the recording.
         """
         minimum = max(64, len(self) // 100, math.ceil(minimum_seconds * self.rate))
-        return stretches_at_rest(unit_range(self.drive), minimum)
+        return list(stretches_at_rest(unit_range(self.drive), minimum))
 
     def _view(self) -> View:
         def span(signal: np.ndarray, unit_: str) -> str:

@@ -126,7 +126,7 @@ def _spikes(recording: Sampled) -> str | None:
     """Samples of the response that stand alone."""
     alone = spikes(recording.response)
     if recording.masked is not None:
-        alone &= ~recording.masked
+        alone = alone & ~recording.masked
     if not 0 < np.count_nonzero(alone) <= 0.02 * len(recording):
         return None
     at = recording.dt * int(alone.argmax())

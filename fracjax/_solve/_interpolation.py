@@ -56,6 +56,8 @@ _NEGLIGIBLE = 1e-13
 """Coefficients below this share of the largest are rounding."""
 _BASE, _LARGEST_DEGREE = 8, 60
 """T_8 is the inner polynomial of a series, whose coefficients from degree 60 on must vanish."""
+_AT_ONCE = 8
+"""Signals transformed together: enough for the processor's vectors, few enough for its cache."""
 _LARGEST_TABLE = 2**20
 """At most so many transfer function values at once, which limits memory."""
 
@@ -72,13 +74,13 @@ class Transformed(NamedTuple):
         zeta: (F,) the points of the transform, dimensionless.
         drives: (d, F) the drives' transforms.
         length: the transform's length.
-        damping: (M,) the damping of the samples on the circle, dimensionless.
+        growth: (M,) undoes the damping of the samples on the circle, dimensionless.
     """
 
     zeta: np.ndarray
     drives: np.ndarray
     length: int
-    damping: np.ndarray
+    growth: np.ndarray
 
     @classmethod
     def of(cls, drives: np.ndarray, grid: Grid) -> Transformed:
@@ -92,19 +94,24 @@ class Transformed(NamedTuple):
         zeta = radius * np.exp(-2j * np.pi * np.arange(length // 2 + 1) / length)
         damping = radius ** np.arange(samples)
         moved = drives - (drives[0] if grid.history == "constant" else 0.0)
-        return cls(zeta, _forward((moved.T * damping).T, length), length, damping)
+        return cls(zeta, _forward((moved.T * damping).T, length), length, 1 / damping)
 
-    def respond(self, values: np.ndarray) -> np.ndarray:
-        """Responses (…, M), without the effect of a constant, for transfer functions (…, F).
+    def back(self, transforms: np.ndarray, every: int = 1) -> np.ndarray:
+        """Signals (K, ⌈M/every⌉) at each `every`-th sample, from their transforms (K, F).
 
-        The leading axes of the values are broadcast against those of the drives (d,).
+        Where only every other sample is wanted, the upper half of the transform is added to the
+        lower one, which halves the length of the inverse.
         """
-        product = values * self.drives
-        missing = self.length // 2 + 1 - self.zeta.size
+        length, growth = self.length, self.growth[::every]
+        missing = length // 2 + 1 - self.zeta.size
         if missing:  # the mean, which a block without static gain cannot pass on
-            product = np.pad(product, [(0, 0)] * (product.ndim - 1) + [(missing, 0)])
-        signals = np.asarray(scipy.fft.irfft(product, self.length, axis=-1))
-        return signals[..., : self.damping.size] / self.damping
+            transforms = np.pad(transforms, [(0, 0), (missing, 0)])
+        while every % 2 == 0 and length % 4 == 0:
+            half = length // 4
+            transforms = (transforms[:, : half + 1] + transforms[:, : half - 1 : -1].conj()) / 2
+            length, every = length // 2, every // 2
+        signals = np.asarray(scipy.fft.irfft(transforms, length, axis=-1))[:, ::every]
+        return signals[:, : growth.size] * growth
 
 
 class Interpolation(eqx.Module):
@@ -200,20 +207,21 @@ class ChosenShapes(NamedTuple):
         """The number n of chosen shapes."""
         return len(self.triangle)
 
-    def responses(self, drives: np.ndarray, grid: Grid) -> np.ndarray:
-        """The blocks' responses (d, n, M) to drives (M, d), without the effect of a constant.
+    def responses(self, drives: np.ndarray, grid: Grid, every: int = 1) -> np.ndarray:
+        """The blocks' responses (d, n, ⌈M/every⌉) to drives (M, d), without that to a constant.
 
-        They equal those of `convolve`, without compilation.
+        They equal each `every`-th sample of those of `convolve`, without compilation.
         """
         transformed = Transformed.of(drives, grid)
-        responses = np.empty((drives.shape[1], self.size, len(drives)))
+        responses = np.empty((drives.shape[1], self.size, -(-len(drives) // every)))
         chunk = max(_LARGEST_TABLE // transformed.zeta.size, 1)
         for k in range(0, self.size, chunk):
             part = _select(self.blocks, slice(k, k + chunk))
-            for index, values in enumerate(
-                np.atleast_2d(transfer(part, transformed.zeta, grid)), k
-            ):
-                responses[:, index] = transformed.respond(values)
+            table = np.atleast_2d(transfer(part, transformed.zeta, grid))
+            for of_drive, drive in zip(responses, transformed.drives, strict=True):
+                for at in range(0, len(table), _AT_ONCE):
+                    signals = transformed.back(table[at : at + _AT_ONCE] * drive, every)
+                    of_drive[k + at : k + at + _AT_ONCE] = signals
         return responses
 
     def in_coordinates(self, rows: np.ndarray) -> np.ndarray:

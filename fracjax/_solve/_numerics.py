@@ -8,9 +8,9 @@ import numpy as np
 
 from .._prepare import Preparation, Problem
 from ._least_squares import simulate
-from ._responses import respond_all
 from ._result import Progress, Solved
 from ._solve import solve_again
+from ._stack import respond_rows
 
 FINEST = 32
 """Most steps per sample."""
@@ -33,7 +33,7 @@ def numerical_error(solved: Solved) -> float:
 
     The quadrature is of order four, so that this change is the coarser grid's error to 7 %.
     """
-    return _halved_until(np.inf, solved, *_halved([solved]))[1]
+    return _accurate_grids([solved], [np.inf])[0][1]
 
 
 def tolerated_error(limit: float, solved: Solved, share: float) -> float:
@@ -67,12 +67,11 @@ def refine_all(
     while coarse:
         steps = max(fits[at].preparation.oversampling for at in coarse)
         progress(f"checking the numerical error with {steps} steps per sample")
-        halved = _halved([fits[at] for at in coarse])
+        tolerated = [tolerated_error(TARGET, fits[at], shares[at]) for at in coarse]
+        grids = _accurate_grids([fits[at] for at in coarse], tolerated)
         refined: list[tuple[int, Preparation]] = []
-        for at, first in zip(coarse, halved, strict=True):
-            finer, errors[at] = _halved_until(
-                tolerated_error(TARGET, fits[at], shares[at]), fits[at], first
-            )
+        for at, (finer, error) in zip(coarse, grids, strict=True):
+            errors[at] = error
             if finer is not fits[at].preparation:
                 refined.append((at, finer))
         coarse = [at for at, _ in refined]
@@ -92,65 +91,72 @@ def discretisation_warnings(error: float, tolerated: float = TARGET) -> tuple[st
     )
 
 
-def _halved(solved: Sequence[Solved]) -> list[np.ndarray]:
-    """Each fit's whitened simulation (ΣL,) with half its step; those of stacks together."""
-    finer = [one.preparation.problems(2 * one.preparation.oversampling) for one in solved]
-    stacked = [at for at, one in enumerate(solved) if one.stacked]
-    responses = respond_all([solved[at].block for at in stacked], [finer[at][0] for at in stacked])
-    together = dict(zip(stacked, responses, strict=True))
-    return [
-        problems[0].whiten(together[at]) if one.stacked else _whitened(one, problems)
-        for at, (one, problems) in enumerate(zip(solved, finer, strict=True))
-    ]
-
-
-def _halved_until(target: float, solved: Solved, halved: np.ndarray) -> tuple[Preparation, float]:
-    """The coarsest grid, from the present one on, that reaches the target, and its numerical error.
-
-    `halved` (ΣL,) is the whitened simulation with half the present step.
+def _accurate_grids(
+    solved: Sequence[Solved], targets: Sequence[float]
+) -> list[tuple[Preparation, float]]:
+    """For each fit the coarsest grid, from the present one on, that reaches its target, and its
+    numerical error.
 
     The error is that of the solved blocks, without a new fit.  If no grid reaches the target, it is
     the coarsest that is nearly as accurate as any: a fractional derivative hardly converges at a
     kink that meets a sample, and many small steps would not help.
     """
-    preparation = solved.preparation
+    grids: list[list[tuple[Preparation, float]]] = [[] for _ in solved]
+    coarse = _whitened(solved, [one.preparation.problems() for one in solved])
+    finer, pending = [one.preparation for one in solved], list(range(len(solved)))
+    while pending:
+        problems = [finer[at].problems(2 * finer[at].oversampling) for at in pending]
+        halved = _whitened([solved[at] for at in pending], problems)
+        remaining = []
+        for at, signal in zip(pending, halved, strict=True):
+            grids[at].append((finer[at], _unabsorbed(solved[at], signal - coarse[at])))
+            doubled = 2 * finer[at].oversampling
+            longest = max(len(take.recording) for take in solved[at].preparation.takes)
+            is_last = doubled > FINEST or doubled * longest > _MOST_SAMPLES
+            if not (is_last or grids[at][-1][1] <= targets[at]):
+                finer[at], coarse[at] = finer[at].with_oversampling(doubled), signal
+                remaining.append(at)
+        pending = remaining
+    return [_chosen(of_fit, target) for of_fit, target in zip(grids, targets, strict=True)]
+
+
+def _chosen(grids: Sequence[tuple[Preparation, float]], target: float) -> tuple[Preparation, float]:
+    """The last of the grids where it reaches the target, else the first nearly as good as any."""
+    if grids[-1][1] <= target:
+        return grids[-1]
+    least = min(error for _, error in grids)
+    enough = least * _NEARLY_BEST if least > LIMIT else min(LIMIT, least * _NEARLY_BEST)
+    return next(grid for grid in grids if grid[1] <= enough)
+
+
+def _unabsorbed(solved: Solved, change: np.ndarray) -> float:
+    """The norm of what a fit cannot absorb of a change (ΣL,) of its whitened simulations."""
     derivative = solved.whitened_derivative()
     derivative = derivative / (np.linalg.norm(derivative, axis=0) + 1e-300)
     square = derivative.T @ derivative
-    longest = max(len(take.recording) for take in preparation.takes)
-    coarse = _present(solved)
-    grids: list[tuple[Preparation, float]] = []
-    while True:
-        doubled = 2 * preparation.oversampling
-        change = halved - coarse
-        absorbed = np.linalg.lstsq(square, derivative.T @ change, rcond=_DEPENDENT)[0]
-        unabsorbed = np.linalg.norm(change - derivative @ absorbed)
-        error = float(np.nan_to_num(unabsorbed, nan=np.inf))
-        grids.append((preparation, error))
-        if error <= target:
-            return preparation, error
-        if doubled > FINEST or doubled * longest > _MOST_SAMPLES:
-            least = min(error for _, error in grids)
-            enough = least * _NEARLY_BEST if least > LIMIT else min(LIMIT, least * _NEARLY_BEST)
-            return next(grid for grid in grids if grid[1] <= enough)
-        preparation, coarse = preparation.with_oversampling(doubled), halved
-        halved = _whitened(solved, preparation.problems(2 * doubled))
+    absorbed = np.linalg.lstsq(square, derivative.T @ change, rcond=_DEPENDENT)[0]
+    unabsorbed = float(np.linalg.norm(change - derivative @ absorbed))
+    return float(np.nan_to_num(unabsorbed, nan=np.inf))
 
 
-def _present(solved: Solved) -> np.ndarray:
-    """A fit's whitened simulation (ΣL,) on its own grid, own terms left out or absorbed anyway."""
-    problems = solved.preparation.problems()
-    if not solved.stacked:
-        return _whitened(solved, problems)
-    (problem,), (simulation,) = problems, solved.simulations
-    return problem.whiten(np.pad(simulation, (0, len(problem.response) - len(simulation))))
+def _whitened(solved: Sequence[Solved], problems: Sequence[Sequence[Problem]]) -> list[np.ndarray]:
+    """Each fit's whitened simulations (ΣL,) on the grids of its problems; those of stacks together.
 
-
-def _whitened(solved: Solved, problems: Sequence[Problem]) -> np.ndarray:
-    """A fit's whitened simulations (ΣL,) on the grids of these problems."""
-    if solved.stacked:
-        responses = respond_all(solved.blocks, problems)
-    else:
-        responses = map(simulate, solved.blocks, problems)
-    pairs = zip(responses, problems, strict=True)
-    return np.concatenate([problem.whiten(response) for response, problem in pairs])
+    On a stack's own grid they are known, with own terms, which are absorbed anyway.
+    """
+    pairs = list(zip(solved, problems, strict=True))
+    new = [one.stacked and one.preparation.problems() is not its for one, its in pairs]
+    rows = [pair for pair, is_new in zip(pairs, new, strict=True) if is_new]
+    responses = iter(respond_rows([one.block for one, _ in rows], [its[0] for _, its in rows]))
+    whitened = []
+    for (one, its), is_new in zip(pairs, new, strict=True):
+        if is_new:
+            signals = [next(responses)]
+        elif one.stacked:
+            (simulation,), size = one.simulations, len(its[0].response)
+            signals = [np.pad(simulation, (0, size - len(simulation)))]
+        else:
+            signals = map(simulate, one.blocks, its)
+        signals = [p.whiten(signal) for p, signal in zip(its, signals, strict=True)]
+        whitened.append(np.concatenate(signals))
+    return whitened

@@ -27,22 +27,24 @@ def speeds(drives: np.ndarray, grid: Grid) -> np.ndarray:
     return np.stack([np.asarray(speed(drive, grid)) for drive in np.ascontiguousarray(drives.T)])
 
 
-def respond(block: AbstractBlock, drives: np.ndarray, grid: Grid) -> np.ndarray:
-    """Responses (d, M) of a sum of chains to drives (M, d).
+def respond(block: AbstractBlock, drives: np.ndarray, grid: Grid, every: int = 1) -> np.ndarray:
+    """Responses (d, ⌈M/every⌉) of a sum of chains to drives (M, d), at each `every`-th sample.
 
     The block's parameters are single numbers, or arrays (d, 1) of one value for each drive.
     """
     chains = chains_of(block)
     assert chains is not None  # the caller has checked it
-    transformed, total = Transformed.of(drives, grid), np.zeros(drives.shape[::-1])
+    transformed, total = Transformed.of(drives, grid), np.zeros(drives[::every].shape[::-1])
     for chain in chains:
-        signals = transformed.respond(transfer(chain.before, transformed.zeta, grid))
+        fine = every if chain.after is None else 1
+        values = transfer(chain.before, transformed.zeta, grid)
+        signals = transformed.back(values * transformed.drives, fine)
         signals = signals + _held(chain.before, drives, grid)
         if chain.rated:
-            signals = signals * speeds(drives, grid)
+            signals = signals * speeds(drives, grid)[:, ::fine]
         if chain.after is not None:
             between = Transformed.of(signals.T, grid)
-            after = between.respond(transfer(chain.after, between.zeta, grid))
+            after = between.back(transfer(chain.after, between.zeta, grid) * between.drives, every)
             signals = after + _held(chain.after, signals.T, grid)
         total += signals
     return total
@@ -88,8 +90,9 @@ def respond_all(blocks: Sequence[AbstractBlock], problems: Sequence[Problem]) ->
             like = problems[some[0]]
             drives = np.stack([np.asarray(problems[row].drive) for row in some], axis=1)
             block = blocks[some[0]] if len(some) == 1 else stacked([blocks[row] for row in some])
-            for row, response in zip(some, respond(block, drives, like.grid), strict=True):
-                responses[row] = response[:: like.oversampling]
+            some_responses = respond(block, drives, like.grid, like.oversampling)
+            for row, response in zip(some, some_responses, strict=True):
+                responses[row] = response
     return responses
 
 

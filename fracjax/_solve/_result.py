@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
@@ -51,8 +52,8 @@ class Solved:
         blocks: each recording's block.
         whitened: per recording (L,) the whitened residual.
         free: the number of free parameters, own terms included.
-        derivative: (L, free) the whitened derivative by parameters and own terms, where it was
-            solved in a stack; None where it is not known yet.
+        derivative: (p, L) of the simulation by each free parameter, where it was solved in a
+            stack; None elsewhere.
     """
 
     preparation: Preparation
@@ -97,7 +98,6 @@ class Solved:
             cost=scale**2 * self.cost,
             whitened=tuple(scale * residual for residual in self.whitened),
             start_costs=tuple(scale**2 * cost for cost in self.start_costs),
-            derivative=None if self.derivative is None else scale * self.derivative,
         )
 
     @property
@@ -107,7 +107,15 @@ class Solved:
 
     def whitened_derivative(self) -> np.ndarray:
         """The whitened derivative (ΣL, parameters + own)."""
-        return self.sensitivity().whitened if self.derivative is None else self.derivative
+        return self._whitened_derivative
+
+    @cached_property
+    def _whitened_derivative(self) -> np.ndarray:
+        """The derivative of `whitened_derivative`, which several stages need."""
+        if self.derivative is None:
+            return self.sensitivity().whitened
+        (problem,) = self.preparation.problems()
+        return problem.whiten(np.concatenate([self.derivative, problem.own.T]).T)
 
     def sensitivity(self) -> Sensitivity:
         """The derivative of the simulations with respect to each free parameter."""

@@ -16,7 +16,7 @@ from ._least_squares import Descent, Objective, begin, descend, simulate
 from ._programs import limit_compiled_programs
 from ._result import Solved
 from ._search import LEAST_STARTS, search
-from ._stack import Row, can_stack, solve_rows
+from ._stack import Row, can_compress, is_alone, solve_rows
 
 _ROUNDS = 20
 """Most rounds of further descents.  Chosen by judgement."""
@@ -180,15 +180,18 @@ def fit_blocks(
     are solved one by one.
     """
     pairs = list(zip(blocks, preparations, strict=True))
-    alike = [starts >= LEAST_STARTS and can_stack(*pair) for pair in pairs]
     # Recordings of one model share the block, and so its starts.
-    positions: dict[int, np.ndarray] = {}
-    rows = []
-    for (block, preparation), stackable in zip(pairs, alike, strict=True):
-        if stackable:
-            if id(block) not in positions:
-                positions[id(block)] = start_positions(block, starts, seed)
-            rows.append(Row(preparation, block, positions[id(block)]))
+    positions = {
+        key: start_positions(block, starts, seed)
+        for key, block in {id(block): block for block in blocks}.items()
+        if starts >= LEAST_STARTS and can_compress(block)
+    }
+    alike = [id(block) in positions and is_alone(preparation) for block, preparation in pairs]
+    rows = [
+        Row(preparation, block, positions[id(block)])
+        for (block, preparation), stackable in zip(pairs, alike, strict=True)
+        if stackable
+    ]
     solved = iter(solve_rows(rows))
     return [
         (next(solved) if stackable else None) or fit_block(block, preparation, starts, seed)

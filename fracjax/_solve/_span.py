@@ -68,7 +68,7 @@ def span_of(block: AbstractBlock, problem: Problem) -> Span | None:
     drive, grid = np.asarray(problem.drive), problem.grid
     content = b"".join(np.asarray(leaf).tobytes() for leaf in (*leaves, grid.step, drive))
     return _compute(
-        _Request((structure, grid.history, problem.oversampling, content), middle, problem)
+        Request((structure, grid.history, problem.oversampling, content), middle, problem)
     )
 
 
@@ -81,7 +81,7 @@ def all_bounded(chains: Sequence[Chain]) -> bool:
 
 
 @dataclass(frozen=True)
-class _Request:
+class Request:
     """A request for a span, equal to another where the keys are equal.
 
     Attributes:
@@ -96,7 +96,7 @@ class _Request:
 
 
 @lru_cache(maxsize=4)
-def _compute(request: _Request) -> Span | None:
+def _compute(request: Request) -> Span | None:
     """The span of a request, kept for equal requests."""
     chains, problem = chains_of(request.block), request.problem
     assert chains is not None  # span_of has checked it
@@ -104,37 +104,39 @@ def _compute(request: _Request) -> Span | None:
     if span is None:
         return None
     chosen, signals = span
-    return Span(request.key, signals[0].T.copy(), chosen, _fresh(request.block, problem))
+    columns = np.concatenate([of_chain[0] for of_chain in signals]).T.copy()
+    return Span(request.key, columns, chosen, _fresh(request.block, problem))
 
 
 def span_of_drives(
     chains: Sequence[Chain], drives: np.ndarray, like: Problem, spanned: float = SPANNED
-) -> tuple[Chosen, np.ndarray] | None:
-    """Chains at shapes chosen for all drives (M, d) together, and their signals (d, n, L).
+) -> tuple[Chosen, list[np.ndarray]] | None:
+    """Chains at shapes chosen for all drives (M, d) together, and per chain its signals (d, n, L).
 
     The drives are on the grid of the problem `like`.  None where too many signals would be needed.
     """
-    grid, samples, count = like.grid, len(drives), drives.shape[1]
-    signals_of_chains = [np.zeros((count, 0, -(-samples // like.oversampling)))]
-    chosen = []
+    grid, samples, count, every = like.grid, len(drives), drives.shape[1], like.oversampling
+    rates = speeds(drives, grid)[:, None] if any(chain.rated for chain in chains) else None
+    chosen, signals_of_chains = [], []
     for chain in chains:
         first = choose_shapes(chain.before, drives, grid, spanned)
         if first is None:
             return None
-        signals = first.responses(drives, grid)
-        if chain.rated:
-            signals *= speeds(drives, grid)[:, None]
-        second = None
-        if chain.after is not None and first.size:
+        followed = chain.after is not None and first.size > 0
+        fine = 1 if followed else every
+        signals, second = first.responses(drives, grid, fine), None
+        if chain.rated and rates is not None:
+            signals *= rates[:, :, ::fine]
+        if followed and chain.after is not None:
             between = signals.reshape(-1, samples).T
             second = choose_shapes(chain.after, between, grid, spanned)
             if second is None or first.size * second.size > _MOST_SIGNALS:
                 return None
-            signals = second.responses(between, grid).reshape(count, -1, samples)
-        # A copy, so that the finer grid's signals are not kept in memory.
-        signals_of_chains.append(signals[:, :, :: like.oversampling].copy())
+            signals = second.responses(between, grid, every)
+            signals = signals.reshape(count, first.size * second.size, -1)
+        signals_of_chains.append(signals)
         chosen.append((first, second))
-    return tuple(chosen), np.concatenate(signals_of_chains, axis=1)
+    return tuple(chosen), signals_of_chains
 
 
 def _fresh(block: AbstractBlock, problem: Problem) -> np.ndarray:

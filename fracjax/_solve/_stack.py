@@ -1,34 +1,35 @@
-"""Recordings of one length and step, each fitted by itself, solved together.
+"""Recordings of one padded length and step, each fitted by itself, solved together.
 
 All rows of a stack share the chosen shapes (`_interpolation`), so that each differs from the others
 by its signals alone: by one QR per row, or per drive where several rows have the same, its problem
 is a few numbers (`_compressed`), and all starts of all rows are searched in lock-step
-(`_lockstep`).  The responses at the optimum are those of the full model (`_responses`).  A row
-that does not converge, or whose compressed problem is less accurate than its noise requires, is not
-solved here.
+(`_lockstep`).  Some of the responses at the optimum are compared with the full model
+(`_responses`).  A row that does not converge, or whose compressed problem is less accurate than its
+noise requires, is not solved here.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
+from functools import lru_cache, reduce
+from operator import iadd
 from typing import NamedTuple
 
 import jax
 import numpy as np
 from scipy.linalg import get_lapack_funcs
-from scipy.signal import lfilter
 
 from .._blocks import AbstractBlock
 from .._parameters import named_parameters, set_values
-from .._prepare import Preparation, Problem, layout_of, with_gains, with_shapes_at
+from .._prepare import Preparation, Problem, layout_of
 from ._chains import chains_of
 from ._compressed import Part, parts_of
 from ._elimination import eliminate
 from ._interpolation import shapes_at, unit_gains
 from ._lockstep import Stack, columns_around, dependences, descend_together
-from ._responses import held, respond_all
+from ._responses import held, respond_all, stacked
 from ._result import Solved
-from ._span import Chosen, all_bounded, span_of_drives
+from ._span import Chosen, Request, all_bounded, span_of_drives
 
 _SPANNED = 1e-9
 """The shapes of a stack end where all others are in the span to this share of their size: far
@@ -36,8 +37,12 @@ enough below any sensor's noise, in fewer shapes than to rounding."""
 _SHARE_OF_NOISE = 1e-3
 """Largest error of a row's compressed problem [noise standard deviations, over all samples
 together]: no parameter is wrong by more than this share of its standard error."""
+_CHECKED = 4
+"""Rows of a stack whose responses are compared with the full model.  Chosen by judgement."""
 _SAME_DRIVE = 4
 """From so many rows with the same drive they are a stack of their own.  Chosen by judgement."""
+_LARGEST_KEPT = 2**15
+"""Most samples of a drive whose signals are kept, which limits memory.  Chosen by judgement."""
 _LARGEST = 2**23
 """Most numbers in the signals of a stack, which limits memory.  Chosen by judgement."""
 _SIGNALS = 40
@@ -70,48 +75,48 @@ def can_compress(block: AbstractBlock) -> bool:
     return bool(single and layout_of(block).shapes and chains and all_bounded(chains))
 
 
-def can_stack(block: AbstractBlock, preparation: Preparation) -> bool:
-    """Whether a fit of a block to these recordings can be a row of a stack."""
-    alone = len(preparation.takes) == 1 and not preparation.conditions
-    return alone and can_compress(block)
+def is_alone(preparation: Preparation) -> bool:
+    """Whether a fit is to one recording without conditions, as the rows of a stack are."""
+    return len(preparation.takes) == 1 and not preparation.conditions
 
 
 def solve_rows(rows: Sequence[Row]) -> list[Solved | None]:
     """The optimum of each row; None where it has to be searched for on the full model."""
     results: list[Solved | None] = [None] * len(rows)
-    for members in _stacks(rows):
+    for members, _ in _groups([row.block for row in rows], [row.problem for row in rows]):
         some = [rows[at] for at in members]
         for at, solved in zip(members, _solve(some), strict=True):
             results[at] = solved
     return results
 
 
-def _stacks(rows: Sequence[Row]) -> Iterator[list[int]]:
-    """The indices of rows that share grid, block and number of starts, those of one drive apart."""
+def _groups(
+    blocks: Sequence[AbstractBlock], problems: Sequence[Problem]
+) -> Iterator[tuple[list[int], bool]]:
+    """The indices of rows that share grid and block, and whether all of them have one drive."""
     alike: dict[tuple, dict[bytes, list[int]]] = {}
-    keys: dict[int, tuple] = {}
-    for at, row in enumerate(rows):
-        kind = keys.setdefault(id(row.block), _kind(row.block))
-        problem, grid = row.problem, row.problem.grid
-        size = (np.size(problem.drive), len(row.preparation.takes[0].recording))
-        key = (*kind, *size, grid.history, float(grid.step), problem.own.shape, len(row.positions))
+    kinds: dict[int, tuple] = {}
+    for at, (block, problem) in enumerate(zip(blocks, problems, strict=True)):
+        if id(block) not in kinds:
+            kinds[id(block)] = _kind(block)
+        drive, grid = np.asarray(problem.drive), problem.grid
+        key = *kinds[id(block)], drive.size, problem.own.shape, grid.history, float(grid.step)
         drives = alike.setdefault(key, {})
-        drives.setdefault(np.asarray(problem.drive).tobytes(), []).append(at)
+        drives.setdefault(drive.tobytes(), []).append(at)
     for drives in alike.values():
         shared = [members for members in drives.values() if len(members) >= _SAME_DRIVE]
-        yield from shared
+        yield from ((members, True) for members in shared)
         own = [at for members in drives.values() if len(members) < _SAME_DRIVE for at in members]
-        largest = max(_LARGEST // (_SIGNALS * rows[own[0]].problem.drive.size), 1) if own else 1
-        yield from (own[at : at + largest] for at in range(0, len(own), largest))
+        largest = max(_LARGEST // (_SIGNALS * problems[own[0]].drive.size), 1) if own else 1
+        yield from ((own[at : at + largest], False) for at in range(0, len(own), largest))
 
 
 def _kind(block: AbstractBlock) -> tuple:
     """Equal for blocks of one structure, with the same bounds and fixed parameters."""
-    layout = layout_of(block)
-    size = sum(size for _, size in layout.gains)
-    middle = with_gains(with_shapes_at(block, np.full(len(layout.shapes), 0.5)), np.zeros(size))
-    leaves, structure = jax.tree_util.tree_flatten(middle)
-    return structure, b"".join(np.asarray(leaf).tobytes() for leaf in leaves)
+    fixed = []
+    for parameter in named_parameters(block).values():
+        fixed += [parameter.lower, parameter.upper, *([parameter.value] * parameter.fixed)]
+    return jax.tree_util.tree_structure(block), tuple(map(float, fixed))
 
 
 class _Signals(NamedTuple):
@@ -119,29 +124,67 @@ class _Signals(NamedTuple):
 
     Attributes:
         parts: per chain, with matrices (1, J, n) from its coefficients to factors of the signals.
-        values: (D, n, N), one for each row, or one for all.
+        values: per chain (D, n, L), one for each row, or one for all.
     """
 
     parts: tuple[Part, ...]
-    values: np.ndarray
+    values: tuple[np.ndarray, ...]
 
-    def of(self, row: int) -> np.ndarray:
-        """The signals (n, N) of a row."""
-        return self.values[row if len(self.values) > 1 else 0]
+    @property
+    def total(self) -> int:
+        """The number n of signals of all chains."""
+        return sum(of_chain.shape[1] for of_chain in self.values)
+
+    @property
+    def shared(self) -> bool:
+        """Whether all rows have the same signals."""
+        return len(self.values[0]) == 1
+
+    def of(self, row: int) -> list[np.ndarray]:
+        """Per chain, the signals (n, L) of a row."""
+        return [of_chain[0 if self.shared else row] for of_chain in self.values]
+
+    def mix(self, factors: np.ndarray) -> np.ndarray:
+        """Sums (R, k, L) of the signals of each row, by factors (R, k, n)."""
+        ends = np.cumsum([of_chain.shape[1] for of_chain in self.values])[:-1]
+        pairs = zip(np.split(factors, ends, axis=-1), self.values, strict=True)
+        mixed = (piece @ of_chain for piece, of_chain in pairs)
+        return reduce(iadd, mixed)
 
 
-def _signals(block: AbstractBlock, problems: Sequence[Problem], samples: int) -> _Signals | None:
-    """The signals of a stack; None where too many would be needed."""
+def _signals(block: AbstractBlock, problems: Sequence[Problem]) -> _Signals | None:
+    """The signals of a stack; None where too many would be needed.
+
+    Those of a drive that all rows share are kept, because the next stack may have it too.
+    """
+    drives, like = [np.asarray(problem.drive) for problem in problems], problems[0]
+    if len(drives) == 1 or not all(np.array_equal(drive, drives[0]) for drive in drives[1:]):
+        return _signals_of(block, drives, like)
+    if drives[0].size > _LARGEST_KEPT:
+        return _signals_of(block, drives[:1], like)
+    grid = like.grid.history, float(like.grid.step), like.oversampling
+    return _kept_signals(Request((*_kind(block), *grid, drives[0].tobytes()), block, like))
+
+
+@lru_cache(maxsize=4)
+def _kept_signals(request: Request) -> _Signals | None:
+    """The signals of the request's drive, kept for equal requests."""
+    problem = request.problem
+    return _signals_of(request.block, [np.asarray(problem.drive)], problem)
+
+
+def _signals_of(
+    block: AbstractBlock, drives: Sequence[np.ndarray], like: Problem
+) -> _Signals | None:
+    """The signals of drives (M,) on the grid of a problem; None where too many would be needed."""
     chains = chains_of(block)
-    assert chains is not None  # can_stack has checked it
-    drives = [np.asarray(problem.drive) for problem in problems]
-    if all(np.array_equal(drive, drives[0]) for drive in drives[1:]):
-        drives = drives[:1]
-    span = span_of_drives(chains, np.stack(drives, axis=1), problems[0], _SPANNED)
+    assert chains is not None  # can_compress has checked it
+    span = span_of_drives(chains, np.stack(drives, axis=1), like, _SPANNED)
     if span is None:
         return None
     chosen, values = span
-    return _Signals(_to_signals(chosen, values.shape[1]), values[:, :, :samples])
+    signals = _Signals((), tuple(values))
+    return signals._replace(parts=_to_signals(chosen, signals.total))
 
 
 def _to_signals(chosen: Chosen, count: int) -> tuple[Part, ...]:
@@ -152,7 +195,29 @@ def _to_signals(chosen: Chosen, count: int) -> tuple[Part, ...]:
     )
 
 
-def _triangles(problems: Sequence[Problem], signals: _Signals, samples: int) -> np.ndarray:
+def respond_rows(blocks: Sequence[AbstractBlock], problems: Sequence[Problem]) -> list[np.ndarray]:
+    """Each block's response (L,) to the drive of its problem.
+
+    Of many with one drive they are by the signals that span them all, to `_SPANNED`.
+    """
+    responses: list[np.ndarray] = [np.zeros(0)] * len(blocks)
+    for members, shared in _groups(blocks, problems):
+        some_blocks, some = [blocks[at] for at in members], [problems[at] for at in members]
+        signals = _signals(some_blocks[0], some) if shared else None
+        if signals is None:
+            some_responses = respond_all(some_blocks, some)
+        else:
+            block, drives = stacked(some_blocks), np.asarray(some[0].drive)[:, None]
+            chains = zip(signals.parts, chains_of(block) or (), strict=True)
+            factors = np.sum([part(chain, some[0].grid)[0] for part, chain in chains], axis=0)
+            mixed = signals.mix(factors[:, None])[:, 0]
+            some_responses = mixed + held(block, drives, some[0].grid)
+        for at, response in zip(members, some_responses, strict=True):
+            responses[at] = response
+    return responses
+
+
+def _triangles(problems: Sequence[Problem], signals: _Signals) -> np.ndarray:
     """The triangles (R, K, K) of whitened own terms, signals and response of each row.
 
     Rows that share drive and whitening share one QR, followed by a projection each.
@@ -161,16 +226,15 @@ def _triangles(problems: Sequence[Problem], signals: _Signals, samples: int) -> 
     groups: dict[tuple, list[int]] = {}
     for row, problem in enumerate(problems):
         filters = (np.asarray(problem.weights).tobytes(), np.asarray(problem.whitening).tobytes())
-        groups.setdefault(filters if len(signals.values) == 1 else (row,), []).append(row)
+        groups.setdefault(filters if signals.shared else (row,), []).append(row)
     first = problems[0]
-    count = first.own.shape[1] + signals.values.shape[1] + 1
+    count = first.own.shape[1] + signals.total + 1
     triangles = np.zeros((len(problems), count, count))
     for rows in groups.values():
         problem = problems[rows[0]]
-        white = whitener(problem, samples)
-        responses = [np.asarray(problems[row].response)[:samples] for row in rows]
-        terms = [np.asarray(problem.own)[:samples].T, signals.of(rows[0]), np.stack(responses)]
-        columns = white(np.concatenate(terms))
+        responses = [np.asarray(problems[row].response) for row in rows]
+        terms = [np.asarray(problem.own).T, *signals.of(rows[0]), np.stack(responses)]
+        columns = problem.whiten(np.concatenate(terms).T).T
         if len(rows) == 1:
             triangles[rows[0]] = np.triu(geqrf(columns.T, overwrite_a=1)[0][:count])
             continue
@@ -184,27 +248,13 @@ def _triangles(problems: Sequence[Problem], signals: _Signals, samples: int) -> 
     return triangles
 
 
-def whitener(problem: Problem, samples: int) -> Callable[[np.ndarray], np.ndarray]:
-    """The whitening of signals (k, N) in rows, as `Problem.whiten` does it to columns (L, k)."""
-    taps = np.asarray(problem.whitening)
-    taps, weights = taps[: 1 + np.flatnonzero(taps)[-1]], np.asarray(problem.weights)[:samples]
-
-    def white(signals: np.ndarray) -> np.ndarray:
-        if taps.size == 1:
-            return signals * (taps[0] * weights)
-        return np.asarray(lfilter(taps, 1.0, signals, axis=-1)) * weights
-
-    return white
-
-
 def _solve(rows: Sequence[Row]) -> list[Solved | None]:
     """The optimum of each row of one stack; None where it needs the full model."""
     block, problems = rows[0].block, [row.problem for row in rows]
-    samples, own = len(rows[0].preparation.takes[0].recording), problems[0].own.shape[1]
-    signals = _signals(block, problems, samples)
+    own, signals = problems[0].own.shape[1], _signals(block, problems)
     if signals is None:
         return [None] * len(rows)
-    triangles = _triangles(problems, signals, samples)
+    triangles = _triangles(problems, signals)
     columns = triangles[:, own:, own:-1].swapaxes(1, 2)  # (R, n, m)
     stack = Stack(
         tuple(Part(p.before, p.after, p.matrix @ columns) for p in signals.parts),
@@ -262,56 +312,80 @@ class _Optima(NamedTuple):
 
 
 def _confirm(rows: Sequence[Row], signals: _Signals, optima: _Optima) -> list[Solved | None]:
-    """The rows at their optima by the full model; None where the compressed problem is another."""
-    block, problems = rows[0].block, [row.problem for row in rows]
-    samples = len(rows[0].preparation.takes[0].recording)
-    blocks = [_block_at(row.block, p, g)
-              for row, p, g in zip(rows, optima.positions, optima.gains, strict=True)]  # fmt: skip
-    responses = respond_all(blocks, problems)
-    constants = _held_by_gain(block, optima.positions, problems)
+    """The rows at their optima; None where the compressed problem is another than the full one."""
+    problems = [row.problem for row in rows]
+    blocks = _blocks_at(rows[0].block, optima)
+    mixed = signals.mix(np.concatenate([optima.mixed[:, None], optima.derivative], axis=1))
+    responses, derivatives = mixed[:, 0], mixed[:, 1:]
+    constants = _held_by_gain(rows[0].block, optima.positions, problems)
+    responses += constants[:, :1] + np.sum(constants[:, 1:] * optima.gains, axis=1)[:, None]
+    derivatives[:, derivatives.shape[1] - optima.gains.shape[1] :] += constants[:, 1:, None]
+    share = _largest_error(blocks, problems, responses)
     results: list[Solved | None] = []
     for at, (row, problem) in enumerate(zip(rows, problems, strict=True)):
-        signal, white = signals.of(at), whitener(problem, samples)
-        own_terms, response = np.asarray(problem.own)[:samples].T, responses[at][:samples]
-        target, error, *white_own = white(
-            np.stack([problem.response[:samples] - response,
-                      response - optima.mixed[at] @ signal, *own_terms])
-        )  # fmt: skip
-        own, residual, basis = eliminate(np.stack(white_own, axis=1), target)
-        error = float(np.linalg.norm(error - basis @ (basis.T @ error)))
+        response, samples = responses[at], len(row.preparation.takes[0].recording)
+        own, residual, size = _beside_own(problem, problem.response - response, response)
         cost, counted = float(residual @ residual), int(np.count_nonzero(problem.weights))
         # The noise may be unknown as yet, so that the error is compared with the residual.
-        accurate = error <= _SHARE_OF_NOISE * np.sqrt(cost / counted)
+        accurate = share * size <= _SHARE_OF_NOISE * np.sqrt(cost / counted)
         if not (accurate and optima.converged[at]):
             results.append(None)
             continue
-        derivative = optima.derivative[at] @ signal
-        derivative[-constants.shape[1] :] += constants[at][:, None]
-        sensitivity = np.zeros((len(problem.response), len(derivative) + len(white_own)))
-        sensitivity[:samples] = np.concatenate([white(derivative), white_own]).T
         results.append(
             Solved(
                 preparation=row.preparation,
                 block=blocks[at],
                 own=(own,),
-                simulations=(response + own @ own_terms,),
+                simulations=((response + problem.own @ own)[:samples],),
                 cost=cost,
                 converged=True,
                 start_costs=tuple(np.maximum(optima.costs[at], cost).tolist()),
                 samples=counted,
                 evaluations=int(optima.evaluations[at]),
                 blocks=(blocks[at],),
-                whitened=(np.pad(residual, (0, len(problem.response) - samples)),),
-                free=sensitivity.shape[1],
-                derivative=sensitivity,
+                whitened=(residual,),
+                free=len(derivatives[at]) + own.size,
+                derivative=derivatives[at],
             )
         )
     return results
 
 
-def _block_at(block: AbstractBlock, position: np.ndarray, gains: np.ndarray) -> AbstractBlock:
-    """A block with its shapes at a position (n,) and its gains (g,)."""
-    return with_gains(with_shapes_at(block, position), gains)
+def _blocks_at(block: AbstractBlock, optima: _Optima) -> list[AbstractBlock]:
+    """The block at each row's optimum."""
+    layout = layout_of(block)
+    gains = {n: g[:, None] for (n, _), g in zip(layout.gains, optima.gains.T, strict=True)}
+    values = shapes_at(block, layout, optima.positions) | gains
+    shapes = {name: np.shape(p.value) for name, p in named_parameters(block).items()}
+    return [
+        set_values(block, {name: v[row].reshape(shapes[name]) for name, v in values.items()})
+        for row in range(len(optima.gains))
+    ]
+
+
+def _largest_error(
+    blocks: Sequence[AbstractBlock], problems: Sequence[Problem], responses: np.ndarray
+) -> float:
+    """The largest relative error of the responses (R, L) of some rows, by the full model."""
+    largest, some = 0.0, range(0, len(blocks), -(-len(blocks) // _CHECKED))
+    exact = respond_all([blocks[at] for at in some], [problems[at] for at in some])
+    for at, of_full_model in zip(some, exact, strict=True):
+        error = of_full_model - responses[at]
+        _, beyond, size = _beside_own(problems[at], error, responses[at])
+        largest = max(largest, float(np.linalg.norm(beyond)) / (size + 1e-300))
+    return largest
+
+
+def _beside_own(
+    problem: Problem, target: np.ndarray, other: np.ndarray
+) -> tuple[np.ndarray, np.ndarray, float]:
+    """The own terms' coefficients in a target (L,), what remains of it whitened, and the norm of
+    what remains of another signal (L,).
+    """
+    white = problem.whiten(np.stack([target, other, *problem.own.T]).T)
+    own, residual, basis = eliminate(white[:, 2:], white[:, 0])
+    remaining = white[:, 1] - basis @ (basis.T @ white[:, 1])
+    return own, residual, float(np.linalg.norm(remaining))
 
 
 def _slopes(block: AbstractBlock, positions: np.ndarray) -> np.ndarray:
@@ -324,9 +398,11 @@ def _slopes(block: AbstractBlock, positions: np.ndarray) -> np.ndarray:
 def _held_by_gain(
     block: AbstractBlock, positions: np.ndarray, problems: Sequence[Problem]
 ) -> np.ndarray:
-    """What the constant part of each row's drive adds to the derivative by each gain (R, g)."""
+    """What the constant part of each row's drive adds to the responses (R, 1 + g): with gains of
+    zero, and by each gain.
+    """
     layout, grid = layout_of(block), problems[0].grid
     drives = np.stack([np.asarray(problem.drive) for problem in problems], axis=1)
     there = set_values(block, shapes_at(block, layout, positions))
     units = [held(set_values(there, gains), drives, grid) for gains in unit_gains(layout)]
-    return np.concatenate([unit - units[0] for unit in units[1:]], axis=1)
+    return np.concatenate([units[0], *(unit - units[0] for unit in units[1:])], axis=1)

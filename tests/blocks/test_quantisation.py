@@ -10,7 +10,7 @@ from fracjax._blocks import EFFECTS, Quantisation
 from fracjax._diagnose._fitted import fitted
 from fracjax._diagnose._view import columns_of, view_of
 from fracjax._prepare import prepare
-from fracjax._prepare._setting import resolution
+from fracjax._recording import resolution
 from tests.blocks.motion import BASE, DRIVE, GRID, NAMES, PLAIN, recorded
 from tests.helpers import respond, specified
 

@@ -5,6 +5,7 @@ import pytest
 
 import fracjax as fj
 from fracjax._fit._uncertainty import _coloured, _estimate, uncertainty_of
+from fracjax._parameters import named_parameters
 from fracjax._prepare._conditions import FreeParameter
 from tests.fit.creep import CLEAN, DRIVE, SAMPLES, SIGMA, STEP, TRUE, fit, record
 from tests.helpers import by_name
@@ -75,5 +76,5 @@ def test_a_gain_is_identified_to_a_twentieth_of_the_response():
     block = fj.parse_model("creep").block
     gain = FreeParameter("k_c", "k_c", 0, None)
     for share, known in ((0.049, True), (0.051, False)):
-        found = _estimate(gain, True, (block,), 0.01, share, ("V", "um"))
+        found = _estimate(gain, True, (named_parameters(block),), 0.01, share, ("V", "um"))
         assert found.identified == known

@@ -7,7 +7,7 @@ import fracjax as fj
 from fracjax._computing import computing
 from fracjax._prepare import HistoryOption, Preparation, prepare
 from fracjax._solve import Solved, fit_blocks, simulate, solve_from
-from fracjax._solve._stack import Row, can_stack, solve_rows
+from fracjax._solve._stack import Row, can_compress, is_alone, solve_rows
 
 STEP, SAMPLES = 2e-3, 600
 SHAPES = {
@@ -51,11 +51,12 @@ def test_a_stack_ends_where_each_full_model_does(name, own):
         afresh = [solve_from([model.block], p) for p in prepared]
         for each, full, other, p in zip(together, alone, afresh, prepared, strict=True):
             assert each.stacked
-            assert each.cost == pytest.approx(full.cost, rel=1e-8)
-            assert each.cost <= other.cost * (1 + 1e-8)
+            # The stack's responses are those of its signals; a standard error is 1 in χ².
+            assert each.cost == pytest.approx(full.cost, abs=1e-3)
+            assert each.cost <= other.cost + 1e-3
             (problem,) = p.problems()
             response = simulate(each.block, problem)[:SAMPLES] + each.own[0][0]
-            np.testing.assert_allclose(each.simulations[0], response, atol=1e-9 * np.ptp(response))
+            np.testing.assert_allclose(each.simulations[0], response, atol=1e-7 * np.ptp(response))
             exact = each.sensitivity().whitened
             difference = np.linalg.norm(each.whitened_derivative() - exact, axis=0)
             assert np.all(difference < 1e-4 * np.linalg.norm(exact, axis=0))
@@ -87,7 +88,7 @@ def test_a_row_is_as_it_would_be_alone_whatever_stands_next_to_it():
         together = fit_blocks([model.block] * 7, [*prepared, *others], 4, 0)[:5]
         alone = [fit_blocks([model.block], [p], 4, 0)[0] for p in prepared]
     for one, other in zip(together, alone, strict=True):
-        assert one.cost == pytest.approx(other.cost, rel=1e-9)
+        assert one.cost == pytest.approx(other.cost, abs=1e-3)
         for name, parameter in fj.Model(other.block, "foh").parameters.items():
             value = fj.Model(one.block, "foh").parameters[name].value
             assert value == pytest.approx(parameter.value, rel=1e-4)
@@ -98,9 +99,10 @@ def test_what_needs_the_full_model_is_not_stacked():
     with computing():
         one, two, *_ = preparations(fj.parse_model("foh"), True)
         joint = Preparation((*one.takes, *two.takes), 1)
-        assert can_stack(foh, one)
-        assert not can_stack(bouc_wen, one)
-        assert not can_stack(foh, joint)
+        assert can_compress(foh)
+        assert not can_compress(bouc_wen)
+        assert is_alone(one)
+        assert not is_alone(joint)
         # From two starts each is searched for on the full model, as in `fit`.
         assert not fit_blocks([foh], [one], 2, 0)[0].stacked
 

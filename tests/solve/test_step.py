@@ -162,8 +162,8 @@ def test_a_grid_is_no_finer_than_the_error_falls(errors, grid, monkeypatch):
 
     def whitened(_, problems):
         """Such that each halving changes it by the error of the grid before."""
-        coarser = int(np.log2(problems[0].oversampling))
-        return np.array([0.0, changes[: changes.size - coarser].sum()])
+        coarser = int(np.log2(problems[0][0].oversampling))
+        return [np.array([0.0, changes[: changes.size - coarser].sum()])]
 
     monkeypatch.setattr(_numerics, "_whitened", whitened)
     monkeypatch.setattr(Solved, "whitened_derivative", lambda _: np.array([[1.0], [0.0]]))
@@ -171,7 +171,6 @@ def test_a_grid_is_no_finer_than_the_error_falls(errors, grid, monkeypatch):
         prepared = prepare([recording], noise=known, history="constant")
         prepared = prepared.with_oversampling(1)
         solved = solve_from([MODEL.with_values(LAW).block], prepared)
-        (halved,) = _numerics._halved([solved])
-        found, error = _numerics._halved_until(0.5, solved, halved)
+        ((found, error),) = _numerics._accurate_grids([solved], [0.5])
     assert found.oversampling == grid
     assert error == pytest.approx(np.nan_to_num(errors[int(np.log2(grid))], nan=np.inf))

@@ -77,7 +77,8 @@ def predict_stretches(fitted: Fitted) -> Prediction:
         inside, others = counted & (fold == k), counted & (fold != k)
         # As Jᵀr = 0, the sum over the other stretches is minus that over this one.
         rows = np.concatenate([white[others], usual])
-        scale = np.linalg.norm(rows, axis=0)
+        # A gain that only this fold determines keeps its value.
+        scale = np.linalg.norm(rows, axis=0) + 1e-300
         toward = np.concatenate([residual[others], np.zeros(len(usual))])
         step = np.linalg.lstsq(rows / scale, toward, rcond=None)[0] / scale
         error[inside] -= fitted.tangent[inside] @ step

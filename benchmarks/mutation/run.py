@@ -57,12 +57,12 @@ BUSY, WAITING = 600, 3600
 # Sample -------------------------------------------------------------------------------------------
 
 
-def sample(seed: int) -> list[Mutant]:
+def sample(seed: int, folders: Sequence[str] = FOLDERS) -> list[Mutant]:
     """One mutant of every place, in an order of chance."""
     chance = random.Random(seed)
     every = [
         ways
-        for folder in FOLDERS
+        for folder in folders
         for path in sorted((ROOT / "fracjax" / folder).glob("*.py"))
         if path.name != "_programs.py"
         for ways in places(path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8"))
@@ -90,21 +90,18 @@ class Trial:
     def tried(self, mutant: Mutant) -> tuple[str, str]:
         """What became of a mutant, `killed`, `timeout` or `survived`, and by which test."""
         tests = tests_of(mutant.file)
-        for test in tests:
-            left_out = self.failing_unharmed(test)
-            with self.mutated(mutant):
-                outcome, by = said_of(test, self.copy, "-x", without=left_out)
-            if outcome != "survived":
-                return outcome, by[0]
-        return "survived", " ".join(tests)
+        left_out = [name for test in tests for name in self.failing_unharmed(test)]
+        with self.mutated(mutant):
+            outcome, by = said_of(tests, self.copy, "-x", without=left_out)
+        return outcome, by[0] if by else " ".join(tests)
 
     def failing_unharmed(self, test: str) -> list[str]:
         """The tests of a file that fail without any mutant, and prove nothing; asked once."""
-        known = [r for r in self.table.rows() if (r["number"], r["file"]) == (UNHARMED, test)]
-        if known:
-            return known[0]["by"].split("; ") if known[0]["by"] else []
+        rows = [r for r in self.table.rows() if (r["number"], r["file"]) == (UNHARMED, test)]
+        if rows:
+            return rows[0]["by"].split("; ") if rows[0]["by"] else []
         began = time.perf_counter()
-        outcome, failing = said_of(test, self.copy)
+        outcome, failing = said_of([test], self.copy)
         outcome = "passed" if outcome == "survived" else "failing"
         add(self.table, (UNHARMED, test, "", "", ""), outcome, "; ".join(failing), began)
         return failing
@@ -121,14 +118,14 @@ class Trial:
 
 
 def said_of(
-    test: str, copy: Path, *options: str, without: Sequence[str] = ()
+    tests: Sequence[str], copy: Path, *options: str, without: Sequence[str] = ()
 ) -> tuple[str, list[str]]:
-    """What a file of tests says, and which of its tests fail."""
+    """What files of tests say, in one process, and which of their tests fail."""
     left_out = [f"--deselect={name}" for name in without]
     # The copy is the working folder, the root of pytest, and first for the tests' own processes.
     options = ("-n0", "-rfE", "--timeout=0", "-ofaulthandler_timeout=0", *options)
     child = subprocess.Popen(
-        [sys.executable, "-m", "pytest", *options, *left_out, test],
+        [sys.executable, "-m", "pytest", *options, *left_out, *tests],
         cwd=copy,
         # Wide lines, for pytest cuts them.
         env=os.environ | {"PYTHONPATH": str(copy), "COLUMNS": "400"},
@@ -144,13 +141,13 @@ def said_of(
     except subprocess.TimeoutExpired:
         os.killpg(child.pid, signal.SIGKILL)
         child.communicate()
-        return "timeout", [test]
+        return "timeout", [tests[0]]
     if child.returncode == 0:
         return "survived", []
     if child.returncode == -signal.SIGXCPU:
-        return "timeout", [test]
+        return "timeout", [tests[0]]
     if child.returncode < 0:
-        return "killed", [f"{test} (signal {-child.returncode})"]
+        return "killed", [f"signal {-child.returncode}"]
     failed = re.findall(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", said, re.MULTILINE)
     assert failed, said
     return "killed", failed
@@ -198,10 +195,11 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--mutants", type=int, default=100, help="How many, from the first.")
     parser.add_argument("--from", dest="part", help="A part of the sample instead, as 0:30.")
+    parser.add_argument("--folders", nargs="+", default=FOLDERS, choices=FOLDERS)
     parser.add_argument("--again", action="store_true", help="Repeat those that survived.")
     options = parser.parse_args()
     first, last = map(int, (options.part or f"0:{options.mutants}").split(":"))
-    keys = {key_of(number, mutant): mutant for number, mutant in enumerate(sample(options.seed))}
+    keys = {key_of(number, mutant): mutant for number, mutant in enumerate(sample(options.seed, options.folders))}
     without_torn_row(options.out)
     table = Table(options.out, COLUMNS, KEY, PACKAGES)
     known = outcomes(table)

@@ -90,21 +90,24 @@ class Trial:
     def tried(self, mutant: Mutant) -> tuple[str, str]:
         """What became of a mutant, `killed`, `timeout` or `survived`, and by which test."""
         tests = tests_of(mutant.file)
-        left_out = [name for test in tests for name in self.failing_unharmed(test)]
+        left_out = self.failing_unharmed(tests)
         with self.mutated(mutant):
             outcome, by = said_of(tests, self.copy, "-x", without=left_out)
         return outcome, by[0] if by else " ".join(tests)
 
-    def failing_unharmed(self, test: str) -> list[str]:
-        """The tests of a file that fail without any mutant, and prove nothing; asked once."""
-        rows = [r for r in self.table.rows() if (r["number"], r["file"]) == (UNHARMED, test)]
-        if rows:
-            return rows[0]["by"].split("; ") if rows[0]["by"] else []
-        began = time.perf_counter()
-        outcome, failing = said_of([test], self.copy)
-        outcome = "passed" if outcome == "survived" else "failing"
-        add(self.table, (UNHARMED, test, "", "", ""), outcome, "; ".join(failing), began)
-        return failing
+    def failing_unharmed(self, tests: Sequence[str]) -> list[str]:
+        """The tests of files that fail without any mutant, and prove nothing; each asked once."""
+        asked = {row["file"]: row for row in self.table.rows() if row["number"] == UNHARMED}
+        new = [test for test in tests if test not in asked]
+        if new:
+            began = time.perf_counter()
+            failing = said_of(new, self.copy)[1]
+            for test in new:
+                by = "; ".join(name for name in failing if name.startswith(f"{test}::"))
+                outcome = "failing" if by else "passed"
+                add(self.table, (UNHARMED, test, "", "", ""), outcome, by, began)
+            return self.failing_unharmed(tests)
+        return [name for test in tests for name in asked[test]["by"].split("; ") if name]
 
     @contextmanager
     def mutated(self, mutant: Mutant) -> Iterator[None]:

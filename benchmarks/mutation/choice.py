@@ -117,4 +117,5 @@ def tests_of(file: str) -> list[str]:
     folder = path.parent.name
     own = _FILES.get(folder, {}).get(path.stem, ())
     names = own if path.stem in _ALONE else (*own, *_FOLDERS[folder])
-    return [f"tests/{where}/test_{name}.py" for where, name in (n.split("/") for n in dict.fromkeys(names))]
+    places = (name.split("/") for name in dict.fromkeys(names))
+    return [f"tests/{where}/test_{name}.py" for where, name in places]

@@ -202,7 +202,8 @@ def main() -> None:
     parser.add_argument("--again", action="store_true", help="Repeat those that survived.")
     options = parser.parse_args()
     first, last = map(int, (options.part or f"0:{options.mutants}").split(":"))
-    keys = {key_of(number, mutant): mutant for number, mutant in enumerate(sample(options.seed, options.folders))}
+    mutants = enumerate(sample(options.seed, options.folders))
+    keys = {key_of(number, mutant): mutant for number, mutant in mutants}
     without_torn_row(options.out)
     table = Table(options.out, COLUMNS, KEY, PACKAGES)
     known = outcomes(table)

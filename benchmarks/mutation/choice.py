@@ -84,6 +84,7 @@ _FILES = {
     "_fit": {
         "_combinations": ("fit/combinations",),
         "_compare": ("fit/profile", "fit/summary"),
+        "_fit": ("fit/fit", "batch/stacks"),
         "_grade": ("fit/grade",),
         "_history": ("prepare/history", "solve/stack"),
         "_linear": ("fit/linear",),

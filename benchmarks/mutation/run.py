@@ -5,11 +5,13 @@
 A sample of the places of the core (`FOLDERS` of the package) where something can go wrong
 (`mutants.py`), each place as likely as another, in an order that the seed fixes: a longer sample
 begins with the shorter one.  Each mutant stands in a copy of the repository, against the tests of
-its file (`choice.py`), until one fails.  A run that does not end in time counts as noticed.  A test
-that fails in the unharmed copy proves nothing and is left out; the table says which.
+its file (`choice.py`), in one session (`session.py`), until one fails.  A session that does not end
+in time counts as noticed.  A test that fails in the unharmed copy proves nothing and is left out;
+the table says which.
 
 Rows are added as they are found, and a run goes on where the last one ended; `--again` repeats the
-survivors, after tests have been written for them: of two rows of one mutant the later one counts.
+survivors: of two rows of one mutant the later one counts.  So a quick run with `--nearest 2` leaves
+few to one with all tests, and survivors are tried again after tests have been written for them.
 A table belongs to one state of the package.  What is printed at the end stands in `summary.csv`
 beside it.
 
@@ -20,25 +22,20 @@ from __future__ import annotations
 
 import argparse
 import csv
-import os
 import random
-import re
-import resource
 import shutil
 import signal
-import subprocess
-import sys
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 
 from benchmarks.fitting.tables import Table
 from benchmarks.mutation.choice import tests_of
 from benchmarks.mutation.mutants import Mutant, places
+from benchmarks.mutation.session import session
 from benchmarks.versions import versions
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -50,8 +47,8 @@ COLUMNS = ("number", "file", "line", "column", "mutation", "outcome", "by", "sec
 KEY = ("number", "file", "line", "column", "mutation")
 UNHARMED = "unharmed"  # instead of a mutant's number
 PACKAGES = ("fracjax", "jax", "numpy", "scipy", "pytest")
-# Of a file of tests [s], several times what it takes unharmed: of the processor's time, for others
-# may have the machine; and of the clock's, for what waits for ever.
+# Of a session of tests [s], several times what it takes unharmed: of the time of the processor, for
+# others may have the machine; and of the clock, for what waits for ever.
 BUSY, WAITING = 600, 3600
 
 # Sample -------------------------------------------------------------------------------------------
@@ -87,9 +84,9 @@ class Trial:
             source = ROOT / name
             (shutil.copytree if source.is_dir() else shutil.copy)(source, copy / name)
 
-    def tried(self, mutant: Mutant) -> tuple[str, str]:
+    def tried(self, mutant: Mutant, nearest: int | None) -> tuple[str, str]:
         """What became of a mutant, `killed`, `timeout` or `survived`, and by which test."""
-        tests = tests_of(mutant.file)
+        tests = tests_of(mutant.file)[:nearest]
         left_out = self.failing_unharmed(tests)
         with self.mutated(mutant):
             outcome, by = said_of(tests, self.copy, "-x", without=left_out)
@@ -123,37 +120,20 @@ class Trial:
 def said_of(
     tests: Sequence[str], copy: Path, *options: str, without: Sequence[str] = ()
 ) -> tuple[str, list[str]]:
-    """What files of tests say, in one process, and which of their tests fail."""
-    left_out = [f"--deselect={name}" for name in without]
-    # The copy is the working folder, the root of pytest, and first for the tests' own processes.
-    options = ("-n0", "-rfE", "--timeout=0", "-ofaulthandler_timeout=0", *options)
-    child = subprocess.Popen(
-        [sys.executable, "-m", "pytest", *options, *left_out, *tests],
-        cwd=copy,
-        # Wide lines, for pytest cuts them.
-        env=os.environ | {"PYTHONPATH": str(copy), "COLUMNS": "400"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        errors="replace",
-        start_new_session=True,
-        preexec_fn=partial(resource.setrlimit, resource.RLIMIT_CPU, (BUSY, BUSY + 5)),
-    )
-    try:
-        said = child.communicate(timeout=WAITING)[0]
-    except subprocess.TimeoutExpired:
-        os.killpg(child.pid, signal.SIGKILL)
-        child.communicate()
-        return "timeout", [tests[0]]
-    if child.returncode == 0:
+    """What files of tests say, in one session, and which of their tests fail."""
+    options = ("-n0", "--timeout=0", "-ofaulthandler_timeout=0", *options)
+    left_out = (f"--deselect={name}" for name in without)
+    path = copy / "failures.txt"
+    status = session([*options, *left_out, *tests], copy, path, BUSY, WAITING)
+    failing = path.read_text(encoding="utf-8").splitlines()
+    if status == 0:
         return "survived", []
-    if child.returncode == -signal.SIGXCPU:
+    if status is None or status == -signal.SIGXCPU:
         return "timeout", [tests[0]]
-    if child.returncode < 0:
-        return "killed", [f"signal {-child.returncode}"]
-    failed = re.findall(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", said, re.MULTILINE)
-    assert failed, said
-    return "killed", failed
+    if status < 0:
+        return "killed", [f"signal {-status}"]
+    # A fault that fails on import is noticed before any test: in a conftest.py there is no name.
+    return "killed", failing or [f"status {status}"]
 
 
 # All of them --------------------------------------------------------------------------------------
@@ -199,6 +179,9 @@ def main() -> None:
     parser.add_argument("--mutants", type=int, default=100, help="How many, from the first.")
     parser.add_argument("--from", dest="part", help="A part of the sample instead, as 0:30.")
     parser.add_argument("--folders", nargs="+", default=FOLDERS, choices=FOLDERS)
+    parser.add_argument(
+        "--nearest", type=int, help="Files of tests for each mutant, from the first."
+    )
     parser.add_argument("--again", action="store_true", help="Repeat those that survived.")
     options = parser.parse_args()
     first, last = map(int, (options.part or f"0:{options.mutants}").split(":"))
@@ -218,7 +201,7 @@ def main() -> None:
         trial = Trial(Path(folder), table)
         for key in wanted:
             began = time.perf_counter()
-            add(table, key, *trial.tried(keys[key]), began)
+            add(table, key, *trial.tried(keys[key], options.nearest), began)
     rows = list(summary(table))
     with options.out.with_name("summary.csv").open("w", encoding="utf-8", newline="") as file:
         file.write(versions(PACKAGES))

@@ -78,6 +78,7 @@ _FILES = {
         "_lockstep": _STACK,
         "_numerics": ("solve/step", "solve/numerics", "solve/stack"),
         "_search": ("solve/starts", *_COMPRESSED),
+        "_solve": ("solve/starts",),
         "_span": _COMPRESSED,
         "_stack": _STACK,
     },

@@ -9,18 +9,26 @@ from __future__ import annotations
 
 from pathlib import PurePath
 
-_PREPARE = ("prepare/weights", "prepare/conditions", "prepare/history", "prepare/noise")
+# What every fit goes through, the tests that look closest first.
 _FITS = (
     "fit/fit",
     "fit/uncertainty",
-    "fit/combinations",
+    "prepare/weights",
+    "prepare/conditions",
+    "prepare/history",
     "fit/robust",
-    *_PREPARE[:3],
     "solve/starts",
     "solve/step",
+    "fit/combinations",
     "fit/profile",
+    "fit/summary",
 )
-_SEARCHES = ("solve/compressed", "crosscheck/crosscheck", *_FITS)
+_COMPRESSED = ("solve/compressed", "solve/stack", "solve/starts", "crosscheck/crosscheck")
+_STACK = ("solve/stack", "batch/stacks", "solve/compressed", "solve/starts", "batch/rows")
+_NOISE = ("prepare/noise_sources", "prepare/noise", "prepare/floor", *_FITS, "diagnose/diagnose")
+_CROSSCHECK = ("crosscheck/box", "crosscheck/searches", "crosscheck/crosscheck", "solve/compressed")
+_CREEP = ("frequency/creep_identification",)
+_OUSTALOUP = ("operators/definitions", "operators/responses", "blocks/laws")
 _DIAGNOSES = (
     "diagnose/selection",
     "diagnose/gram",
@@ -28,63 +36,88 @@ _DIAGNOSES = (
     "diagnose/sentence",
     "diagnose/diagnose",
 )
-_CROSSCHECK = ("crosscheck/crosscheck", "crosscheck/searches", "crosscheck/box")
-_STEPS = ("solve/least_squares", "solve/starts", *_FITS, "solve/compressed")
-_OPERATORS = ("operators/convolution_quadrature", "operators/rate", "operators/grid")
 
-# By folder, and by the files that have tests of their own.
+# By folder, and before these by the files that have tests of their own.
 _FOLDERS = {
-    "_operators": (*_OPERATORS, "operators/definitions", "operators/responses", *_FITS),
-    "_prepare": (*_PREPARE, "prepare/noise_sources", *_FITS, "diagnose/diagnose"),
-    "_solve": _STEPS,
+    "_operators": (
+        "operators/convolution_quadrature",
+        "operators/rate",
+        "operators/grid",
+        *_OUSTALOUP,
+        *_FITS[:5],
+    ),
+    "_prepare": (*_FITS, "prepare/noise"),
+    "_solve": ("solve/least_squares", *_FITS),
     "_fit": _FITS,
-    "_frequency": ("frequency/frequency_fit", "frequency/creep_identification"),
+    "_frequency": ("frequency/frequency_fit", *_CREEP),
     "_crosscheck": _CROSSCHECK,
     "_diagnose": ("diagnose/nuisance", "diagnose/places", *_DIAGNOSES),
 }
 _FILES = {
-    "_definitions": ("operators/definitions",),
-    "_oustaloup": ("operators/definitions",),
-    "_amplitude_ratios": ("frequency/creep_identification",),
-    "_bounded": _CROSSCHECK,
-    "_box": ("crosscheck/box", *_CROSSCHECK[:2], "solve/compressed"),
-    "_chains": _SEARCHES,
-    "_combinations": ("fit/combinations", "fit/fit", "fit/profile"),
-    "_compare": ("fit/profile", "fit/robust"),
-    "_compressed": _SEARCHES,
-    "_conditions": ("prepare/conditions", *_FITS),
-    "_creep_identification": ("frequency/creep_identification",),
-    "_crosscheck": _CROSSCHECK,
-    "_evolution": ("crosscheck/searches", "crosscheck/crosscheck"),
-    "_frequency_fit": ("frequency/frequency_fit", "frequency/creep_identification"),
-    "_frequency_table": ("frequency/frequency_fit", "frequency/creep_identification"),
-    "_interpolation": _SEARCHES,
-    "_layout": ("solve/compressed", *_FITS),
-    "_least_squares": ("solve/least_squares", *_SEARCHES),
-    "_noise": ("prepare/noise", "prepare/noise_sources", *_FITS, "diagnose/diagnose"),
-    "_numerics": ("solve/step", "solve/numerics", "diagnose/diagnose"),
-    "_preparation": (*_FITS, "prepare/noise", "diagnose/diagnose"),
-    "_problem": ("prepare/noise", *_FITS, "solve/compressed"),
-    "_profile": ("fit/profile",),
-    "_residuals": ("fit/residuals",),
-    "_robust": ("fit/robust", *_FITS),
-    "_search": _SEARCHES,
-    "_solve": _STEPS,
-    "_span": _SEARCHES,
-    "_spelling": ("fit/spelling", "cli/fit"),
-    "_swarm": ("crosscheck/searches", "crosscheck/crosscheck"),
-    "_colour": ("diagnose/colour", *_DIAGNOSES),
-    "_held_out": ("diagnose/held_out", *_DIAGNOSES),
-    "_nuisance": ("diagnose/nuisance", *_DIAGNOSES),
-    "_places": ("diagnose/places", *_DIAGNOSES),
-    "_sentence": ("diagnose/sentence", *_DIAGNOSES),
-    "_next_experiment": ("diagnose/next_experiment", *_DIAGNOSES),
+    "_operators": {
+        "_definitions": ("operators/definitions",),
+        "_laplace": ("operators/responses", "operators/convolution_quadrature"),
+        "_oustaloup": _OUSTALOUP,
+        "_rate": ("operators/rate",),
+    },
+    "_prepare": {
+        "_conditions": ("prepare/conditions",),
+        "_layout": ("prepare/conditions", *_COMPRESSED[:1]),
+        "_noise": _NOISE,
+        "_noise_sources": _NOISE,
+        "_noise_stretches": _NOISE[1:],
+        "_spelling": ("fit/spelling", "cli/fit"),
+        "_tone": ("prepare/floor", "prepare/noise"),
+        "_weights": ("prepare/weights",),
+    },
+    "_solve": {
+        "_chains": _COMPRESSED,
+        "_compressed": _COMPRESSED,
+        "_interpolation": _COMPRESSED,
+        "_least_squares": ("solve/least_squares",),
+        "_lockstep": _STACK,
+        "_numerics": ("solve/step", "solve/numerics", "solve/stack"),
+        "_search": ("solve/starts", *_COMPRESSED),
+        "_solve": ("solve/starts",),
+        "_span": _COMPRESSED,
+        "_stack": _STACK,
+    },
+    "_fit": {
+        "_combinations": ("fit/combinations",),
+        "_compare": ("fit/profile", "fit/summary"),
+        "_fit": ("fit/fit", "batch/stacks"),
+        "_grade": ("fit/grade",),
+        "_history": ("prepare/history", "solve/stack"),
+        "_linear": ("fit/linear",),
+        "_profile": ("fit/profile",),
+        "_residuals": ("fit/residuals",),
+        "_robust": ("fit/robust",),
+        "_rows": ("fit/summary", "batch/rows"),
+        "_settle": ("prepare/history", "prepare/noise_sources"),
+        "_uncertainty": ("fit/uncertainty",),
+        "_whiteness": ("fit/residuals",),
+    },
+    "_frequency": {"_amplitude_ratios": _CREEP, "_creep_identification": _CREEP},
+    "_diagnose": {
+        name: (f"diagnose/{test}",)
+        for name, test in (
+            ("_colour", "colour"),
+            ("_folds", "held_out"),
+            ("_places", "places"),
+            ("_sentence", "sentence"),
+            ("_next_experiment", "next_experiment"),
+        )
+    },
 }
+# A file whose own tests are all that can notice it: the others never reach it.
+_ALONE = {"_definitions", "_linear", "_grade", "_whiteness", "_spelling", "_stack"}
 
 
 def tests_of(file: str) -> list[str]:
     """The files of tests to run, in order."""
     path = PurePath(file)
-    names = _FILES.get(path.stem) or _FOLDERS[path.parent.name]
-    folders = (name.split("/") for name in dict.fromkeys(names))
-    return [f"tests/{folder}/test_{name}.py" for folder, name in folders]
+    folder = path.parent.name
+    own = _FILES.get(folder, {}).get(path.stem, ())
+    names = own if path.stem in _ALONE else (*own, *_FOLDERS[folder])
+    places = (name.split("/") for name in dict.fromkeys(names))
+    return [f"tests/{where}/test_{name}.py" for where, name in places]

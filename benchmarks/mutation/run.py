@@ -5,11 +5,13 @@
 A sample of the places of the core (`FOLDERS` of the package) where something can go wrong
 (`mutants.py`), each place as likely as another, in an order that the seed fixes: a longer sample
 begins with the shorter one.  Each mutant stands in a copy of the repository, against the tests of
-its file (`choice.py`), until one fails.  A run that does not end in time counts as noticed.  A test
-that fails in the unharmed copy proves nothing and is left out; the table says which.
+its file (`choice.py`), in one session (`session.py`), until one fails.  A session that does not end
+in time counts as noticed.  A test that fails in the unharmed copy proves nothing and is left out;
+the table says which.
 
 Rows are added as they are found, and a run goes on where the last one ended; `--again` repeats the
-survivors, after tests have been written for them: of two rows of one mutant the later one counts.
+survivors: of two rows of one mutant the later one counts.  So a quick run with `--nearest 2` leaves
+few to one with all tests, and survivors are tried again after tests have been written for them.
 A table belongs to one state of the package.  What is printed at the end stands in `summary.csv`
 beside it.
 
@@ -20,25 +22,20 @@ from __future__ import annotations
 
 import argparse
 import csv
-import os
 import random
-import re
-import resource
 import shutil
 import signal
-import subprocess
-import sys
 import tempfile
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
-from functools import partial
 from pathlib import Path
 
 from benchmarks.fitting.tables import Table
 from benchmarks.mutation.choice import tests_of
 from benchmarks.mutation.mutants import Mutant, places
+from benchmarks.mutation.session import session
 from benchmarks.versions import versions
 
 ROOT = Path(__file__).resolve().parents[2]
@@ -50,19 +47,19 @@ COLUMNS = ("number", "file", "line", "column", "mutation", "outcome", "by", "sec
 KEY = ("number", "file", "line", "column", "mutation")
 UNHARMED = "unharmed"  # instead of a mutant's number
 PACKAGES = ("fracjax", "jax", "numpy", "scipy", "pytest")
-# Of a file of tests [s], several times what it takes unharmed: of the processor's time, for others
-# may have the machine; and of the clock's, for what waits for ever.
+# Of a session of tests [s], several times what it takes unharmed: of the time of the processor, for
+# others may have the machine; and of the clock, for what waits for ever.
 BUSY, WAITING = 600, 3600
 
 # Sample -------------------------------------------------------------------------------------------
 
 
-def sample(seed: int) -> list[Mutant]:
+def sample(seed: int, folders: Sequence[str] = FOLDERS) -> list[Mutant]:
     """One mutant of every place, in an order of chance."""
     chance = random.Random(seed)
     every = [
         ways
-        for folder in FOLDERS
+        for folder in folders
         for path in sorted((ROOT / "fracjax" / folder).glob("*.py"))
         if path.name != "_programs.py"
         for ways in places(path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8"))
@@ -87,27 +84,27 @@ class Trial:
             source = ROOT / name
             (shutil.copytree if source.is_dir() else shutil.copy)(source, copy / name)
 
-    def tried(self, mutant: Mutant) -> tuple[str, str]:
+    def tried(self, mutant: Mutant, nearest: int | None) -> tuple[str, str]:
         """What became of a mutant, `killed`, `timeout` or `survived`, and by which test."""
-        tests = tests_of(mutant.file)
-        for test in tests:
-            left_out = self.failing_unharmed(test)
-            with self.mutated(mutant):
-                outcome, by = said_of(test, self.copy, "-x", without=left_out)
-            if outcome != "survived":
-                return outcome, by[0]
-        return "survived", " ".join(tests)
+        tests = tests_of(mutant.file)[:nearest]
+        left_out = self.failing_unharmed(tests)
+        with self.mutated(mutant):
+            outcome, by = said_of(tests, self.copy, "-x", without=left_out)
+        return outcome, by[0] if by else " ".join(tests)
 
-    def failing_unharmed(self, test: str) -> list[str]:
-        """The tests of a file that fail without any mutant, and prove nothing; asked once."""
-        known = [r for r in self.table.rows() if (r["number"], r["file"]) == (UNHARMED, test)]
-        if known:
-            return known[0]["by"].split("; ") if known[0]["by"] else []
-        began = time.perf_counter()
-        outcome, failing = said_of(test, self.copy)
-        outcome = "passed" if outcome == "survived" else "failing"
-        add(self.table, (UNHARMED, test, "", "", ""), outcome, "; ".join(failing), began)
-        return failing
+    def failing_unharmed(self, tests: Sequence[str]) -> list[str]:
+        """The tests of files that fail without any mutant, and prove nothing; each asked once."""
+        asked = {row["file"]: row for row in self.table.rows() if row["number"] == UNHARMED}
+        new = [test for test in tests if test not in asked]
+        if new:
+            began = time.perf_counter()
+            failing = said_of(new, self.copy)[1]
+            for test in new:
+                by = "; ".join(name for name in failing if name.startswith(f"{test}::"))
+                outcome = "failing" if by else "passed"
+                add(self.table, (UNHARMED, test, "", "", ""), outcome, by, began)
+            return self.failing_unharmed(tests)
+        return [name for test in tests for name in asked[test]["by"].split("; ") if name]
 
     @contextmanager
     def mutated(self, mutant: Mutant) -> Iterator[None]:
@@ -121,39 +118,22 @@ class Trial:
 
 
 def said_of(
-    test: str, copy: Path, *options: str, without: Sequence[str] = ()
+    tests: Sequence[str], copy: Path, *options: str, without: Sequence[str] = ()
 ) -> tuple[str, list[str]]:
-    """What a file of tests says, and which of its tests fail."""
-    left_out = [f"--deselect={name}" for name in without]
-    # The copy is the working folder, the root of pytest, and first for the tests' own processes.
-    options = ("-n0", "-rfE", "--timeout=0", "-ofaulthandler_timeout=0", *options)
-    child = subprocess.Popen(
-        [sys.executable, "-m", "pytest", *options, *left_out, test],
-        cwd=copy,
-        # Wide lines, for pytest cuts them.
-        env=os.environ | {"PYTHONPATH": str(copy), "COLUMNS": "400"},
-        stdout=subprocess.PIPE,
-        stderr=subprocess.DEVNULL,
-        text=True,
-        errors="replace",
-        start_new_session=True,
-        preexec_fn=partial(resource.setrlimit, resource.RLIMIT_CPU, (BUSY, BUSY + 5)),
-    )
-    try:
-        said = child.communicate(timeout=WAITING)[0]
-    except subprocess.TimeoutExpired:
-        os.killpg(child.pid, signal.SIGKILL)
-        child.communicate()
-        return "timeout", [test]
-    if child.returncode == 0:
+    """What files of tests say, in one session, and which of their tests fail."""
+    options = ("-n0", "--timeout=0", "-ofaulthandler_timeout=0", *options)
+    left_out = (f"--deselect={name}" for name in without)
+    path = copy / "failures.txt"
+    status = session([*options, *left_out, *tests], copy, path, BUSY, WAITING)
+    failing = path.read_text(encoding="utf-8").splitlines()
+    if status == 0:
         return "survived", []
-    if child.returncode == -signal.SIGXCPU:
-        return "timeout", [test]
-    if child.returncode < 0:
-        return "killed", [f"{test} (signal {-child.returncode})"]
-    failed = re.findall(r"^(?:FAILED|ERROR) (.+?)(?: - .*)?$", said, re.MULTILINE)
-    assert failed, said
-    return "killed", failed
+    if status is None or status == -signal.SIGXCPU:
+        return "timeout", [tests[0]]
+    if status < 0:
+        return "killed", [f"signal {-status}"]
+    # A fault that fails on import is noticed before any test: in a conftest.py there is no name.
+    return "killed", failing or [f"status {status}"]
 
 
 # All of them --------------------------------------------------------------------------------------
@@ -198,10 +178,15 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--mutants", type=int, default=100, help="How many, from the first.")
     parser.add_argument("--from", dest="part", help="A part of the sample instead, as 0:30.")
+    parser.add_argument("--folders", nargs="+", default=FOLDERS, choices=FOLDERS)
+    parser.add_argument(
+        "--nearest", type=int, help="Files of tests for each mutant, from the first."
+    )
     parser.add_argument("--again", action="store_true", help="Repeat those that survived.")
     options = parser.parse_args()
     first, last = map(int, (options.part or f"0:{options.mutants}").split(":"))
-    keys = {key_of(number, mutant): mutant for number, mutant in enumerate(sample(options.seed))}
+    mutants = enumerate(sample(options.seed, options.folders))
+    keys = {key_of(number, mutant): mutant for number, mutant in mutants}
     without_torn_row(options.out)
     table = Table(options.out, COLUMNS, KEY, PACKAGES)
     known = outcomes(table)
@@ -216,7 +201,7 @@ def main() -> None:
         trial = Trial(Path(folder), table)
         for key in wanted:
             began = time.perf_counter()
-            add(table, key, *trial.tried(keys[key]), began)
+            add(table, key, *trial.tried(keys[key], options.nearest), began)
     rows = list(summary(table))
     with options.out.with_name("summary.csv").open("w", encoding="utf-8", newline="") as file:
         file.write(versions(PACKAGES))

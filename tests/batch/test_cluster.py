@@ -113,6 +113,7 @@ def test_workers_that_lack_something_are_said_to(cluster, monkeypatch):
     assert not OUT.exists()
 
 
+@pytest.mark.slow
 def test_a_killed_worker_loses_nothing(quick_cluster):
     for k in range(60):
         save(Path(f"data/{k}.csv"), k)

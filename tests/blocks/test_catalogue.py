@@ -121,14 +121,18 @@ def test_an_entry_says_what_it_is(name):
 
 def test_site_of_insertion():
     grid = Grid(STEP, "constant")
+    plain = respond(foh, DRIVE, grid)
     for effect in EFFECTS.values():
         for block in {type(trial): trial for trial in effect.trials(FITTING)}.values():
-            after = block(foh(DRIVE, grid), grid)
-            wanted = {
-                "drive": foh(block(DRIVE, grid), grid),
-                "additive": foh(DRIVE, grid) + block(DRIVE, grid),
-            }.get(effect.site_of(block), after)
-            close(respond(effect.insert(foh, block), DRIVE, grid), wanted, 1e-10)
+            inserted = respond(effect.insert(foh, block), DRIVE, grid)
+            match effect.site_of(block):
+                case "drive":
+                    wanted = respond(foh, respond(block, DRIVE, grid), grid)
+                case "additive":
+                    wanted = plain + respond(block, DRIVE, grid)
+                case _:
+                    wanted = respond(block, plain, grid)
+            close(inserted, wanted, 1e-10)
 
 
 @pytest.mark.parametrize(

@@ -159,7 +159,7 @@ def test_vmap_over_a_parameter_is_a_loop(name):
     block, grid = BLOCKS[name], Grid(STEP, "constant")
     parameter, value = list(free_values(block).items())[-1]
     values = np.multiply.outer([0.9, 1.0, 1.07], value)
-    batch = jax.vmap(lambda v: set_values(block, {parameter: v})(DRIVE, grid))(values)
+    batch = jax.jit(jax.vmap(lambda v: set_values(block, {parameter: v})(DRIVE, grid)))(values)
     assert np.abs(batch[0] - batch[2]).max() > 0
     loop = [respond(set_values(block, {parameter: v}), DRIVE, grid) for v in values]
     close(batch, loop, 1e-10)

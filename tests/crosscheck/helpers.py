@@ -31,7 +31,7 @@ def recording() -> fj.Recording:
     return fj.Recording(drive[::OVER], clean + 1.0 + noise, STEP, source="three_tones.csv")
 
 
-def check(seed: int = 0, population: int = 40, iterations: int = 400) -> Crosscheck:
+def check(seed: int = 0, population: int = 24, iterations: int = 300) -> Crosscheck:
     return fj.crosscheck(
         fj.parse_model("foh"),
         recording(),

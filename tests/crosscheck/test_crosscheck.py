@@ -109,7 +109,7 @@ def test_every_value_keeps_its_bounds(checked):
 
 def test_evaluations_are_counted(checked):
     counts = {row.method: row.evaluations for row in checked.rows}
-    assert {count for name, count in counts.items() if name[:2] in ("PS", "DE")} == {16_000}
+    assert {count for name, count in counts.items() if name[:2] in ("PS", "DE")} == {7_200}
     assert 2 <= counts["gradient fit"] < 100
     assert 2 <= counts["bounded L-BFGS"] < 200
     assert [row.derivatives for row in checked.rows] == [True, True, False, False, False, False]

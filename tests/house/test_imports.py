@@ -7,6 +7,7 @@ import os
 import subprocess
 import sys
 from collections.abc import Iterator
+from functools import cache
 from pathlib import Path
 
 import pytest
@@ -81,6 +82,12 @@ def imports_of(path: Path) -> set[str]:
     return set(imported(source, module_of(path), path.name == "__init__.py"))
 
 
+@cache
+def imports() -> dict[str, set[str]]:
+    """Of every module."""
+    return {module_of(path): imports_of(path) for path in FILES}
+
+
 @pytest.mark.parametrize(
     ("line", "found"),
     [
@@ -110,11 +117,14 @@ def test_every_module_has_a_layer() -> None:
     assert {top_of(module) for module in MODULES} <= RANK.keys()
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_of)
-def test_imports_point_down(path: Path) -> None:
-    rank = RANK[top_of(module_of(path))]
-    upward = {name for name in imports_of(path) if RANK[top_of(name)] > rank}
-    assert not upward, f"{module_of(path)} may not import {sorted(upward)}"
+def test_imports_point_down() -> None:
+    upward = {
+        f"{module} may not import {name}"
+        for module, names in imports().items()
+        for name in names
+        if RANK[top_of(name)] > RANK[top_of(module)]
+    }
+    assert not upward
 
 
 def package_of(module: str) -> str:
@@ -122,15 +132,15 @@ def package_of(module: str) -> str:
     return ".".join(module.split(".")[:2])
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_of)
-def test_no_private_module_is_imported_from_another_package(path: Path) -> None:
-    own = package_of(module_of(path))
+def test_no_private_module_is_imported_from_another_package() -> None:
     private = {
-        name
-        for name in imports_of(path)
-        if package_of(name) != own and name.count(".") > 1 and name.rpartition(".")[2][0] == "_"
+        f"{module} may import {name} from the package only"
+        for module, names in imports().items()
+        for name in names
+        if package_of(name) != package_of(module)
+        if name.count(".") > 1 and name.rpartition(".")[2][0] == "_"
     }
-    assert not private, f"{module_of(path)} may import {sorted(private)} from the package only"
+    assert not private
 
 
 def circle_in(graph: dict[str, set[str]]) -> list[str]:
@@ -170,33 +180,31 @@ def test_circles_are_seen(graph: dict[str, set[str]], circle: list[str]) -> None
 def test_no_circle_inside_a_package(package: Path) -> None:
     """Imports for type checking count: what needs another's type needs the other."""
     files = [path for path in FILES if path.parent == package and path.name != "__init__.py"]
-    graph = {module_of(path): imports_of(path) for path in files}
+    graph = {module_of(path): imports()[module_of(path)] for path in files}
     circle = circle_in({module: names & graph.keys() for module, names in graph.items()})
     assert not circle, " ← ".join(circle)
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_of)
-def test_files_and_calls_stay_small(path: Path) -> None:
-    source = path.read_text(encoding="utf-8")
-    assert source.count("\n") <= MOST_LINES, "split it"
+def test_files_and_calls_stay_small() -> None:
+    sources = {path: path.read_text(encoding="utf-8") for path in FILES}
+    assert not [path for path, text in sources.items() if text.count("\n") > MOST_LINES], "split it"
     long = [
-        node.lineno
-        for node in ast.walk(ast.parse(source))
+        f"{path}:{node.lineno}"
+        for path, text in sources.items()
+        for node in ast.walk(ast.parse(text))
         if isinstance(node, ast.Call) and len(node.args) > MOST_POSITIONAL
     ]
-    assert not long, f"give the arguments names in lines {long}"
+    assert not long, "give the arguments names"
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_of)
-def test_readers_know_only_the_recording(path: Path) -> None:
-    if top_of(module_of(path)) == "_io":
-        assert {top_of(name) for name in imports_of(path)} <= {"_io", "_recording"}
+def test_readers_know_only_the_recording() -> None:
+    readers = [names for module, names in imports().items() if top_of(module) == "_io"]
+    assert {top_of(name) for names in readers for name in names} <= {"_io", "_recording"}
 
 
-@pytest.mark.parametrize("path", FILES, ids=module_of)
-def test_nothing_imports_the_command_line(path: Path) -> None:
-    if top_of(module_of(path)) not in ("_cli", "__main__"):
-        assert "_cli" not in {top_of(name) for name in imports_of(path)}
+def test_nothing_imports_the_command_line() -> None:
+    importing = {m for m, names in imports().items() if "_cli" in {top_of(name) for name in names}}
+    assert {top_of(module) for module in importing} <= {"_cli", "__main__"}
 
 
 def test_every_effect_is_in_the_catalogue() -> None:

@@ -46,15 +46,19 @@ def test_names_are_seen(source: str, names: set[str]) -> None:
     assert {name for name, _ in names_in(source)} == names
 
 
-@pytest.mark.parametrize("path", SOURCES, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_names_say_what_a_value_is(path: Path) -> None:
-    named = names_in(path.read_text(encoding="utf-8"))
-    assert not [pair for pair in named if pair[0].strip("_") in NO_NAMES]
-
-
-@pytest.mark.parametrize("path", TEXTS, ids=lambda path: str(path.relative_to(PACKAGE)))
-def test_texts_are_in_the_words_of_the_field(path: Path) -> None:
-    text = path.read_text(encoding="utf-8")
+def test_names_say_what_a_value_is() -> None:
     assert not [
-        (match[0], text[: match.start()].count("\n") + 1) for match in DIALECT.finditer(text)
+        f"{path}:{line} {name}"
+        for path in SOURCES
+        for name, line in names_in(path.read_text(encoding="utf-8"))
+        if name.strip("_") in NO_NAMES
+    ]
+
+
+def test_texts_are_in_the_words_of_the_field() -> None:
+    texts = {path: path.read_text(encoding="utf-8") for path in TEXTS}
+    assert not [
+        f"{path}:{text[: match.start()].count(chr(10)) + 1} {match[0]}"
+        for path, text in texts.items()
+        for match in DIALECT.finditer(text)
     ]

@@ -54,6 +54,17 @@ def test_conditions_that_make_no_sense_are_refused(options, said):
         fit(record(CLEAN), **options)
 
 
+def test_a_prior_of_several_components_is_finite_in_all():
+    means = np.zeros(12)
+    means[3] = np.nan
+    with pytest.raises(fj.InputError, match="expected finite means"):
+        fit(
+            record(CLEAN),
+            "foh + minor_loop_memory",
+            priors={"minor_loop_memory.weights": fj.Normal(means, 1.0)},
+        )
+
+
 # Ties ---------------------------------------------------------------------------------------------
 
 CASCADE = fj.Model(fj.blocks.Creep() >> fj.blocks.Creep(fixed_gain=True))

@@ -52,6 +52,17 @@ def test_of_steady_cycles_whole_periods_count_and_all_of_them():
     assert np.count_nonzero(~weighed.used) == 51
 
 
+def test_steady_cycles_that_end_within_one_are_compared_with_a_start_on_whole_ones():
+    times = np.arange(1100) * STEP
+    drive = 40 + 30 * np.sin(2 * np.pi * times / 0.4)  # 5.5 periods of 200
+    law = fj.parse_model("creep").with_values({"k_c": 0.1, "mu": 0.2})
+    steady = np.tile(fj.simulate(law, drive[:200], STEP, "periodic").response, 6)[:1100]
+    noise = SIGMA * np.random.default_rng(0).standard_normal(1100)
+    fit = fj.fit("creep", fj.Recording(drive, steady + noise, STEP), starts=1)
+    assert fit.to_dict()["assumptions"][0]["history"] == "periodic"
+    assert fit.scores.rmse == pytest.approx(SIGMA, rel=0.1)
+
+
 def one_period(history: History, seed: int = 0) -> fj.Recording:
     """FOH under ten tones of random phase, one period long, with noise."""
     generator = np.random.default_rng(seed)

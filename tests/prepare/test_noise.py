@@ -13,6 +13,7 @@ from fracjax._prepare._autoregression import autoregression, removed_power
 from fracjax._prepare._noise_sources import measured_noises, read_from_residual
 from fracjax._prepare._noise_stretches import Stretch, noise_in
 from fracjax._prepare._setting import setting_of
+from fracjax._prepare._tone import tone_in
 from fracjax._recording import Recording
 
 STEP = 2e-3
@@ -352,6 +353,17 @@ def test_a_tone_in_the_rests_is_told():
     assert found.tone is not None
     assert found.tone.frequency / STEP == pytest.approx(37.3, abs=0.5)
     assert found.tone.rms == pytest.approx(0.6 * SIGMA, rel=0.2)
+
+
+@pytest.mark.parametrize(("periods", "is_tone"), [(3, False), (12, True)])
+def test_what_turns_fewer_than_six_times_is_drift_and_no_tone(periods, is_tone):
+    line = np.sin(2 * np.pi * periods * np.arange(2000) / 2000)
+    noise = np.random.default_rng(0).standard_normal(2000)
+    assert (tone_in([noise + line], np.ones(1), 1.0, 1.0) is not None) == is_tone
+
+
+def test_where_nothing_varies_there_is_no_tone():
+    assert tone_in([np.zeros(2000)], np.ones(1), 1.0, 1.0) is None
 
 
 def test_noise_of_any_colour_holds_no_tone():

@@ -91,3 +91,11 @@ def test_a_start_that_would_overtake_the_best_is_followed(monkeypatch):
     recording = record(0)
     starts: list = ["near", "far", "idle"]
     assert _solve.solve_from(starts, prepare([recording], history="constant")) == "far"
+
+
+def test_there_are_as_many_starts_as_are_asked_for():
+    block = fj.parse_model("foh").block
+    starts = starts_of(block, 4, seed=0)
+    assert len(starts) == 4
+    assert starts[0] is block
+    assert len({float(start.alpha.value) for start in starts}) == 4  # type: ignore[attr-defined]

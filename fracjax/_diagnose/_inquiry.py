@@ -144,7 +144,7 @@ def _beside_jumps(inquiry: Inquiry) -> Inquiry:
         explained = inquiry.base.solved.cost - explanation.fitted.solved.cost
     better = jumps.worth > max(APART, explained - sum(map(judge.price, named)))
     # They are only told if they explain all: any mismatch has a few steps in it.
-    if better and jumps.left < MISFIT:
+    if better and jumps.misfit < MISFIT:
         return replace(inquiry.unnamed(), jumps=jumps)
     return inquiry
 

@@ -22,12 +22,12 @@ judgement."""
 
 class Jumps(NamedTuple):
     """The samples (k,) of all recordings at which the response jumps, by how much, in the
-    response's unit, the reduction of χ² minus its price, and χ² per sample that is left."""
+    response's unit, the reduction of χ² minus its price, and χ² per sample beside them."""
 
     samples: tuple[int, ...]
     sizes: tuple[float, ...]
     worth: float
-    left: float
+    misfit: float
 
 
 def jumps_of(view: View, tau: float) -> Jumps:

@@ -38,7 +38,7 @@ def test_jumps_are_found_at_their_samples_with_their_sizes():
     jumps = jumps_of(view_of(error), 0.0)
     assert np.abs(np.subtract(jumps.samples, (431, 902))).max() <= 3
     np.testing.assert_allclose(jumps.sizes, (3.0, -2.0), atol=0.5)
-    assert jumps.left == pytest.approx(1.0, abs=0.1)
+    assert jumps.misfit == pytest.approx(1.0, abs=0.1)
 
 
 @pytest.mark.parametrize("seed", range(8))

@@ -9,7 +9,7 @@ Source: Wilcoxon, Biometrics Bulletin 1 (1945) 80 (signed ranks).
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 from scipy.stats import wilcoxon
@@ -56,8 +56,8 @@ class Folds:
         before, after = self.squares(without), self.squares(beside)
         counts = np.array([part.size for part in self._parts])
         share = (before - after) / np.maximum(before - counts, DOUBT * counts)
-        p_value = float(wilcoxon(before, after, alternative="greater").pvalue)
-        return Gain(float(np.median(share)), p_value)
+        test: Any = wilcoxon(before, after, alternative="greater")
+        return Gain(float(np.median(share)), float(test.pvalue))
 
     def squares(self, columns: np.ndarray) -> np.ndarray:
         """The sums of squared errors of each part (STRETCHES,) with whitened columns (ΣL, k) of

@@ -43,30 +43,35 @@ def jumps_of(view: View, tau: float) -> Jumps:
         return view.fitted.whitened(((times >= samples) & (times < last)).astype(float))
 
     remaining = gram.weighted(gram.residual[:, None], tau)[:, 0]
-    price, worth = 2 * np.log(gram.count), 0.0
     chosen, earlier = np.zeros(0, dtype=int), np.zeros((ends[-1], 0))
+
+    def falls(columns: np.ndarray) -> np.ndarray:
+        """The reductions of χ² (k,) by each column beside the earlier ones."""
+        shared = gram.weighted(earlier, tau)
+        inverse, across = np.linalg.inv(earlier.T @ shared), columns.T @ shared
+        along = columns.T @ remaining - across @ (inverse @ (earlier.T @ remaining))
+        squares = np.sum(columns * gram.weighted(columns, tau), axis=0)
+        squares = squares - np.sum((across @ inverse) * across, axis=1)
+        return along**2 / np.maximum(squares, _SEEN)
+
+    price, worth = 2 * np.log(gram.count), 0.0
     # A step at the first sample is the offset.
-    grid = counted[1:][:: max(1, counted.size // _GRID)]
+    later = counted[1:]
+    grid = later[:: max(1, counted.size // _GRID)]
     while chosen.size < _MOST:
-        tried, shared = grid, gram.weighted(earlier, tau)
-        inverse = np.linalg.inv(earlier.T @ shared)
-        for _ in range(2):
-            columns = steps(tried)
-            across = columns.T @ shared
-            along = columns.T @ remaining - across @ (inverse @ (earlier.T @ remaining))
-            squares = np.sum(columns * gram.weighted(columns, tau), axis=0)
-            squares = squares - np.sum((across @ inverse) * across, axis=1)
-            falls = along**2 / np.maximum(squares, _SEEN)
-            best = int(np.argmax(falls))
-            sample, fall, column = int(tried[best]), float(falls[best]), columns[:, [best]]
-            close = np.abs(counted[1:] - sample) <= np.diff(grid).max(initial=1)
-            tried = counted[1:][close][:: max(1, int(close.sum()) // _FINER)]
-        if fall < price:
+        best = grid[np.argmax(falls(steps(grid)))]
+        close = later[np.abs(later - best) <= np.diff(grid).max(initial=1)]
+        close = close[:: max(1, close.size // _FINER)]
+        columns = steps(close)
+        each = falls(columns)
+        k = int(np.argmax(each))
+        if each[k] < price:
             break
-        chosen, worth = np.append(chosen, sample), worth + fall - price
-        earlier = np.concatenate([earlier, column], axis=1)
-    sizes = np.linalg.solve(earlier.T @ gram.weighted(earlier, tau), earlier.T @ remaining)
+        chosen, worth = np.append(chosen, close[k]), worth + float(each[k]) - price
+        earlier = np.concatenate([earlier, columns[:, [k]]], axis=1)
+    heights = np.linalg.solve(earlier.T @ gram.weighted(earlier, tau), earlier.T @ remaining)
     order = np.argsort(chosen)
-    samples, heights = tuple(chosen[order].tolist()), tuple(sizes[order].tolist())
     square = float(gram.residual @ remaining) - worth - price * chosen.size
-    return Jumps(samples, heights, worth, square / gram.count)
+    return Jumps(
+        tuple(chosen[order].tolist()), tuple(heights[order].tolist()), worth, square / gram.count
+    )

@@ -45,12 +45,21 @@ _EXAM = (
 )
 _AFTER = 7
 
+_ANEW = "concealed/marks/anew", "concealed/marks/anew_second"
+_INEXACT = "concealed/inexact/marks/sealed_first", "concealed/inexact/marks/sealed_second"
+
 _TRUST = {
-    "false alarms on nulls": "names an effect where nothing is missing",
-    "confident and wrong": "is sure of an effect that is not there",
-    "first name right, separable, visible >= .3": "names the right effect where the drive can tell",
-    "out of catalogue, not named": "names nothing where the effect is not in the catalogue",
-    "parameter in its 95 % interval": "a parameter of the effect is in its 95 % interval",
+    "physics named that is not there": (_INEXACT, "names physics that is not there"),
+    "dynamic effect first or in a set of 3, separable": (
+        _INEXACT,
+        "names what is there, or it and two others, where an oracle can",
+    ),
+    "false alarms on nulls": (_ANEW, "sees an effect where nothing is missing"),
+    "first name right, separable, visible >= .3": (
+        _ANEW,
+        "names the right effect first where the drive can tell",
+    ),
+    "confident and wrong": (_ANEW, "is sure of an effect that is not there"),
 }
 
 _ALONE = {"third_nulls": "false alarms on nulls", "outside": "out of catalogue, not named"}
@@ -127,18 +136,16 @@ def compensation() -> str:
 
 
 def trust() -> str:
-    """The five figures of the exam that matter most to a user, missed targets among them; each
-    over all runs, that of its cases alone included."""
+    """The five figures of the newest sealed runs that matter most to a user, missed targets among
+    them: first of recordings of no model's loop."""
     lines = [_line("measured", "target", "value", "cases", ""), "|---" * 5 + "|"]
-    targets = {row["measure"]: row["target"] for row in _marks(_EXAM, "grade")}
-    for name, told in _TRUST.items():
-        alone = (run for run, measure in _ALONE.items() if measure == name)
-        value, _, cases = _together(name, _marks((*_EXAM, *alone), "grade")).partition(" of ")
-        target = targets[name]
-        ends = [float(end) for end in re.findall(r"[.\d]+", target)]
-        low, high = (0, *ends) if "<=" in target else (*ends, 1)[:2]
-        verdict = "met" if low <= float(value) <= high else "**missed**"
-        lines.append(_line(told, target, value, cases, verdict))
+    for measure, (runs, told) in _TRUST.items():
+        grades = {row["measure"]: row for row in rows_of(f"{runs[-1]}/grade.csv")}
+        row = grades[measure]
+        end = float(row["target"].lstrip("<>= "))
+        met = float(row["value"]) <= end if "<" in row["target"] else float(row["value"]) >= end
+        verdict = "met" if met else "**missed**"
+        lines.append(_line(told, row["target"], row["value"], row["n"], verdict))
     return "\n".join(lines)
 
 
@@ -263,22 +270,27 @@ def proof() -> str:
 
 
 def anew() -> str:
-    """First marks of the diagnosis built anew, on cases of the exam."""
-    return _first_marks("concealed/marks/anew/grade.csv")
+    """Marks of the diagnosis built anew, on cases of the exam."""
+    return _runs(*_ANEW)
 
 
 def inexact() -> str:
-    """Its first marks where no model has the actuator's loop."""
-    return _first_marks("concealed/inexact/marks/sealed_first/grade.csv")
+    """Its marks where no model has the actuator's loop."""
+    return _runs(*_INEXACT)
 
 
-def _first_marks(path: str) -> str:
-    """A run's marks that are of any case, each with its interval."""
-    lines = [_line("measure", "target", "value", "95 % interval", "cases"), "|---" * 5 + "|"]
-    for row in rows_of(path):
+def _runs(first: str, second: str) -> str:
+    """The marks of two runs that are of any case, with the interval of the second."""
+    heads = "measure", "target", "first run", "cases", "second run", "95 % interval", "cases"
+    lines = [_line(*heads), "|---" * len(heads) + "|"]
+    before = {row["measure"]: row for row in rows_of(f"{first}/grade.csv")}
+    for row in rows_of(f"{second}/grade.csv"):
         if row["n"] not in ("", "0") and row["value"]:
             interval = f"{row['low']} to {row['high']}" if row["low"] else ""
-            lines.append(_line(row["measure"], row["target"], row["value"], interval, row["n"]))
+            earlier = before.get(row["measure"], {"value": "", "n": ""})
+            own = row["value"], interval, row["n"]
+            told = row["measure"], row["target"], earlier["value"], earlier["n"]
+            lines.append(_line(*told, *own))
     return "\n".join(lines)
 
 

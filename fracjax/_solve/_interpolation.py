@@ -221,7 +221,7 @@ class ChosenShapes(NamedTuple):
             for of_drive, drive in zip(responses, transformed.drives, strict=True):
                 for at in range(0, len(table), _AT_ONCE):
                     signals = transformed.back(table[at : at + _AT_ONCE] * drive, every)
-                    of_drive[k + at : k + at + _AT_ONCE] = signals
+                    of_drive[k + at : k + at + len(signals)] = signals
         return responses
 
     def in_coordinates(self, rows: np.ndarray) -> np.ndarray:

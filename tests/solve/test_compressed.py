@@ -18,6 +18,7 @@ from fracjax._prepare import layout_of, prepare
 from fracjax._prepare._keywords import apply_options
 from fracjax._prepare._layout import with_gains, with_shapes_at
 from fracjax._prepare._problem import AbstractProblem, Problem
+from fracjax._solve import _interpolation
 from fracjax._solve import _solve as fitting
 from fracjax._solve import compress
 from fracjax._solve._chains import chains_of, transfer
@@ -406,6 +407,18 @@ def test_coordinates_are_those_of_the_law(law, kind, error, history):
         found = chosen.coordinates(there, grid)
         combined = (rows[0] @ found + 1j * (rows[1] @ found)) * weights
         assert np.linalg.norm(combined - values) < error * np.linalg.norm(values)
+
+
+@pytest.mark.parametrize("tables", [1, 3, 7, 11])
+def test_responses_are_the_same_whatever_part_of_the_laws_a_table_holds(monkeypatch, tables):
+    drive = np.random.default_rng(0).standard_normal((400, 2)).cumsum(axis=0)
+    grid = fj.Grid(np.asarray(STEP), "constant")
+    chosen = choose_shapes(fj.blocks.LFDH(), drive, grid)
+    assert chosen is not None
+    whole = chosen.responses(drive, grid)
+    size = _interpolation.Transformed.of(drive, grid).zeta.size
+    monkeypatch.setattr(_interpolation, "_LARGEST_TABLE", tables * size)
+    np.testing.assert_array_equal(chosen.responses(drive, grid), whole)
 
 
 @pytest.mark.parametrize("history", ["rest", "constant", "periodic"])

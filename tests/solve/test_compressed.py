@@ -18,9 +18,8 @@ from fracjax._prepare import layout_of, prepare
 from fracjax._prepare._keywords import apply_options
 from fracjax._prepare._layout import with_gains, with_shapes_at
 from fracjax._prepare._problem import AbstractProblem, Problem
-from fracjax._solve import _interpolation
+from fracjax._solve import _interpolation, compress
 from fracjax._solve import _solve as fitting
-from fracjax._solve import compress
 from fracjax._solve._chains import chains_of, transfer
 from fracjax._solve._compressed import columns_at
 from fracjax._solve._interpolation import (

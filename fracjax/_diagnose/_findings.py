@@ -359,12 +359,10 @@ class Findings:
 
     @property
     def is_refuted(self) -> bool:
-        """Whether a held-out recording is clearly further from the extended model than from the
-        base: then the named effects have followed something else."""
+        """Whether held-out data are clearly further from the extended model than from the base:
+        then the named effects have followed something else."""
         before, after = self.predicted
-        if self.unseen is None or after is None:
-            return False
-        return after.rmse > REFUTED * before.rmse
+        return after is not None and after.rmse > REFUTED * before.rmse
 
     @property
     def held_out(self) -> HeldOut:

@@ -49,8 +49,9 @@ DETECTED = 5.0
 with a margin."""
 
 REFUTED = 2.0
-"""Ratio of the extended model's error on a held-out recording to the base's from which the names
-are withdrawn; chosen by judgement."""
+"""Ratio of the extended model's error on held-out data to the base's from which the names are
+withdrawn.  Of 250 development cases one right name had more, and none a wrong one; on a recording
+of an elastomer three effects that are not there had 41."""
 
 FAR = 10.0
 """The residual, over the noise, from which a loop of another shape is far from the model's, and the

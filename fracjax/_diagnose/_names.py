@@ -9,7 +9,7 @@ from functools import cache, cached_property, partial
 import numpy as np
 
 from .._blocks import EFFECTS
-from ._folds import Folds
+from ._folds import Folds, Gain
 from ._gram import Inner
 from ._selection import SIZES, Hypothesis, occam_factor
 from ._thresholds import ALIKE, APART, CHANCE, DOUBT, SECOND, SHARE, SURE
@@ -96,30 +96,26 @@ class Judge:
         """The effects that explain a sufficient share of what the loop's shape and the effects
         before them do not explain, in training and in held-out parts of the recording."""
         chosen: dict[str, float] = {}
+        rivals: dict[str, list[str]] = {}
         while len(chosen) < _MOST:
             gains = {}
             for name in self._candidates(chosen):
                 trained = self._trained(name, tuple(chosen))
                 if trained >= SHARE:
                     gain = self._folds.gain(self._columns(chosen), self._columns([*chosen, name]))
-                    gains[name] = min(trained, gain.share), gain.p_value
-            if not gains:
+                    gains[name] = Gain(min(trained, gain.share), gain.p_value)
+            best = max(gains, key=lambda name: gains[name].share, default=None)
+            predicting = [n for n, g in gains.items() if g.share >= SHARE and g.p_value <= CHANCE]
+            if best not in predicting:
                 break
-            best = max(gains, key=lambda name: gains[name][0])
-            share, p_value = gains[best]
-            if share < SHARE or p_value > CHANCE:
-                break
-            chosen[best] = 1 - p_value
-        kept = list(chosen)
-        return tuple(
-            Name(
-                name,
-                self._alike(name, [other for other in kept if other != name]),
-                probability,
-                self._share(name, kept),
-            )
-            for name, probability in chosen.items()
-        )
+            rivals[best] = predicting
+            chosen[best] = 1 - gains[best].p_value
+        names = []
+        for name, probability in chosen.items():
+            alike = self._alike(name, [other for other in chosen if other != name])
+            alike = tuple(other for other in alike if other in rivals[name])
+            names.append(Name(name, alike, probability, self._share(name, list(chosen))))
+        return tuple(names)
 
     def _candidates(self, chosen: Iterable[str]) -> list[str]:
         """The effects that may be added to those chosen."""

@@ -98,13 +98,13 @@ class Judge:
         chosen: dict[str, float] = {}
         rivals: dict[str, list[str]] = {}
         while len(chosen) < _MOST:
-            gains = {}
+            gains: dict[str, Gain] = {}
             for name in self._candidates(chosen):
                 trained = self._trained(name, tuple(chosen))
                 if trained >= SHARE:
                     gain = self._folds.gain(self._columns(chosen), self._columns([*chosen, name]))
                     gains[name] = Gain(min(trained, gain.share), gain.p_value)
-            best = max(gains, key=lambda name: gains[name].share, default=None)
+            best = max(gains, key=lambda name: gains[name].share, default="")
             predicting = [n for n, g in gains.items() if g.share >= SHARE and g.p_value <= CHANCE]
             if best not in predicting:
                 break

@@ -83,8 +83,6 @@ class Effect:
         elsewhere: the classes of blocks that are inserted at another site, with that site.
         one_sided: whether its trials have the only sign that physics allows, such as a delay, which
             is never an advance.
-        foreign: whether it follows neither the drive nor a slow trend, so that the residual of
-            another effect's model does not look like it, nor its own residual like another effect.
         special_case: the effect whose model is this one's with some parameters zero; "" if none.
         beyond: from this effect's block with the parameters that the special case was fitted with,
             further blocks to start a refit from.
@@ -101,7 +99,6 @@ class Effect:
     axes: tuple[str, ...] = field(default=("time",))
     elsewhere: Mapping[type[AbstractBlock], Site] = field(default_factory=dict)
     one_sided: bool = False
-    foreign: bool = False
     special_case: str = ""
     beyond: Callable[[Any], Sequence[AbstractBlock]] = _no_further_starts
 

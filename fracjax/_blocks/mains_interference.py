@@ -99,5 +99,4 @@ EFFECT = Effect(
     separated_by={"resonance": "a drive at other frequencies than multiples of the mains'"},
     concealed_by="nothing, unless the drive itself runs at the mains frequency",
     axes=("frequency",),
-    foreign=True,
 )

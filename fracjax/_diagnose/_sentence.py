@@ -18,8 +18,7 @@ _CLEARLY = 0.4
 """Excess of χ² per sample above which a residual without a significant effect is not called
 agreement; chosen by judgement."""
 _FAR = 2.0
-"""Ratio of the error on held-out data to the noise above which the sentence mentions it; chosen by
-judgement."""
+"""Ratio of an error to the noise above which the sentence mentions it; chosen by judgement."""
 _MOST_LISTED = 4
 """Recordings whose residual is listed at most; chosen by judgement."""
 
@@ -159,13 +158,15 @@ def _agreement(findings: Findings, recorded: str) -> str:
             "estimated from that same residual, so a mismatch cannot be excluded; record repeats "
             "or a rest."
         )
-    if findings.excess > max(findings.doubt, _CLEARLY):
+    # Coloured noise may hide a slow residual that is far above its level.
+    is_far = base.scores.rmse > _FAR * noise.sigma
+    if is_far or findings.excess > max(findings.doubt, _CLEARLY):
         return (
             f"No effect is significant in the residual of {name}, but the residual is "
             f"{base.scores.rmse:.3g} {noise.unit}, more than {floor}. Either a few samples are "
-            "outliers, or the noise has heavy tails that the short sample of it does not show: "
-            "record repeats or a longer rest, or leave out the times of the outliers (--mask)."
-            + _shown_elsewhere(held_out, noise)
+            "outliers, or the noise is slower or has heavier tails than the short sample of it "
+            "shows: record repeats or a longer rest, or leave out the times of the outliers "
+            "(--mask)." + _shown_elsewhere(held_out, noise)
         )
     hidden = max(findings.candidates, key=lambda c: c.concealment)
     limit = f"which {name} absorbs completely on such a drive"

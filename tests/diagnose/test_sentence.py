@@ -30,7 +30,7 @@ SETTING = SimpleNamespace(response_span=8.0)
 BASE: Any = SimpleNamespace(
     model=SimpleNamespace(name="foh"),
     preparation=SimpleNamespace(setting=SETTING, takes=[None]),
-    scores=SimpleNamespace(rmse=2.5),
+    scores=SimpleNamespace(rmse=1.5),
 )
 HELD_OUT = HeldOut("stretches", 0.3, 0.1, (0.3,), (0.1,), "a.csv")
 
@@ -124,9 +124,12 @@ def test_a_verdict_of_none_names_what_could_be_hidden(monkeypatch):
 
 def test_an_error_above_the_noise_is_not_called_agreement():
     assert said("none", excess=0.5).startswith(
-        "No effect is significant in the residual of foh, but the residual is 2.5 um, more than "
+        "No effect is significant in the residual of foh, but the residual is 1.5 um, more than "
         "the noise floor of 1 um (specification)."
     )
+    # Whitened it may be as the noise is, and yet be far above it.
+    far = SimpleNamespace(**{**vars(BASE), "scores": SimpleNamespace(rmse=2.1)})
+    assert "the residual is 2.1 um, more than" in said("none", base_fit=far)
 
 
 def test_what_is_missing_is_told_with_what_it_brings():

@@ -55,6 +55,7 @@ def main() -> None:
             row |= {"samples": len(recording)} | _row(fj.diagnose(model, recording))
         except fj.InputError as error:
             row |= {"verdict": "refused", "sentence": str(error)}
+        row["sentence"] = row["sentence"].replace(f"{folder}/", "")
         row["seconds"] = rounded(time.perf_counter() - began)
         rows.append(row)
         print(row, flush=True)

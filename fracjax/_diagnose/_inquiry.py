@@ -105,13 +105,14 @@ def inquire(
     progress("comparing effects, pairs and loop shapes")
     first = view_of(base, columns, small, thinned=True, most=2)
     best, seen = first.posterior.best, None
-    if first.misfit(best) > MISFIT:
+    misfits = first.misfit(best) > MISFIT
+    if misfits:
         coloured = replace(base, preparation=with_misfit_as_noise(first, best))
         seen = view_of(coloured, columns, small)
         if guessed:
             first = seen
     seen = seen or view_of(base, columns, small)
-    judge = Judge(first, seen, small)
+    judge = Judge(first, seen, small, misfits=misfits)
     # Nothing is named if the numerical error exceeds the noise.
     may_name = may_name and base.numerics <= tolerated_error(NUMERICS, base.solved, _MINOR)
     names = judge.names() if may_name else ()

@@ -34,12 +34,13 @@ class Name:
 
 class Judge:
     """Names from the posterior about a fit: `first` has the noise as it was measured, `seen` the
-    misfit as a part of it; loop shapes up to `small` count as none."""
+    misfit as a part of it; loop shapes up to `small` count as none.  A model whose loop is exact
+    leaves noise: if it `misfits`, its loop is taken to be another."""
 
-    def __init__(self, first: View, seen: View, small: float):
+    def __init__(self, first: View, seen: View, small: float, *, misfits: bool = False):
         self.first, self.seen = first, seen
         best = seen.posterior.best
-        self.is_inexact = best.tau > small
+        self.is_inexact = best.tau > small or misfits
         alone = [h for h in first.posterior.hypotheses if not h.names]
         self.alone: Hypothesis = alone[0]
         self._tau = self.alone.tau if self.is_inexact else 0.0

@@ -30,7 +30,7 @@ from ._findings import Findings
 from ._fitted import fitted
 from ._held_out import predict_recording, predict_stretches
 from ._inquiry import Clock, inquire
-from ._nearest import nearest_model
+from ._nearest import Nearest, nearest_model
 from ._next_experiment import Limits, parse_limits, propose, recorded_limits
 from ._result import Diagnosis, NextExperiment
 from ._sentence import next_experiment, sentence_of, where_of
@@ -137,12 +137,12 @@ def diagnose(
             findings = replace(findings, with_plays=False)
         if findings.is_refuted:
             findings = replace(findings, inquiry=inquiry.unnamed())
+        nearest = None
         if findings.is_far:
             rmse = findings.predicted[0].rmse
             nearest = nearest_model(model, rmse, preparation, history, predict, progress, clock)
-            findings = replace(findings, nearest=nearest)
         limits = limits or recorded_limits(listed)
-        return _concluded(findings, limits, corrected, progress, clock)
+        return _concluded(findings, nearest, limits, corrected, progress, clock)
 
 
 def held_out_take(first: Take, holdout: Recording) -> Take:
@@ -157,6 +157,7 @@ def held_out_take(first: Take, holdout: Recording) -> Take:
 
 def _concluded(
     findings: Findings,
+    nearest: Nearest | None,
     limits: Limits,
     corrected: Sequence[str],
     progress: Progress,
@@ -169,7 +170,7 @@ def _concluded(
     most_like = None if verdict == "none" else findings.inquiry.judge.most_like(named)
     return Diagnosis(
         verdict=verdict,
-        sentence=sentence_of(findings, most_like) + (_SO_FAR if clock.stopped else ""),
+        sentence=sentence_of(findings, most_like, nearest) + (_SO_FAR if clock.stopped else ""),
         base=findings.base_fit,
         extended=findings.extended_fit,
         effects=effects,

@@ -18,7 +18,6 @@ from ._fitted import Fitted, fitted
 from ._held_out import Predict, Prediction
 from ._inquiry import Inquiry
 from ._layers import Layer, path_of, wrapped, written
-from ._nearest import Nearest
 from ._places import Residual, acting_at, freedom_of, locate
 from ._refits import Explanation
 from ._result import Axis, Candidate, HeldOut, NamedEffect, Shape, Verdict
@@ -36,8 +35,7 @@ _USUAL_PLAY = 0.2
 @dataclass(frozen=True, eq=False)
 class Findings:
     """An inquiry into a model, with the held-out recording, if any, and how it is predicted;
-    `doubts` are the reasons why the recording cannot be diagnosed, and `nearest` is a model that is
-    nearer."""
+    `doubts` are the reasons why the recording cannot be diagnosed."""
 
     model: Model
     inquiry: Inquiry
@@ -45,7 +43,6 @@ class Findings:
     predict: Predict
     doubts: tuple[str, ...] = ()
     with_plays: bool = True
-    nearest: Nearest | None = None
 
     @property
     def base(self) -> Fitted:
@@ -71,9 +68,10 @@ class Findings:
 
     @property
     def is_far(self) -> bool:
-        """Whether the loop has another shape than the model's, and the residual is far above the
-        noise."""
-        return self.inquiry.is_shape and any(times > FAR for _, times in self.residuals)
+        """Whether the loop of a recording that can be diagnosed has another shape than the model's,
+        and the residual is far above the noise."""
+        far = any(times > FAR for _, times in self.residuals)
+        return far and self.inquiry.is_shape and not self.doubts
 
     @property
     def tones(self) -> list[str]:

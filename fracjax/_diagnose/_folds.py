@@ -50,10 +50,10 @@ class Folds:
         fixed = self._fixed[rows]
         return fixed.T @ fixed, fixed.T @ self._residual[rows]
 
-    def gain(self, without: np.ndarray, beside: np.ndarray) -> Gain:
-        """What the columns `beside` (ΣL, k) predict better than those `without` (ΣL, j), all
-        whitened and of unit prior sd."""
-        before, after = self.squares(without), self.squares(beside)
+    def gain(self, before: np.ndarray, columns: np.ndarray) -> Gain:
+        """What whitened columns (ΣL, k) of unit prior sd predict better than others, whose squared
+        errors (STRETCHES,) are those `before`."""
+        after = self.squares(columns)
         counts = np.array([part.size for part in self._parts])
         share = (before - after) / np.maximum(before - counts, DOUBT * counts)
         test: Any = wilcoxon(before, after, alternative="greater")

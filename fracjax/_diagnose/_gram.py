@@ -72,8 +72,9 @@ class Gram:
         self._columns = self.columns.T @ self.columns
         self._along = self.columns.T @ self.residual
         self.square = float(self.residual @ self.residual)
-        turned = self.shapes @ self._turned
-        self._shared, self._shared_residual = turned.T @ self.columns, turned.T @ self.residual
+        self._principal = self.shapes @ self._turned
+        self._shared = self._principal.T @ self.columns
+        self._shared_residual = self._principal.T @ self.residual
 
     def _beside(self, signals: np.ndarray) -> np.ndarray:
         """What the tangent does not explain of signals (L, …)."""
@@ -82,9 +83,13 @@ class Gram:
     def weighted(self, signals: np.ndarray, tau: float) -> np.ndarray:
         """Whitened signals (L, k), projected, times the inverse covariance with loop shapes of size
         τ."""
-        projected, turned = self._beside(signals), self.shapes @ self._turned
-        weights = tau**2 / (1 + tau**2 * self.values)
-        return projected - turned @ (weights[:, None] * (turned.T @ projected))
+        projected = self._beside(signals)
+        along = self._principal.T @ projected
+        return projected - self._principal @ (self._weights(tau)[:, None] * along)
+
+    def _weights(self, tau: float) -> np.ndarray:
+        """What loop shapes of size τ take of a signal along each of their principal directions."""
+        return tau**2 / (1 + tau**2 * self.values)
 
     @property
     def width(self) -> int:
@@ -93,7 +98,7 @@ class Gram:
 
     def under(self, tau: float) -> Inner:
         """Inner products with loop shapes of size τ in the covariance."""
-        weights = tau**2 / (1 + tau**2 * self.values)
+        weights = self._weights(tau)
         weighted = weights[:, None] * self._shared
         return Inner(
             self._columns - self._shared.T @ weighted,

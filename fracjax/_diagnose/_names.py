@@ -100,10 +100,11 @@ class Judge:
         rivals: dict[str, list[str]] = {}
         while len(chosen) < _MOST:
             gains: dict[str, Gain] = {}
+            before = self._folds.squares(self._columns(chosen))
             for name in self._candidates(chosen):
                 trained = self._trained(name, tuple(chosen))
                 if trained >= SHARE:
-                    gain = self._folds.gain(self._columns(chosen), self._columns([*chosen, name]))
+                    gain = self._folds.gain(before, self._columns([*chosen, name]))
                     gains[name] = Gain(min(trained, gain.share), gain.p_value)
             best = max(gains, key=lambda name: gains[name].share, default="")
             predicting = [n for n, g in gains.items() if g.share >= SHARE and g.p_value <= CHANCE]

@@ -38,16 +38,21 @@ def nearest_model(
     clock: Clock,
 ) -> Nearest | None:
     """The model that predicts held-out data best, if that is clearly better than `rmse`, the error
-    of the one that was diagnosed; None if there is none, or the time is over."""
+    of the one that was diagnosed; None if there is none, or the time is over or interrupted."""
     best = Nearest(model.name, _CLEARLY * rmse)
-    for name in _LOOPS:
-        if clock.is_over:
-            return None
-        if name == model.name:
-            continue
-        progress(f"comparing with {name}")
-        block = model_of(name, [take.recording for take in preparation.takes]).block
-        solved = settle(block, preparation, history=history, starts=_STARTS, seed=0)
-        predicted = predict(fitted([solved.block], solved.preparation)).rmse
-        best = min(best, Nearest(name, predicted), key=lambda nearest: nearest.rmse)
+    recordings = [take.recording for take in preparation.takes]
+    try:
+        for name in _LOOPS:
+            if clock.is_over:
+                return None
+            if name == model.name:
+                continue
+            progress(f"comparing with {name}")
+            block = model_of(name, recordings).block
+            solved = settle(block, preparation, history=history, starts=_STARTS, seed=0)
+            predicted = predict(fitted([solved.block], solved.preparation)).rmse
+            best = min(best, Nearest(name, predicted), key=lambda nearest: nearest.rmse)
+    except KeyboardInterrupt:
+        clock.stopped = True
+        return None
     return best if best.name != model.name else None

@@ -114,8 +114,8 @@ def grown(larger: Explanation, special: Explanation, preparation: Preparation) -
     inside, layers = _parts(special)
     (k,) = (k for k, n in enumerate(larger.names) if n not in special.names)
     effect, trial = larger.layers[k].effect, larger.layers[k].trial
-    shared = named_parameters(trial).keys() & named_parameters(layers[k].trial).keys()
     values = named_parameters(layers[k].trial)
+    shared = named_parameters(trial).keys() & values.keys()
     own = set_values(trial, {name: values[name].value for name in shared})
     starts = []
     for block in (own, *effect.beyond(own)):

@@ -13,6 +13,7 @@ from ._thresholds import SIGNIFICANCE
 
 if TYPE_CHECKING:
     from ._findings import Findings
+    from ._nearest import Nearest
 
 _CLEARLY = 0.4
 """Excess of χ² per sample above which a residual without a significant effect is not called
@@ -66,10 +67,11 @@ def _place(axis: Axis) -> str:
     return axis.axis + (f", at {stretches}{unit}" if axis.intervals else " as a whole")
 
 
-def sentence_of(findings: Findings, most_like: str | None) -> str:
+def sentence_of(findings: Findings, most_like: str | None, nearest: Nearest | None = None) -> str:
     """The diagnosis in plain words, or the reasons why the recording cannot be diagnosed.
 
-    `most_like`: the effect that is most similar to what remains without a name.
+    `most_like`: the effect that is most similar to what remains without a name; `nearest`: a model
+    that is nearer.
     """
     if findings.doubts:
         return f"{' '.join(findings.doubts)} Until then no effect is named."
@@ -87,7 +89,7 @@ def sentence_of(findings: Findings, most_like: str | None) -> str:
         like = f" {findings.jumps}" if findings.jumps else like
         return (
             f"{base.model.name} and {recorded} differ by more than the noise {place.rstrip('.')}, "
-            f"and no effect of the catalogue explains it.{shape}{like}{_nearer(findings)}"
+            f"and no effect of the catalogue explains it.{shape}{like}{_nearer(findings, nearest)}"
         )
     smaller = ""
     if most_like is not None:
@@ -95,16 +97,16 @@ def sentence_of(findings: Findings, most_like: str | None) -> str:
             f" A smaller residual remains, most similar to {most_like}, but too small to name an "
             "effect."
         )
-    return f"{_named(findings)}{shape}{_improvement(findings)}{smaller}{_nearer(findings)}"
+    return f"{_named(findings)}{shape}{_improvement(findings)}{smaller}{_nearer(findings, nearest)}"
 
 
-def _nearer(findings: Findings) -> str:
+def _nearer(findings: Findings, nearest: Nearest | None) -> str:
     """The sentence on a model that is nearer to the recording, or ""."""
-    if findings.nearest is None:
+    if nearest is None:
         return ""
-    near, own = findings.nearest, findings.held_out.base_rmse
+    own = findings.held_out.base_rmse
     return (
-        f" The model {near.name} is nearer: its error on held-out data is {near.rmse:.3g} "
+        f" The model {nearest.name} is nearer: its error on held-out data is {nearest.rmse:.3g} "
         f"{findings.noise.unit}, that of {findings.base_fit.model.name} {own:.3g}."
     )
 

@@ -163,7 +163,8 @@ def test_what_is_there_improves_most_parts_and_what_follows_a_misfit_one():
     there[:SAMPLES, 0] = hum(0.3, 1.0) / SIGMA
     # It explains most of the whole excess, and predicts nothing but that.
     follows[:SAMPLES, 0] = (bump + 0.2 * generator.standard_normal(SAMPLES)) / SIGMA
-    real, imagined = folds.gain(without, there), folds.gain(without, follows)
+    before = folds.squares(without)
+    real, imagined = folds.gain(before, there), folds.gain(before, follows)
     assert real.share > SHARE
     assert real.p_value < CHANCE
     assert imagined.share < SHARE

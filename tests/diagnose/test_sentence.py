@@ -73,7 +73,7 @@ def test_of_several_recordings_each_is_told_first_where_most_is_left():
     assert "times" not in where_of(AXES, "none", residuals=residuals)
 
 
-def said(verdict, effects=(), most_like=None, **others) -> str:
+def said(verdict, effects=(), most_like=None, nearest=None, **others) -> str:
     candidates = [
         Candidate("creep", "series", 1.0, 0.0, 0.25, 0.9, ""),
         Candidate("resonance", "series", 1.0, 0.0, 0.5, 0.3, ""),
@@ -91,11 +91,10 @@ def said(verdict, effects=(), most_like=None, **others) -> str:
         doubt=0.1,
         doubts=(),
         jumps="",
-        nearest=None,
     )
     for name, value in others.items():
         setattr(findings, name, value)
-    return sentence_of(findings, most_like)
+    return sentence_of(findings, most_like, nearest)
 
 
 def named(*confusable_with: str, name: str = "creep") -> NamedEffect:

@@ -3,6 +3,7 @@
 import numpy as np
 
 import fracjax as fj
+from fracjax._prepare import Noise
 from fracjax._recording import Recording
 
 STEP = 2e-3
@@ -20,3 +21,8 @@ def creeping(noise: np.ndarray) -> Recording:
     """A law that the model creep holds exactly, under some noise."""
     law = fj.simulate(fj.parse_model("creep"), TONE, STEP, "constant").response
     return Recording(TONE, law + noise, STEP, "V", "um")
+
+
+def white(sigma: float) -> Noise:
+    """White noise of a known size."""
+    return Noise(sigma, "um", "specification", np.ones(1), sigma)

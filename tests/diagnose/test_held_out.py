@@ -25,6 +25,7 @@ from fracjax._diagnose._thresholds import CHANCE, SHARE
 from fracjax._operators._grid import History
 from fracjax._parameters import set_values
 from fracjax._prepare import Noise, Preparation, prepare, take_of
+from tests.diagnose.helpers import white
 
 STEP, SAMPLES = 1e-3, 2000
 TIMES = STEP * np.arange(SAMPLES)
@@ -45,10 +46,6 @@ def response(drive: np.ndarray) -> np.ndarray:
     return np.asarray(fj.simulate(CREEP.with_values(values), drive, STEP, "constant").response)
 
 
-def white(sigma: float = SIGMA) -> Noise:
-    return Noise(sigma, "um", "specification", np.ones(1), sigma)
-
-
 def fit_of(
     block: Any, drive: np.ndarray, clean: np.ndarray, noise: Noise, error: np.ndarray
 ) -> Fitted:
@@ -57,7 +54,7 @@ def fit_of(
 
 
 def prepare_alone(drive: np.ndarray) -> Preparation:
-    return prepare([fj.Recording(drive, 0.1 * drive, STEP, "V", "um")], noise=white())
+    return prepare([fj.Recording(drive, 0.1 * drive, STEP, "V", "um")], noise=white(SIGMA))
 
 
 def with_effect(name: str) -> Any:
@@ -74,10 +71,10 @@ def test_lines_of_another_phase_and_size_are_read_from_the_recording_that_has_th
     error = hum(0.3, 0.05) + SIGMA * generator.standard_normal(SAMPLES)
     block = set_values(with_effect("mains_interference"), {"second.frequency": 50.0})
     base, extended = (
-        fit_of(b, DRIVE, response(DRIVE), white(), error) for b in (CREEP.block, block)
+        fit_of(b, DRIVE, response(DRIVE), white(SIGMA), error) for b in (CREEP.block, block)
     )
     other = response(OTHER) + hum(2.9, 0.08) + SIGMA * generator.standard_normal(SAMPLES)
-    take = take_of(fj.Recording(OTHER, other, STEP, "V", "um"), white(), "constant", 0)
+    take = take_of(fj.Recording(OTHER, other, STEP, "V", "um"), white(SIGMA), "constant", 0)
     assert predict_recording(extended, take).rmse == pytest.approx(SIGMA, rel=0.1)
     assert predict_recording(base, take).rmse > 4 * SIGMA
 
@@ -108,7 +105,7 @@ def test_what_the_other_stretches_say_nothing_of_stays_in_its_usual_range(seed):
     """A drift as good as straight: without the first samples nothing tells its time constant."""
     error = SIGMA * np.random.default_rng(seed).standard_normal(SAMPLES)
     clean = response(DRIVE) + 0.02 * TIMES
-    extended = fit_of(with_effect("thermal_drift"), DRIVE, clean, white(), error)
+    extended = fit_of(with_effect("thermal_drift"), DRIVE, clean, white(SIGMA), error)
     assert predict_stretches(extended).folds == pytest.approx((SIGMA,) * FOLDS, rel=0.15)
 
 
@@ -156,7 +153,7 @@ def test_what_is_there_improves_most_parts_and_what_follows_a_misfit_one():
     bump[700:780] = 20 * SIGMA
     line = hum(0.3, 2 * SIGMA)
     error = bump + line + SIGMA * generator.standard_normal(SAMPLES)
-    base = fit_of(CREEP.block, DRIVE, response(DRIVE), white(), error)
+    base = fit_of(CREEP.block, DRIVE, response(DRIVE), white(SIGMA), error)
     folds = Folds(base, np.zeros((base.error.size, 0)), base.whitened(base.error))
     without, there = np.zeros((base.error.size, 0)), np.zeros((base.error.size, 1))
     follows = there.copy()
@@ -208,7 +205,9 @@ def test_what_is_held_out_of_steady_motion_is_itself_steady_where_it_ends_as_it_
         answer = fj.simulate(CREEP.with_values({"k_c": 0.1, "mu": 0.3}), drive, STEP, history)
         return fj.Recording(drive, answer.response, STEP)
 
-    preparation = prepare([one_period([1, 2, 5], "periodic")], history="periodic", noise=white())
+    preparation = prepare(
+        [one_period([1, 2, 5], "periodic")], history="periodic", noise=white(SIGMA)
+    )
     steady = held_out_take(preparation.takes[0], one_period([1, 3, 4], "periodic"))
     begun = held_out_take(preparation.takes[0], one_period([1, 3, 4], "constant"))
     assert (steady.history, begun.history) == ("periodic", "constant")

@@ -1,11 +1,14 @@
-"""The numerical environment: double precision, threads for linear algebra, and compilation."""
+"""The numerical environment: double precision, threads for linear algebra, compilation, and a limit
+of time."""
 
 from __future__ import annotations
 
 import os
+import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import contextmanager
+from contextvars import ContextVar
 from functools import cache, wraps
 from typing import Any, TypeVar
 
@@ -21,6 +24,39 @@ _TRACED, _ARRAYS = object(), (np.ndarray, np.generic, jax.Array)
 _QUICKER = {"xla_cpu_use_fusion_emitters": False}
 """Selects XLA's older loop emitter: programs run as fast and compile in two thirds of the time
 (96 programs of all blocks: 10.2 s instead of 15.1 s)."""
+
+
+class Clock:
+    """The time that a computation may take; `stopped` once it is over or the user interrupts."""
+
+    def __init__(self, seconds: float):
+        self._end = time.monotonic() + seconds
+        self.stopped = False
+
+    @property
+    def is_over(self) -> bool:
+        """Whether nothing further may start."""
+        self.stopped = self.stopped or time.monotonic() > self._end
+        return self.stopped
+
+
+_clock: ContextVar[Clock | None] = ContextVar("clock", default=None)
+
+
+@contextmanager
+def within(clock: Clock) -> Iterator[None]:
+    """A context in which fits end, not converged, where they are once the clock's time is over."""
+    token = _clock.set(clock)
+    try:
+        yield
+    finally:
+        _clock.reset(token)
+
+
+def time_is_over() -> bool:
+    """Whether the time of the clock that this runs `within` is over."""
+    clock = _clock.get()
+    return clock is not None and clock.is_over
 
 
 @contextmanager

@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 
 from .._blocks import BoucWen, PrandtlIshlinskii
-from .._computing import computing
+from .._computing import Clock, computing, within
 from .._fit import settle
 from .._models import Model
 from .._prepare import (
@@ -29,15 +29,15 @@ from ._drive import shortened, thinned, unrounded, without_spikes, wrong_way
 from ._findings import Findings
 from ._fitted import fitted
 from ._held_out import predict_recording, predict_stretches
-from ._inquiry import Clock, inquire
+from ._inquiry import inquire
 from ._nearest import Nearest, nearest_model
 from ._next_experiment import Limits, parse_limits, propose, recorded_limits
 from ._result import Diagnosis, NextExperiment
 from ._sentence import next_experiment, sentence_of, where_of
 
 _SO_FAR = (
-    " This is the verdict so far: the time was over, or it was interrupted, before all refits were "
-    "made."
+    " This is the verdict so far: the time was over, or it was interrupted, before all fits had "
+    "ended."
 )
 _STARTS = 8
 """Starts of the base fit; chosen by judgement."""
@@ -82,8 +82,8 @@ def diagnose(
             except `holdout` and `repeat`.
         seed: of the random starts, a whole number ≥ 0.
         progress: is called with a text at every step.
-        max_time: after this time [s], or an interruption, no further refit starts, and the
-            diagnosis is marked as not `complete`.
+        max_time: after this time [s], or an interruption, fits end where they are, none starts, and
+            the diagnosis is marked as not `complete`.
 
     Returns:
         The diagnosis; its results state their units.
@@ -111,7 +111,7 @@ def diagnose(
         pairs = [correct(recording) for recording in listed]
         listed = [recording for recording, _ in pairs]
         corrected += [warning for _, warning in pairs if warning]
-    with computing():
+    with computing(), within(clock):
         progress("estimating the noise floor")
         preparation = prepare(
             listed,
@@ -131,7 +131,9 @@ def diagnose(
         # A model with rates of its own may lead its drive; one without follows with odd parameters.
         follows = not (base.displaced and isinstance(model.block, BoucWen | PrandtlIshlinskii))
         doubts = [text for text in (wrong_way(r, follows=follows) for r in listed) if text]
-        inquiry = inquire(base, model.block, progress, clock, may_name=not doubts)
+        # The misfit of a fit that had to end early is not that of its model.
+        may_name = not doubts and not clock.is_over
+        inquiry = inquire(base, model.block, progress, clock, may_name=may_name)
         findings = Findings(model, inquiry, unseen, predict, tuple(doubts))
         if findings.plays_predict_worse:
             findings = replace(findings, with_plays=False)

@@ -9,15 +9,19 @@ from functools import cached_property
 import numpy as np
 
 from .._blocks import AbstractBlock
+from .._computing import time_is_over
 from .._parameters import Parameter, named_parameters
 from .._prepare import Preparation, Problem, layout_of
-from .._solve import Solved, orthonormal_basis, simulate, solve_from
+from .._solve import Solved, orthonormal_basis, simulate, solve_from, tolerated_error
 
 _FINEST, _MOST_SAMPLES = 32, 2**18
 """The finest oversampling, and the longest recording on that grid; chosen by judgement."""
 _RENEWALS, _ENOUGH, _TOLERATED = 2, 0.25, 1.0
 """How often the fit is renewed on one grid, the change of the correction, in noise units, below
 which it is not, and that below which the grid is kept; chosen by judgement."""
+_OF_MISFIT = 0.01
+"""The change that is accepted, over the residual's norm beyond the noise, if that is more; chosen
+by judgement."""
 
 
 class Shaped(Problem):
@@ -138,8 +142,8 @@ def fitted(
 ) -> Fitted:
     """Fit from the starts on the coarse grid; the change of the simulation by a fine grid is
     subtracted from the responses and the fit renewed, until the change is constant within the
-    noise.  If renewals do not achieve that, the grid is refined.  A fit whose χ² stays above
-    `hopeless` is left there.
+    noise, or within a small share of the misfit.  If renewals do not achieve that, the grid is
+    refined.  A fit whose χ² stays above `hopeless` is left there.
 
     Source: Stetter, Numer. Math. 29 (1978) 425 (defect correction).
     """
@@ -154,13 +158,17 @@ def fitted(
         coarse = replace(coarse, defects=preparation.defects)
     solved = solve_from(list(starts), coarse, hopeless)
     exact, coarse, change = _renewed(solved, coarse, finest)
-    while change > _ENOUGH and solved.cost <= hopeless:
+
+    def settles(limit: float) -> bool:
+        return change <= tolerated_error(limit, solved, _OF_MISFIT) or time_is_over()
+
+    while not settles(_ENOUGH) and solved.cost <= hopeless:
         for _ in range(_RENEWALS):
             solved = solve_from([solved.block], coarse)
             exact, coarse, change = _renewed(solved, coarse, finest)
-            if change <= _ENOUGH:
+            if settles(_ENOUGH):
                 break
-        if change <= _TOLERATED or 2 * coarse.oversampling > finest:
+        if settles(_TOLERATED) or 2 * coarse.oversampling > finest:
             break
         # The grid is too coarse for its own Jacobian, such as with a mode that rings.
         coarse = replace(coarse, oversampling=2 * coarse.oversampling, defects=nothing)

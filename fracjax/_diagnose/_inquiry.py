@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from .._blocks import EFFECTS, AbstractBlock
+from .._computing import Clock
 from .._prepare import Preparation
 from .._solve import Progress, tolerated_error
 from ._fitted import Fitted
@@ -34,20 +34,6 @@ _HOPELESS = 10.0
 above which it goes no further; chosen by judgement."""
 _SMALL = 1.0
 """The size of loop shapes that counts as none, in innovations of the noise; chosen by judgement."""
-
-
-class Clock:
-    """The time that a diagnosis may take; `stopped` once it is over or the user interrupts."""
-
-    def __init__(self, seconds: float):
-        self._end = time.monotonic() + seconds
-        self.stopped = False
-
-    @property
-    def is_over(self) -> bool:
-        """Whether no further refit may start."""
-        self.stopped = self.stopped or time.monotonic() > self._end
-        return self.stopped
 
 
 @dataclass(frozen=True, eq=False)

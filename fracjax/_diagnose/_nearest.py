@@ -4,13 +4,13 @@ from __future__ import annotations
 
 from typing import NamedTuple
 
+from .._computing import Clock
 from .._fit import settle
 from .._models import Model
 from .._prepare import HistoryOption, Preparation, model_of
 from .._solve import Progress
 from ._fitted import fitted
 from ._held_out import Predict
-from ._inquiry import Clock
 
 _LOOPS = ("prandtl_ishlinskii", "bouc_wen", "foh", "lfdh")
 """The models of a loop that are compared, from a sum of plays to a fractional derivative."""

@@ -9,7 +9,7 @@ import jax
 import numpy as np
 
 from .._blocks import AbstractBlock
-from .._computing import map_in_threads
+from .._computing import map_in_threads, time_is_over
 from .._parameters import named_parameters, set_values
 from .._prepare import Preparation, Problem, layout_of, position_of
 from ._least_squares import Descent, Objective, begin, descend, simulate
@@ -72,7 +72,7 @@ def solve_from(
         for k, descent in zip(which, continued, strict=True):
             decreases[k], descents[k] = descents[k].cost - descent.cost, descent
 
-    half = descents[: -(-len(starts) // 2)]
+    half = [] if time_is_over() else descents[: -(-len(starts) // 2)]
     continue_descents([k for k, d in enumerate(half) if not d.converged and d.cost <= hopeless])
     for _ in range(_ROUNDS):
         costs = np.array([d.cost for d in descents])
@@ -80,7 +80,7 @@ def solve_from(
         leading = [] if best.converged else np.argsort(costs)[:2]
         overtaking = np.flatnonzero((decreases > 0) & (costs - decreases < best.cost))
         unfinished = [k for k in {*leading, *overtaking} if not descents[k].converged]
-        if not unfinished or not best.cost <= hopeless:
+        if not unfinished or not best.cost <= hopeless or time_is_over():
             break
         continue_descents(unfinished)
         least = int(np.argmin([d.cost for d in descents]))

@@ -8,7 +8,11 @@ import pytest
 
 import fracjax as fj
 from benchmarks.concealed.cases import make_case
-from fracjax._diagnose._inquiry import Clock
+from fracjax._computing import Clock, computing, within
+from fracjax._diagnose._fitted import fitted
+from fracjax._diagnose._inquiry import inquire
+from fracjax._fit import settle
+from fracjax._prepare import prepare
 from fracjax._recording import InputError, Recording
 from tests.diagnose.helpers import recording_of
 
@@ -129,16 +133,30 @@ def test_what_is_written_follows_the_schema(concealed, null, plays, tmp_path: Pa
             assert len(axis["edges"]) == len(axis["strength"]) + 1
 
 
-def test_no_refit_is_begun_when_the_time_is_over():
-    clock = Clock(1e-9)
-    assert clock.is_over
-    assert clock.stopped
-    assert not Clock(60.0).is_over
+def test_nothing_is_named_when_the_time_is_over_before_the_base_fit_ends():
     case = make_case("foh", "electrostriction", "bursts", level=3.0)
     diagnosis = fj.diagnose("foh", recording_of(case), max_time=1e-3)
     assert not diagnosis.complete
     assert "This is the verdict so far" in diagnosis.sentence
-    assert "electrostriction" in {e.name for e in diagnosis.effects}
+    assert diagnosis.effects == ()
+
+
+def test_when_the_time_is_over_names_come_from_the_columns_and_no_rival_is_refitted():
+    recording = recording_of(make_case("foh", "electrostriction", "bursts", level=3.0))
+    clock, refits = Clock(60.0), []
+
+    def progress(text: str) -> None:
+        clock.stopped = clock.stopped or text.startswith("comparing")
+        refits.extend([text] if text.startswith("refitting") else [])
+
+    model = fj.parse_model("foh")
+    with computing(), within(clock):
+        preparation = prepare([recording])
+        solved = settle(model.block, preparation, history=None, starts=4, seed=0)
+        base = fitted([solved.block], solved.preparation)
+        inquiry = inquire(base, model.block, progress, clock, may_name=True)
+    assert [name.effect for name in inquiry.names] == ["electrostriction"]
+    assert refits == ["refitting with electrostriction"]
 
 
 def test_a_time_of_none_is_refused(null):

@@ -3,8 +3,8 @@
 import numpy as np
 
 import fracjax as fj
+from fracjax._computing import Clock
 from fracjax._diagnose._held_out import predict_stretches
-from fracjax._diagnose._inquiry import Clock
 from fracjax._diagnose._nearest import nearest_model
 from fracjax._prepare import prepare
 from tests.diagnose.helpers import TONE, creeping, white

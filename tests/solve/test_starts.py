@@ -9,6 +9,7 @@ import jax.numpy as jnp
 import numpy as np
 
 import fracjax as fj
+from fracjax._computing import Clock, within
 from fracjax._prepare import prepare
 from fracjax._solve import _solve, solve_from
 from fracjax._solve._solve import starts_of
@@ -49,6 +50,19 @@ def test_starts_side_by_side_end_where_they_end_one_after_the_other(monkeypatch)
             found[cores] = solve_from(starts_of(block, 6, 0), preparation)
     assert found[1].start_costs == found[4].start_costs
     np.testing.assert_array_equal(found[1].simulations[0], found[4].simulations[0])
+
+
+def test_a_search_ends_where_it_is_when_the_time_is_over():
+    block = fj.parse_model("foh >> creep").block
+    preparation = prepare([record(0)], noise=KNOWN, history="constant")
+    with jax.enable_x64(True):
+        whole = solve_from(starts_of(block, 4, 0), preparation)
+        with within(Clock(1e-9)):
+            ended = solve_from(starts_of(block, 4, 0), preparation)
+    assert whole.converged
+    assert not ended.converged
+    assert ended.evaluations < whole.evaluations
+    assert np.isfinite(ended.cost)
 
 
 def test_starts_that_come_to_one_place_go_on_as_one():

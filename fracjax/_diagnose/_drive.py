@@ -154,6 +154,7 @@ def wrong_way(recording: Recording, *, follows: bool) -> str:
     if lead and not follows:
         return (
             f"{recording.source}: the response leads the drive by {lead:.2g} degrees, and its loop "
-            "runs the wrong way: the channels are skewed in time or swapped; correct that first."
+            "runs the wrong way: the channels are skewed in time or swapped; correct that first. A "
+            "force leads the motion that it causes: take the force as the drive."
         )
     return ""

@@ -156,7 +156,8 @@ def _leading(recording: Sampled) -> str | None:
     return (
         "The response leads the drive: their loop runs the wrong way round, by "
         f"{100 * area / spans:.2g} % of its box. The channels are skewed in time, or drive and "
-        "response are swapped: check their clocks, --input and --output."
+        "response are swapped: check their clocks, --input and --output. A force leads the motion "
+        "that it causes: take the force as the drive."
     )
 
 

@@ -12,7 +12,6 @@ from scipy.stats import norm
 from .._blocks import AbstractBlock
 from .._fit import Estimate, Fit, fit_of
 from .._models import Model
-from .._parameters import named_parameters
 from .._prepare import Conditions, Noise, Normal, Preparation, Take
 from ._fitted import Fitted, fitted
 from ._held_out import Predict, Prediction
@@ -150,16 +149,16 @@ class Findings:
         if self._has_plays:
             inside = [layer for layer in self.layers if layer.effect.name == _MEMORY]
             start = _inserted(self.base.solved.block, explanation, inside[0])
-            return fitted([start], self._with_usual_plays(start))
+            return fitted([start], self._with_usual_plays())
         return fitted([block], self.base.preparation)
 
-    def _with_usual_plays(self, block: AbstractBlock) -> Preparation:
+    def _with_usual_plays(self) -> Preparation:
         """The preparation with a prior for the plays' weights, since a drive hardly distinguishes
         neighbouring thresholds."""
         setting = self.base.preparation.setting
-        (name,) = (n for n in named_parameters(block) if n.endswith("weights"))
         usual = Normal(0.0, _USUAL_PLAY * setting.response_span / setting.drive_span)
-        return replace(self.base.preparation, conditions=Conditions(priors={name: usual}))
+        priors = {f"{path_of(self.layers, 0)}weights": usual}
+        return replace(self.base.preparation, conditions=Conditions(priors=priors))
 
     @cached_property
     def layers(self) -> tuple[Layer, ...]:

@@ -133,6 +133,18 @@ def test_what_is_written_follows_the_schema(concealed, null, plays, tmp_path: Pa
             assert len(axis["edges"]) == len(axis["strength"]) + 1
 
 
+def test_a_sum_of_plays_may_be_the_model_whose_loop_has_another_shape():
+    """Its own weights and those of the plays beside it are kept apart."""
+    law = fj.parse_model("bouc_wen").with_values({"k_u": 0.1, "rho": 0.05, "sigma": 2.0, "n": 2.0})
+    drive = TONE * (1 - 0.5 * TIMES / TIMES[-1])
+    noise = 0.002 * np.random.default_rng(0).standard_normal(drive.size)
+    response = fj.simulate(law, drive, STEP).response + noise
+    recording = Recording(drive, response, STEP, "V", "um")
+    diagnosis = fj.diagnose("prandtl_ishlinskii", recording)
+    assert [e.name for e in diagnosis.effects] == ["hysteresis_shape"]
+    assert "The model bouc_wen is nearer" in diagnosis.sentence
+
+
 def test_nothing_is_named_when_the_time_is_over_before_the_base_fit_ends():
     case = make_case("foh", "electrostriction", "bursts", level=3.0)
     diagnosis = fj.diagnose("foh", recording_of(case), max_time=1e-3)

@@ -142,7 +142,7 @@ def test_a_sum_of_plays_may_be_the_model_whose_loop_has_another_shape():
     recording = Recording(drive, response, STEP, "V", "um")
     diagnosis = fj.diagnose("prandtl_ishlinskii", recording)
     assert [e.name for e in diagnosis.effects] == ["hysteresis_shape"]
-    assert "The model bouc_wen is nearer" in diagnosis.sentence
+    assert "shape differs from that of prandtl_ishlinskii" in diagnosis.sentence
 
 
 def test_nothing_is_named_when_the_time_is_over_before_the_base_fit_ends():

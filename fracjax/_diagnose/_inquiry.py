@@ -29,7 +29,7 @@ judgement."""
 _HALF = 0.5
 """The share of the excess that an effect must explain to be refitted without loop shapes; chosen by
 judgement."""
-_HOPELESS = 10.0
+_HOPELESS = 3.0
 """χ² of a refit without loop shapes after its first steps, over that of the likeliest hypothesis,
 above which it goes no further; chosen by judgement."""
 _SMALL = 1.0

@@ -69,12 +69,12 @@ class Corrected(Preparation):
 
 @dataclass(frozen=True, eq=False)
 class Fitted:
-    """A block at its optimum, the preparation that it was fitted under, and the error (ΣL,) of the
-    finest grid, in the response's unit."""
+    """A block at its optimum, the preparation that it was fitted under, and the oversampling of the
+    finest grid."""
 
     solved: Solved
     preparation: Corrected
-    finest_error: np.ndarray
+    finest: int
 
     @property
     def problems(self) -> tuple[Problem, ...]:
@@ -124,13 +124,15 @@ class Fitted:
         pairs = zip(self.problems, parts, strict=True)
         return np.concatenate([Problem.whiten(problem, part) for problem, part in pairs])
 
-    @property
+    @cached_property
     def numerics(self) -> float:
         """√λ_num: the finest grid's error minus what the fit can absorb, in noise units."""
-        error, basis = (
-            self.whitened(self.finest_error),
-            orthonormal_basis(self.whitened(self.tangent)),
+        coarser = max(self.finest // 2, self.preparation.oversampling)
+        fine, half = (
+            np.concatenate(_simulated(self.solved, self.preparation, grid))
+            for grid in (self.finest, coarser)
         )
+        error, basis = self.whitened(fine - half), orthonormal_basis(self.whitened(self.tangent))
         return float(np.linalg.norm(error - basis @ (basis.T @ error)))
 
 
@@ -157,15 +159,17 @@ def fitted(
     if isinstance(preparation, Corrected):
         coarse = replace(coarse, defects=preparation.defects)
     solved = solve_from(list(starts), coarse, hopeless)
-    exact, coarse, change = _renewed(solved, coarse, finest)
+    if solved.cost > hopeless:
+        return Fitted(solved, coarse, finest)
+    coarse, change = _renewed(solved, coarse, finest)
 
     def settles(limit: float) -> bool:
         return change <= tolerated_error(limit, solved, _OF_MISFIT) or time_is_over()
 
-    while not settles(_ENOUGH) and solved.cost <= hopeless:
+    while not settles(_ENOUGH):
         for _ in range(_RENEWALS):
             solved = solve_from([solved.block], coarse)
-            exact, coarse, change = _renewed(solved, coarse, finest)
+            coarse, change = _renewed(solved, coarse, finest)
             if settles(_ENOUGH):
                 break
         if settles(_TOLERATED) or 2 * coarse.oversampling > finest:
@@ -173,17 +177,13 @@ def fitted(
         # The grid is too coarse for its own Jacobian, such as with a mode that rings.
         coarse = replace(coarse, oversampling=2 * coarse.oversampling, defects=nothing)
         solved = solve_from([solved.block, *starts], coarse)
-        exact, coarse, change = _renewed(solved, coarse, finest)
-    between = _simulated(solved, coarse, max(finest // 2, coarse.oversampling))
-    finest_error = np.concatenate([a - b for a, b in zip(exact, between, strict=True)])
-    return Fitted(solved, coarse, finest_error)
+        coarse, change = _renewed(solved, coarse, finest)
+    return Fitted(solved, coarse, finest)
 
 
-def _renewed(
-    solved: Solved, coarse: Corrected, finest: int
-) -> tuple[list[np.ndarray], Corrected, float]:
-    """Simulations (L,) on the finest grid, the preparation with their defects, and the change of
-    these, in noise units."""
+def _renewed(solved: Solved, coarse: Corrected, finest: int) -> tuple[Corrected, float]:
+    """The preparation with the defects of simulations on the coarse grid, and their change, in
+    noise units."""
     exact, problems = _simulated(solved, coarse, finest), coarse.problems()
     defects = [
         fine - simulate(block, problem)
@@ -193,7 +193,7 @@ def _renewed(
         p.whiten(new - old) for p, new, old in zip(problems, defects, coarse.defects, strict=True)
     ]
     change = float(np.linalg.norm(np.concatenate(changes)))
-    return exact, replace(coarse, defects=tuple(defects)), change
+    return replace(coarse, defects=tuple(defects)), change
 
 
 def _simulated(solved: Solved, preparation: Preparation, oversampling: int) -> list[np.ndarray]:

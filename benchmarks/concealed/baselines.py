@@ -121,7 +121,7 @@ def seen_of(recording: fj.Recording, base: str) -> Seen:
         white = found.whitened(signals)
         return white - np.multiply.outer(constant, constant @ white)
 
-    view = view_of(found, columns_of(found), np.inf, most=1)
+    view = view_of(found, columns_of(found), np.inf)
     columns: dict[str, list[np.ndarray]] = {}
     for group in view.columns.groups:
         columns.setdefault(group.effect.name, []).append(unit(projected(group.columns).T))

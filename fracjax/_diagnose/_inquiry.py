@@ -89,15 +89,14 @@ def inquire(
     small = _SMALL * float(innovation) / base.preparation.setting.response_span
     columns = columns_of(base)
     progress("comparing effects, pairs and loop shapes")
-    first = view_of(base, columns, small, thinned=True, most=2)
-    best, seen = first.posterior.best, None
+    first = seen = view_of(base, columns, small)
+    best = first.posterior.best
     misfits = first.misfit(best) > MISFIT
     if misfits:
         coloured = replace(base, preparation=with_misfit_as_noise(first, best))
         seen = view_of(coloured, columns, small)
         if guessed:
             first = seen
-    seen = seen or view_of(base, columns, small)
     judge = Judge(first, seen, small, misfits=misfits)
     # Nothing is named if the numerical error exceeds the noise.
     may_name = may_name and base.numerics <= tolerated_error(NUMERICS, base.solved, _MINOR)

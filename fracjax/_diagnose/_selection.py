@@ -116,10 +116,8 @@ class Posterior:
         return float(sum(weight for h, weight in pairs if h.tau > 0))
 
 
-def select(
-    gram: Gram, kinds: Sequence[Kind], small: float, share: float = 1.0, most: int = 3
-) -> Posterior:
-    """The posterior over sets of up to `most` effects, by a beam search.
+def select(gram: Gram, kinds: Sequence[Kind], small: float, share: float = 1.0) -> Posterior:
+    """The posterior over sets of up to three effects, by a beam search.
 
     Rate-independent effects are only combined with loop shapes up to `small`.  `share` of the
     samples count as independent.
@@ -133,7 +131,7 @@ def select(
         likelihood = float(_log_likelihood(inner.square, inner.log_determinant, count))
         leading[tau] = [Hypothesis(prior + likelihood, prior, tau, (), (), ())]
         hypotheses[tau, frozenset()] = leading[tau][0]
-    for width in _BEAM[:most]:
+    for width in _BEAM:
         best = max(h.log_posterior for h in hypotheses.values())
         for tau, inner in inners.items():
             larger: dict[frozenset[str], Hypothesis] = {}

@@ -119,26 +119,23 @@ class View:
         return fitted.error - design @ coefficients
 
 
-def view_of(
-    fitted: Fitted, columns: Columns, small: float, *, thinned: bool = False, most: int = 3
-) -> View:
-    """The posterior about a fit, over sets of up to `most` effects.
+def view_of(fitted: Fitted, columns: Columns, small: float) -> View:
+    """The posterior about a fit, over sets of up to three effects.
 
     Rate-independent effects are only combined with loop shapes up to `small`, over the response's
-    span.  If `thinned`, a correlated misfit reduces the number of independent samples; otherwise
-    the noise is taken to include it.
+    span.  A correlated misfit that no loop shape explains reduces the number of independent
+    samples.
     """
     error, effects = fitted.whitened(fitted.error), fitted.whitened(columns.matrix)
     shapes = fitted.whitened(columns.shapes)
     samples = int(np.count_nonzero(fitted.counted))
     gram = Gram(error, effects, shapes, fitted.whitened(fitted.tangent), samples)
+    remainder = gram.remainder(float(TAUS[-1]), np.zeros(0, int), np.zeros(0))
     share = 1.0
-    if thinned:
-        remainder = gram.remainder(float(TAUS[-1]), np.zeros(0, int), np.zeros(0))
-        if remainder @ remainder > MISFIT * gram.count:
-            alike = max(0.0, float(np.corrcoef(remainder[1:], remainder[:-1])[0, 1]))
-            share = max((1 - alike) / (1 + alike), _LEAST_EFFECTIVE / gram.count)
-    posterior = select(gram, columns.kinds, small, share, most)
+    if remainder @ remainder > MISFIT * gram.count:
+        alike = max(0.0, float(np.corrcoef(remainder[1:], remainder[:-1])[0, 1]))
+        share = max((1 - alike) / (1 + alike), _LEAST_EFFECTIVE / gram.count)
+    posterior = select(gram, columns.kinds, small, share)
     return View(fitted, columns, gram, posterior, (error, effects, shapes), share)
 
 

@@ -84,7 +84,7 @@ def test_noise_of_many_digits_lies_on_no_grid():
 def scored(name: str, response: np.ndarray, sigma: float) -> float:
     """The effect's largest |z| after FOH has been fitted to the response."""
     base = fitted([BASE], prepare([recorded(response)], noise=specified(sigma), history="constant"))
-    view = view_of(base, columns_of(base), small=np.inf, most=1)
+    view = view_of(base, columns_of(base), small=np.inf)
     inner = view.gram.under(0.0)
     own = [k for kind in view.kinds if kind.name == name for k in range(kind.start, kind.stop)]
     lengths = np.sqrt(np.diag(inner.columns)[own])

@@ -49,13 +49,8 @@ class Resonance(AbstractLinearBlock):
 
 def _trials(setting: Setting) -> list:
     nyquist = 0.5 / setting.step
-    lowest = max(min(2 * setting.top_frequency, 0.5 * nyquist), 10.0)
-    # Dense, since a fit finds a narrow peak only from nearby.
-    frequencies = np.geomspace(min(lowest, nyquist / 8), 2 * nyquist, 24)
-    return at_values(
-        Resonance(nyquist),
-        [{"frequency": f, "damping": z} for f in frequencies for z in (0.01, 0.05)],
-    )
+    frequencies = np.geomspace(min(10.0, nyquist / 8), 2 * nyquist, 12)
+    return at_values(Resonance(nyquist, damping=0.05), [{"frequency": f} for f in frequencies])
 
 
 EFFECT = Effect(

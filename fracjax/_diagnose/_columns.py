@@ -11,18 +11,12 @@ from dataclasses import dataclass
 
 import jax
 import numpy as np
-from scipy.signal import lfilter
 
-from .._blocks import EFFECTS, AbstractBlock, Effect, Resonance
+from .._blocks import EFFECTS, AbstractBlock, Effect
 from .._computing import map_in_threads
 from .._parameters import named_parameters
 from .._prepare import position_of
 from ._fitted import Fitted
-
-_MODES, _DAMPINGS = 80, (0.01, 0.05)
-"""Resonances that are tried: frequencies, and damping ratios of each; chosen by judgement."""
-_LOWEST, _HIGHEST = 10.0, 0.9
-"""Their lowest frequency [Hz], and the highest over Nyquist's; chosen by judgement."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -64,8 +58,7 @@ def groups_of(fitted: Fitted) -> list[Group]:
         return groups
 
     by_effect = map_in_threads(of, list(EFFECTS.values()))
-    responses = [y[:: p.oversampling] for y, p in zip(own, problems, strict=True)]
-    return [group for groups in by_effect for group in groups] + _modes(fitted, responses)
+    return [group for groups in by_effect for group in groups]
 
 
 def _by_recording(
@@ -76,34 +69,6 @@ def _by_recording(
         return [column]
     recording = np.repeat(np.arange(len(lengths)), lengths)
     return [np.where(recording == k, column, 0.0) for k in range(len(lengths))]
-
-
-def _modes(fitted: Fitted, responses: Sequence[np.ndarray]) -> list[Group]:
-    """A dense grid of resonances, since a lightly damped one is only visible near its frequency."""
-    setting = fitted.preparation.setting
-    lowest, highest = max(_LOWEST, 2 * setting.top_frequency), _HIGHEST * 0.5 / setting.step
-    effect, groups = EFFECTS["resonance"], []
-    if lowest >= highest:
-        return []
-    for frequency in np.geomspace(lowest, highest, _MODES):
-        for damping in _DAMPINGS:
-            parts = [_resonated(y, frequency * setting.step, damping) - y for y in responses]
-            column = np.concatenate(parts)[:, None]
-            trial = Resonance(frequency, damping)
-            groups.append(Group(effect, (trial,), column))
-    return groups
-
-
-def _resonated(signal: np.ndarray, frequency: float, damping: float) -> np.ndarray:
-    """A signal (N,) through a resonance at a frequency [1/sample], by the prewarped bilinear
-    transform."""
-    w = 2 * np.pi * frequency
-    k = w / np.tan(w / 2)
-    first = k * k + 2 * damping * w * k + w * w
-    squares = w * w / first
-    poles = [1.0, (2 * w * w - 2 * k * k) / first, (k * k - 2 * damping * w * k + w * w) / first]
-    moved = signal - signal[0]
-    return np.asarray(lfilter(squares * np.array([1.0, 2.0, 1.0]), poles, moved)) + signal[0]
 
 
 def kind_of(block: AbstractBlock) -> Hashable:

@@ -168,8 +168,11 @@ def _concluded(
     """The diagnosis: its verdict and everything that supports it."""
     progress("writing the verdict")
     verdict, effects, axes = findings.verdict, findings.effects, findings.axes
-    named = [name.effect for name in findings.inquiry.names]
-    most_like = None if verdict == "none" else findings.inquiry.judge.most_like(named)
+    inquiry = findings.inquiry
+    named = [name.effect for name in inquiry.names]
+    # Where a refit explains all, the columns about the base do not tell what is left.
+    nothing = verdict == "none" or inquiry.is_carried
+    most_like = None if nothing else inquiry.judge.most_like(named)
     return Diagnosis(
         verdict=verdict,
         sentence=sentence_of(findings, most_like, nearest) + (_SO_FAR if clock.stopped else ""),

@@ -14,7 +14,7 @@ from .._solve import Progress, tolerated_error
 from ._fitted import Fitted
 from ._jumps import Jumps, jumps_of
 from ._names import Judge, Name
-from ._refits import Explanation, beside, explained_by, grown
+from ._refits import Explanation, beside, elsewhere, explained_by, grown
 from ._thresholds import ALIKE, APART, MISFIT, NUMERICS, SURE
 from ._view import View, columns_of, view_of, with_misfit_as_noise
 
@@ -26,7 +26,7 @@ _ALIKE_EXACT = 0.01
 _MINOR = 0.1
 """The numerical error that is accepted, over the residual's norm beyond the noise; chosen by
 judgement."""
-_HALF = 0.5
+_PART = 0.25
 """The share of the excess that an effect must explain to be refitted without loop shapes; chosen by
 judgement."""
 _HOPELESS = 3.0
@@ -155,17 +155,16 @@ def _refitted(
     for k, name in enumerate(inquiry.names[:_MOST_NAMES]):
         rest = [other for other in kept if other != name.effect]
         gain = _gain(inquiry, best, rest)
-        special = EFFECTS[name.effect].special_case
-        near, growing = [], _larger(name.effect)
-        larger = [*growing, special] if special else [*growing]
+        near, others = [], _related(name.effect)
         if not judge.is_inexact and len(kept) == 1:
-            larger += judge.leading(_MOST_TRIED)
-        for other in dict.fromkeys([*larger, *name.alike[:_MOST_RIVALS]]):
+            others += judge.leading(_MOST_TRIED)
+        for other in dict.fromkeys([*others, *name.alike[:_MOST_RIVALS]]):
             if clock.is_over:
                 break
-            if other not in kept:
-                rival = explained([*kept[:k], other, *kept[k + 1 :]])
-                near.append(grown(rival, best, preparation) if other in growing else rival)
+            needless = best.explains_all and EFFECTS[other].special_case in kept
+            if other not in kept and not needless:
+                near.append(explained([*kept[:k], other, *kept[k + 1 :]]))
+        best, *near = _nested([best, *near], preparation)
         margin = max(APART, (ALIKE if judge.is_inexact else _ALIKE_EXACT) * gain)
         leading = min([best, *near], key=lambda e: e.cost)
         near = [e if e is leading else beside(e, leading, preparation) for e in near]
@@ -182,8 +181,14 @@ def _refitted(
 
 
 def _ranked(explanations: Sequence[Explanation], margin: float, judge: Judge) -> list[Explanation]:
-    """The explanations that the best does not exclude.  First those that refits cannot distinguish
-    from it, by the evidence of their columns, which counts all shapes of an effect."""
+    """The explanations that the best does not exclude, without those of which a special case does
+    as well.  First those that refits cannot distinguish from it, by the evidence of their columns,
+    which counts all shapes of an effect."""
+    explanations = [
+        e
+        for e in explanations
+        if not any(_is_special(o, e) and o.bic - e.bic < APART for o in explanations)
+    ]
     least = min(e.standing for e in explanations)
 
     def order(explanation: Explanation) -> tuple[bool, float]:
@@ -205,19 +210,28 @@ def _carried(
     base, first, judge = inquiry.base, inquiry.first, inquiry.judge.without_shapes()
     hopeless = _HOPELESS * first.misfit(first.posterior.best) * first.gram.count
     fits: list[Explanation] = []
-    for name in judge.leading(_MOST_TRIED):
-        if clock.is_over or judge.fall((name,)) < _HALF * judge.excess:
+
+    def refit(name: str, limit: float) -> None:
+        tried = {e.names[0]: e for e in fits}
+        special = tried.get(EFFECTS[name].special_case)
+        if name not in tried and not (special and special.explains_all):
+            progress(f"refitting with {name}")
+            fits.append(explained_by([name], judge, nominal, base.preparation, 0.0, limit))
+
+    # Special cases first: where one explains all, nothing is left to the larger effect.
+    likely = [n for n in judge.leading(_MOST_TRIED) if judge.fall((n,)) >= _PART * judge.excess]
+    for name in sorted(likely, key=lambda name: bool(EFFECTS[name].special_case)):
+        if clock.is_over:
             break
-        progress(f"refitting with {name}")
-        fits.append(explained_by([name], judge, nominal, base.preparation, 0.0, hopeless))
+        refit(name, hopeless)
     if not fits:
         return None
     leading = min(fits, key=lambda e: e.cost)
     if leading.fitted.solved.cost > hopeless:
         return None
-    for name in _larger(leading.names[0]):
-        larger = explained_by([name], judge, nominal, base.preparation, 0.0)
-        fits.append(grown(larger, leading, base.preparation))
+    for name in _related(leading.names[0]):
+        refit(name, np.inf)
+    fits = _nested(fits, base.preparation)
     fall = base.solved.cost - min(e.fitted.solved.cost for e in fits)
     margin = max(APART, _ALIKE_EXACT * fall)
     near = _ranked(fits, margin, judge)
@@ -225,15 +239,41 @@ def _carried(
     rival = first.posterior.best.log_posterior - APART / 2
     if first.log_posterior_of(best.fitted.solved.cost, best.price) < rival:
         return None
-    alike = tuple(e.names[0] for e in near if e is not best)
+    if best.fitted.solved.cost > MISFIT * first.gram.count:
+        best = elsewhere(best, nominal, base.preparation)
+    alike = tuple(e.names[0] for e in near if e is not near[0])
     present = 1 - inquiry.seen.posterior.nothing
     name = Name(best.names[0], alike, present, min(1.0, fall / judge.excess))
-    return replace(inquiry, names=(name,), explanation=best, rivals=(tuple(near),), is_carried=True)
+    return replace(
+        inquiry, names=(name,), explanation=best, rivals=((best, *near[1:]),), is_carried=True
+    )
 
 
-def _larger(name: str) -> list[str]:
-    """The effects of which an effect is a special case."""
-    return [effect.name for effect in EFFECTS.values() if effect.special_case == name]
+def _is_special(special: Explanation, explanation: Explanation) -> bool:
+    """Whether one explanation has a special case of an effect of another, and else the same."""
+    simpler, larger = (
+        set(a.names) - set(b.names) for a, b in ((special, explanation), (explanation, special))
+    )
+    return bool(simpler) and simpler == {EFFECTS[name].special_case for name in larger}
+
+
+def _nested(explanations: Sequence[Explanation], preparation: Preparation) -> list[Explanation]:
+    """Explanations, each pair of an effect and its special case refitted from each other's
+    optimum."""
+    nested = list(explanations)
+    for special in range(len(nested)):
+        for larger in range(len(nested)):
+            if _is_special(nested[special], nested[larger]):
+                nested[larger] = grown(nested[larger], nested[special], preparation)
+                nested[special] = grown(nested[special], nested[larger], preparation)
+    return nested
+
+
+def _related(name: str) -> list[str]:
+    """The effects of which an effect is a special case, and its own special case."""
+    larger = [effect.name for effect in EFFECTS.values() if effect.special_case == name]
+    special = EFFECTS[name].special_case
+    return [*larger, special] if special else larger
 
 
 def _other_name(explanation: Explanation, rest: Sequence[str]) -> str:

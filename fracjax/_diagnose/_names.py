@@ -107,7 +107,7 @@ class Judge:
                     gain = self._folds.gain(before, self._columns([*chosen, name]))
                     gains[name] = Gain(min(trained, gain.share), gain.p_value)
             best = max(gains, key=lambda name: gains[name].share, default="")
-            predicting = [n for n, g in gains.items() if g.share >= SHARE and g.p_value <= CHANCE]
+            predicting = [n for n, g in gains.items() if _is_sure(g)]
             if best not in predicting:
                 break
             rivals[best] = predicting
@@ -209,6 +209,11 @@ class Judge:
     def taken(self, columns: np.ndarray) -> float:
         """The reduction of χ² by columns with free gains."""
         return _taken(self.inner, columns)
+
+
+def _is_sure(gain: Gain) -> bool:
+    """Whether an effect explains a sufficient share of held-out parts, and not by chance."""
+    return gain.share >= SHARE and gain.p_value <= CHANCE * min(gain.share, 1.0) ** 2
 
 
 def _taken(inner: Inner, columns: np.ndarray) -> float:

@@ -50,6 +50,18 @@ class Explanation:
         """Its cost among rivals, more by `APART` if a parameter ended on a physical bound."""
         return self.cost + (0.0 if self.is_within_bounds() else APART)
 
+    @property
+    def bic(self) -> float:
+        """χ² plus the price of all free parameters, for explanations of which one is a special case
+        of the other."""
+        return self.fitted.solved.bic
+
+    @property
+    def explains_all(self) -> bool:
+        """Whether χ² is that of noise alone, within three standard errors."""
+        samples = self.fitted.solved.samples
+        return self.fitted.solved.cost < samples + 3 * np.sqrt(2 * samples)
+
     def is_within_bounds(self) -> bool:
         """Whether no parameter of an effect ended on its physical bound."""
         block = self.fitted.solved.block
@@ -96,10 +108,16 @@ def explained_by(
     cost = best.fitted.solved.cost
     if cost > hopeless or cost < judge.promised(names) + APART:
         return best
-    # The model's own parameters may be in a poor basin, which they reached without the effect.
-    starts = [wrapped(block, best.layers) for block in starts_of(nominal, _STARTS_AGAIN, seed=0)]
-    again = replace(best, fitted=fitted(starts, preparation, shapes))
-    return min(best, again, key=lambda e: e.cost)
+    return elsewhere(best, nominal, preparation)
+
+
+def elsewhere(
+    explanation: Explanation, nominal: AbstractBlock, preparation: Preparation
+) -> Explanation:
+    """An explanation refitted from draws of the model's parameters, if that is better: those that
+    it has may be in a poor basin, which they reached without the effects."""
+    draws, layers = starts_of(nominal, _STARTS_AGAIN, seed=0), _parts(explanation)[1]
+    return _again(explanation, [wrapped(block, layers) for block in draws], preparation)
 
 
 def beside(other: Explanation, of: Explanation, preparation: Preparation) -> Explanation:
@@ -108,12 +126,12 @@ def beside(other: Explanation, of: Explanation, preparation: Preparation) -> Exp
     return _again(other, [wrapped(_parts(of)[0], _parts(other)[1])], preparation)
 
 
-def grown(larger: Explanation, special: Explanation, preparation: Preparation) -> Explanation:
-    """An explanation refitted from the optimum of one that has a special case of one of its
-    effects, if that is better."""
-    inside, layers = _parts(special)
-    (k,) = (k for k, n in enumerate(larger.names) if n not in special.names)
-    effect, trial = larger.layers[k].effect, larger.layers[k].trial
+def grown(explanation: Explanation, other: Explanation, preparation: Preparation) -> Explanation:
+    """An explanation refitted from the optimum of another that has a special case of one of its
+    effects, or of which one is a special case, if that is better."""
+    inside, layers = _parts(other)
+    (k,) = (k for k, n in enumerate(explanation.names) if n not in other.names)
+    effect, trial = explanation.layers[k].effect, explanation.layers[k].trial
     values = named_parameters(layers[k].trial)
     shared = named_parameters(trial).keys() & values.keys()
     own = set_values(trial, {name: values[name].value for name in shared})
@@ -121,7 +139,7 @@ def grown(larger: Explanation, special: Explanation, preparation: Preparation) -
     for block in (own, *effect.beyond(own)):
         parts = [*layers[:k], Layer(effect, block), *layers[k + 1 :]]
         starts.append(wrapped(inside, parts))
-    return _again(larger, starts, preparation)
+    return _again(explanation, starts, preparation)
 
 
 def _parts(explanation: Explanation) -> tuple[AbstractBlock, list[Layer]]:

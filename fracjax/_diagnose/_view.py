@@ -13,6 +13,7 @@ from ._columns import Group, groups_of
 from ._fitted import Fitted
 from ._folds import FREE, Folds
 from ._gram import Gram
+from ._modes import modes_of
 from ._nuisance import loop_shapes
 from ._selection import TAUS, Hypothesis, Kind, Posterior, log_posterior_of, select
 from ._thresholds import MISFIT
@@ -62,7 +63,8 @@ class Columns:
 
 def columns_of(fitted: Fitted) -> Columns:
     """Every effect's columns and the loop shapes, about a fit."""
-    return Columns(groups_of(fitted), loop_shapes(fitted.preparation))
+    shapes = loop_shapes(fitted.preparation)
+    return Columns(groups_of(fitted) + modes_of(fitted, shapes), shapes)
 
 
 @dataclass(frozen=True, eq=False)

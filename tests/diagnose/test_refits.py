@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from scipy.signal import TransferFunction, lsim
+from scipy.signal import TransferFunction, chirp, lsim
 
 import fracjax as fj
 from fracjax._recording import Recording
@@ -38,3 +38,19 @@ def test_a_mode_that_rings_is_refitted_to_the_noise_and_two_are_two(share, name)
     assert found["frequency"] == pytest.approx(610, rel=0.01)
     assert found["damping"] == pytest.approx(0.01, rel=0.3)
     assert diagnosis.held_out.extended_rmse == pytest.approx(SIGMA, rel=0.1)
+
+
+def test_a_sweep_through_a_mode_finds_it_alone():
+    """The mode lies in the band of the drive, where the base fit follows it as well as it can."""
+    drive = 50 + 40 * np.asarray(chirp(TIMES, 50, TIMES[-1], 900, phi=-90))
+    response = 0.1 * moved(610, 0.01, drive) + SIGMA * np.random.default_rng(0).standard_normal(
+        TIMES.size
+    )
+    recording = Recording(drive, response, STEP, "V", "um")
+    diagnosis = fj.diagnose("bouc_wen", recording, noise=SIGMA)
+    (effect,) = diagnosis.effects
+    assert (effect.name, effect.confusable_with) == ("resonance", ())
+    found = {p.name: p.value for p in effect.parameters}
+    assert found["frequency"] == pytest.approx(610, rel=2e-3)
+    assert found["damping"] == pytest.approx(0.01, rel=0.1)
+    assert "most similar" not in diagnosis.sentence

@@ -50,7 +50,9 @@ def modes_of(fitted: Fitted, shapes: np.ndarray) -> list[Group]:
             peaks = find_peaks(np.pad(falls, 1))[0] - 1
             chosen |= set(peaks[np.argsort(-falls[peaks])[:_MOST]].tolist())
         groups += [
-            Group(EFFECTS["resonance"], (Resonance(frequencies[k], damping),), columns[:, [k]])
+            Group(
+                EFFECTS["resonance"], (Resonance(float(frequencies[k]), damping),), columns[:, [k]]
+            )
             for k in sorted(chosen)
         ]
     return groups

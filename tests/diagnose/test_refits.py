@@ -11,12 +11,14 @@ STEP, SIGMA = 1e-4, 2e-3
 TIMES = STEP * np.arange(2500)
 
 
+FINE = STEP / 16 * np.arange(16 * TIMES.size)
+
+
 def moved(frequency: float, damping: float, drive: np.ndarray) -> np.ndarray:
-    """The drive through a mode, on a finer grid."""
-    fine, w = STEP / 16 * np.arange(16 * TIMES.size), 2 * np.pi * frequency
-    held = np.interp(fine, TIMES, drive)
+    """A drive at the times `FINE` through a mode, at the times `TIMES`."""
+    w = 2 * np.pi * frequency
     mode = TransferFunction([w * w], [1, 2 * damping * w, w * w])
-    return np.asarray(lsim(mode, held - held[0], fine)[1])[::16] + drive[0]
+    return (np.asarray(lsim(mode, drive - drive[0], FINE)[1]) + drive[0])[::16]
 
 
 def ringing(first_share: float) -> Recording:
@@ -24,7 +26,8 @@ def ringing(first_share: float) -> Recording:
     generator = np.random.default_rng(0)
     corners = np.arange(0, TIMES[-1] + 0.02, 0.02)
     drive = np.interp(TIMES, corners, generator.uniform(10, 90, corners.size))
-    one, other = moved(610, 0.01, drive), moved(985, 0.02, drive)
+    held = np.interp(FINE, TIMES, drive)
+    one, other = moved(610, 0.01, held), moved(985, 0.02, held)
     response = 0.1 * (first_share * one + (1 - first_share) * other)
     noise = SIGMA * generator.standard_normal(drive.size)
     return Recording(drive, response + noise, STEP, "V", "um")
@@ -42,12 +45,10 @@ def test_a_mode_that_rings_is_refitted_to_the_noise_and_two_are_two(share, name)
 
 def test_a_sweep_through_a_mode_finds_it_alone():
     """The mode lies in the band of the drive, where the base fit follows it as well as it can."""
-    drive = 50 + 40 * np.asarray(chirp(TIMES, 50, TIMES[-1], 900, phi=-90))
-    response = 0.1 * moved(610, 0.01, drive) + SIGMA * np.random.default_rng(0).standard_normal(
-        TIMES.size
-    )
-    recording = Recording(drive, response, STEP, "V", "um")
-    diagnosis = fj.diagnose("bouc_wen", recording, noise=SIGMA)
+    sweep = 50 + 40 * np.asarray(chirp(FINE, 50, FINE[-1], 900, phi=-90))
+    noise = 0.02 * np.random.default_rng(0).standard_normal(TIMES.size)
+    recording = Recording(sweep[::16], 0.1 * moved(610, 0.01, sweep) + noise, STEP, "V", "um")
+    diagnosis = fj.diagnose("bouc_wen", recording, noise=0.02)
     (effect,) = diagnosis.effects
     assert (effect.name, effect.confusable_with) == ("resonance", ())
     found = {p.name: p.value for p in effect.parameters}

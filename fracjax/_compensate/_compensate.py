@@ -153,6 +153,7 @@ def compensate(
             converged=solution.converged,
             numerics=_numerics(system.plant, solution, stroke),
             warnings=obstacles_to_inversion(block),
+            inverted=Model(block, model.name),
         )
 
 

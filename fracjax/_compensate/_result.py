@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from .._io import column_name, write
+from .._models import Model
 from .._operators import History
-from .._recording import InputError, runs_of
+from .._recording import InputError, Recording, runs_of
 from .._show import Shown, Table, View, figure, quantity
+from .._simulate import simulate, step_to_predict
 from ._unbounded import TOLERANCE
 
 if TYPE_CHECKING:
@@ -72,6 +74,8 @@ class Compensation(Shown):
         numerics: Largest change of the prediction when the grid's step is halved, as a share of the
             stroke.
         warnings: Sentences about what the model does not allow.
+        inverted: The model that was inverted, without the blocks left out; None of a compensation
+            loaded from a file.
     """
 
     model: str
@@ -93,6 +97,7 @@ class Compensation(Shown):
     converged: bool
     numerics: float
     warnings: tuple[str, ...] = ()
+    inverted: Model | None = None
 
     @property
     def times(self) -> np.ndarray:
@@ -192,6 +197,38 @@ class Compensation(Shown):
             f"Drive of {self.model} along {Path(self.source).name}: {self.verdict}{state}.",
             [Table([], rows), Table(["stretch", ""], [*at_limits, *missed], detail=True)],
         )
+
+    def predict(
+        self,
+        drive: np.ndarray | Recording,
+        step: float | str | None = None,
+        history: History | None = None,
+    ) -> np.ndarray:
+        """The response that the model predicts for another drive, such as the one that was applied.
+
+        Args:
+            drive: (N,) in the compensation's drive unit, or a recording in the same units.
+            step: The time between samples [s], by default that of the compensation.
+            history: What the drive did before the first sample, as in `simulate`; by default that
+                of the compensation.
+
+        Returns:
+            The response (N,) in the compensation's response unit, offset included.
+
+        Raises:
+            InputError: When the drive is no finite signal, a recording has other units, or the
+                compensation was loaded from a file, which holds no model.
+        """
+        if self.inverted is None:
+            raise InputError.at(
+                "compensation, predict",
+                "a compensation with its model",
+                "one loaded from a file",
+                "compensate again, or simulate with load_model(fit.json)",
+            )
+        step = step_to_predict(drive, step, self.dt, self.units, self.source)
+        simulation = simulate(self.inverted, drive, step, history or self.history)
+        return simulation.response + self.offset
 
     def plot(self) -> Drawing:
         """Draw the desired and the predicted response, the drive, and the predicted error.

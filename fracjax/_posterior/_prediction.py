@@ -1,0 +1,97 @@
+"""What a posterior predicts for another drive."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import asdict, dataclass
+from typing import Any, NamedTuple
+
+import numpy as np
+
+from .._blocks import Setting
+from .._models import Model, parse_model
+from .._operators import History
+from .._recording import InputError, Recording
+from .._simulate import simulate, step_to_predict
+
+CENTRAL = (2.5, 97.5)
+"""Percentiles at the ends of the central 95 %."""
+
+
+class Prediction(NamedTuple):
+    """What a posterior predicts for a drive, without the sensor's noise.
+
+    Attributes:
+        mean: Mean (N,) over the draws, in the response's unit.
+        interval: Lower and upper end (2, N) of the central 95 %, in the same unit.
+    """
+
+    mean: np.ndarray
+    interval: np.ndarray
+
+
+@dataclass(frozen=True, eq=False)
+class Predictor:
+    """Some draws of a posterior, with the first recording's offset, and what they are to drive.
+
+    Attributes:
+        model: The model.
+        setting: Ranges of the recordings, by which the model was built.
+        draws: By free parameter (D, …), in its unit.
+        offsets: What the first recording's sensor reads at the model's zero (D,) [response].
+        step: The first recording's step [s].
+        history: What the drive did before the first sample, where a call does not say.
+    """
+
+    model: Model
+    setting: Setting
+    draws: Mapping[str, np.ndarray]
+    offsets: np.ndarray
+    step: float
+    history: History
+
+    def predict(
+        self,
+        drive: np.ndarray | Recording,
+        step: float | str | None,
+        history: History | None,
+        units: tuple[str, str],
+        source: str,
+    ) -> Prediction:
+        """Mean and interval of the responses of all draws, as `Posterior.predict` says."""
+        step = step_to_predict(drive, step, self.step, units, source)
+        responses = np.stack(
+            [
+                simulate(
+                    self.model.with_values({name: draw[at] for name, draw in self.draws.items()}),
+                    drive,
+                    step,
+                    history or self.history,
+                ).response
+                + offset
+                for at, offset in enumerate(self.offsets)
+            ]
+        )
+        return Prediction(responses.mean(axis=0), np.percentile(responses, CENTRAL, axis=0))
+
+    def to_dict(self) -> dict[str, Any]:
+        """What `model_of` reads of it, for JSON."""
+        values = {n: np.asarray(p.value).tolist() for n, p in self.model.parameters.items()}
+        return {
+            "setting": asdict(self.setting),
+            "values": values,
+            "step_s": self.step,
+            "history": self.history,
+        }
+
+
+def predictor_of(
+    name: str, entry: Mapping[str, Any], draws: Mapping[str, np.ndarray], offsets: np.ndarray
+) -> Predictor | None:
+    """The predictor of a saved posterior; None for a model that its name does not build."""
+    setting = Setting(**entry["setting"])
+    try:
+        model = parse_model(name, setting, entry["values"]).with_values(entry["values"])
+    except InputError:
+        return None
+    return Predictor(model, setting, draws, offsets, entry["step_s"], entry["history"])

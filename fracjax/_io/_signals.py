@@ -109,6 +109,7 @@ def signals_of(tables: Mapping[str, Table], request: Request) -> Segments:
     )
     roles = [role for role in request.columns if role != "time"]
     chosen: dict[str, tuple[int, int | None]] = {}
+    assumed = []
     for table, group in _groups(tables, roles):
         choice = choose(
             table,
@@ -116,6 +117,7 @@ def signals_of(tables: Mapping[str, Table], request: Request) -> Segments:
             has_rate=hertz is not None,
             stated=[role for role, stated_unit in request.units.items() if stated_unit],
         )
+        assumed += [choice.note] if choice.note else []
         for role in group:
             chosen[role] = choice.signals[role], choice.times.get(role)
     _require_lengths(tables, chosen)
@@ -148,6 +150,7 @@ def signals_of(tables: Mapping[str, Table], request: Request) -> Segments:
         )
         for at in order
     ]
+    segments[0] = segments[0]._replace(notes=(*assumed, *segments[0].notes))
     if total > 1:
         said = (
             f"{first.source}: it holds {in_words(lengths, apart)}; each is a recording of its own."

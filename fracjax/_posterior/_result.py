@@ -131,7 +131,7 @@ class Posterior(Shown):
         step: float | str | None = None,
         history: History | None = None,
     ) -> Prediction:
-        """The response that 200 draws predict for a drive, as the first recording's sensor reads it.
+        """The response that 200 draws predict for a drive, as the first sensor reads it.
 
         The discrepancy is not included, as it is known along the recorded drive alone; nor is the
         sensor's noise.

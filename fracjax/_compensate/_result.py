@@ -74,6 +74,8 @@ class Compensation(Shown):
         numerics: Largest change of the prediction when the grid's step is halved, as a share of the
             stroke.
         warnings: Sentences about what the model does not allow.
+        model_error: The model's own rms error [response] and on which data, such as "held-out
+            data"; None where it is not given.
         inverted: The model that was inverted, without the blocks left out; None of a compensation
             loaded from a file.
     """
@@ -97,6 +99,7 @@ class Compensation(Shown):
     converged: bool
     numerics: float
     warnings: tuple[str, ...] = ()
+    model_error: tuple[float, str] | None = None
     inverted: Model | None = None
 
     @property
@@ -128,6 +131,15 @@ class Compensation(Shown):
     def max_error_of_band(self) -> float | None:
         """The largest error anywhere within the band [response]; None without a band."""
         return None if self.band is None else float(np.abs(self.band - self.desired).max())
+
+    @property
+    def expected(self) -> str:
+        """The error to expect on the stage, in words; empty where the model's is not given."""
+        if self.model_error is None:
+            return ""
+        rms, data = self.model_error
+        share = figure(100 * rms / self.stroke)
+        return f"{quantity(rms, self.units[1])} rms ({share} % of the stroke), as on {data}"
 
     @property
     def binding(self) -> tuple[Stretch, ...]:
@@ -184,6 +196,7 @@ class Compensation(Shown):
             ["drive", used],
             ["largest predicted error", error(self.max_error)],
             ["rms predicted error", error(self.rms_error)],
+            *([["error to expect on the stage", self.expected]] if self.expected else []),
             ["discretisation", f"{figure(100 * self.numerics)} % of the stroke"],
             ["method", f"{self.method}, {self.iterations} iterations"],
         ]
@@ -288,6 +301,9 @@ class Compensation(Shown):
                 "rms_percent_of_stroke": 100 * self.rms_error / self.stroke,
                 "max_of_band": self.max_error_of_band,
             },
+            "model_error": None
+            if self.model_error is None
+            else {"rms": self.model_error[0], "on": self.model_error[1]},
             "binding": [asdict(stretch) for stretch in self.binding],
             "missed": [asdict(stretch) for stretch in self.missed],
             "method": self.method,
@@ -344,6 +360,7 @@ def load_compensation(path: str | Path) -> Compensation:
             raise KeyError(content["schema"])
         signals = {name: np.asarray(content["signals"][name]) for name in _SIGNALS}
         band, limits = content["signals"]["band"], content["limits"]
+        error = content.get("model_error")
         return Compensation(
             model=content["model"],
             source=content["trajectory"],
@@ -361,6 +378,7 @@ def load_compensation(path: str | Path) -> Compensation:
             converged=content["converged"],
             numerics=content["numerics"],
             warnings=tuple(content.get("warnings", ())),
+            model_error=error and (error["rms"], error["on"]),
             **signals,
         )
     except FileNotFoundError:

@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import Task, TextColumn
 
-    from .._batch import Count
+    from .._computing import Count
+    from .._show import Forecast
     from .._solve import Progress
 
 
@@ -27,11 +28,12 @@ def _silent(*_: object) -> None:
 
 
 class _Lines:
-    """Plain lines, for a pipe or a log: one a stage, and of a count one every ten seconds."""
+    """Plain lines, for a pipe or a log: one a stage, and one every ten seconds while it lasts."""
 
-    def __init__(self) -> None:
+    def __init__(self, forecast: Forecast | None = None) -> None:
         self.start = self.last = time.monotonic()
         self.due = threading.Timer(0, _silent)
+        self.forecast = forecast
 
     def write(self, sentence: str) -> None:
         """Write a line with the time since the start."""
@@ -39,11 +41,23 @@ class _Lines:
         print(f"{seconds:6.1f} s  {sentence}", file=sys.stderr, flush=True)
 
     def begin(self, sentence: str) -> None:
-        """Begin a stage; its line is written once it lasts."""
+        """Begin a stage; its line is written once it lasts, and again as long as it does."""
+        self._await(_BRIEF, sentence)
+
+    def _await(self, seconds: float, sentence: str) -> None:
+        """Write a line of the stage in some time, unless another begins before."""
+
+        def write() -> None:
+            if self.due is due:
+                self.write(
+                    "; ".join(filter(None, (sentence, self.forecast and self.forecast.text)))
+                )
+                self._await(_PAUSE, f"still {sentence.removeprefix('still ')}")
+
         self.due.cancel()
-        self.due = threading.Timer(_BRIEF, self.write, [sentence])
-        self.due.daemon = True
-        self.due.start()
+        self.due = due = threading.Timer(seconds, write)
+        due.daemon = True
+        due.start()
 
     def count(self, done: int, total: int, estimate: str = "") -> None:
         """Count what is done, in a line if the last is old enough."""
@@ -74,10 +88,14 @@ def stages(quiet: bool, limit: float | None = None) -> Iterator[Progress]:
     if quiet:
         yield _silent
         return
+    from .._computing import counting
+    from .._show import Forecast
+
     if not sys.stderr.isatty():
-        lines = _Lines()
+        lines = _Lines(Forecast())
         try:
-            yield lines.begin
+            with counting(lines.forecast.count):
+                yield lines.begin
         finally:
             lines.due.cancel()
         return
@@ -88,6 +106,7 @@ def stages(quiet: bool, limit: float | None = None) -> Iterator[Progress]:
     text = TextColumn("{task.description}", markup=False)
     columns = [SpinnerColumn(finished_text=" "), text, TimeElapsedColumn()]
     columns += [] if limit is None else [until(limit)]
+    forecast, stage = Forecast(), [""]
     with Bars(*columns, console=Console(stderr=True)) as bars:
 
         def finish() -> None:
@@ -96,9 +115,17 @@ def stages(quiet: bool, limit: float | None = None) -> Iterator[Progress]:
 
         def begin(sentence: str) -> None:
             finish()
+            stage.append(sentence)
             bars.add_task(sentence, total=1)
 
-        yield begin
+        def count(done: int, total: int) -> None:
+            forecast.count(done, total)
+            if bars.task_ids:
+                shown = "; ".join(filter(None, (stage[-1], forecast.text)))
+                bars.update(bars.task_ids[-1], description=shown)
+
+        with counting(count):
+            yield begin
         finish()
 
 

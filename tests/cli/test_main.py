@@ -15,6 +15,7 @@ from fracjax._cli import run
 from fracjax._cli._main import cli
 from fracjax._cli._progress import _BRIEF, chain_bar, stages, until
 from fracjax._cli._tables import print_text
+from fracjax._computing import map_in_threads
 from tests.helpers import failure
 
 PACKAGE = Path(fracjax.__file__).parent
@@ -187,6 +188,22 @@ def test_a_stage_that_lasts_is_a_line_where_there_is_no_terminal(capsys):
         progress("a long one")
         time.sleep(1.5 * _BRIEF)
     assert capsys.readouterr().err == ""
+
+
+def test_a_stage_that_lasts_longer_says_so_again_with_what_is_done_of_its_round(
+    capsys, monkeypatch
+):
+    monkeypatch.setattr("fracjax._cli._progress._PAUSE", 0.3)
+    with stages(quiet=False) as progress:
+        progress("fitting foh")
+        map_in_threads(lambda k: time.sleep(0.2), range(20))
+    first, *others = capsys.readouterr().err.splitlines()
+    assert re.fullmatch(
+        r" *\d+\.\d s  fitting foh; \d+ of 20, about \d+ s more of this round", first
+    )
+    assert others
+    for line in others:
+        assert re.match(r" *\d+\.\d s  still fitting foh", line)
 
 
 def test_a_limit_counts_down_beside_the_present_stage(monkeypatch):

@@ -34,6 +34,7 @@ class _Lines:
         self.start = self.last = time.monotonic()
         self.due = threading.Timer(0, _silent)
         self.forecast = forecast
+        self.first: tuple[float, int] | None = None
 
     def write(self, sentence: str) -> None:
         """Write a line with the time since the start."""
@@ -49,9 +50,8 @@ class _Lines:
 
         def write() -> None:
             if self.due is due:
-                self.write(
-                    "; ".join(filter(None, (sentence, self.forecast and self.forecast.text)))
-                )
+                text = self.forecast.text if self.forecast else ""
+                self.write("; ".join(filter(None, (sentence, text))))
                 self._await(_PAUSE, f"still {sentence.removeprefix('still ')}")
 
         self.due.cancel()
@@ -60,11 +60,16 @@ class _Lines:
         due.start()
 
     def count(self, done: int, total: int, estimate: str = "") -> None:
-        """Count what is done, in a line if the last is old enough."""
+        """Count what is done, in a line with the time for the rest if the last is old enough."""
+        self.due.cancel()
         now = time.monotonic()
+        self.first = self.first or (now, done)
         if now - self.last >= _PAUSE:
             self.last = now
-            self.write(f"{done} of {total}" + (f"; {estimate}" if estimate else ""))
+            began, already = self.first
+            rest = (now - began) * (total - done) / max(1, done - already)
+            texts = f"{done} of {total}", f"{rest:.0f} s more at most" if rest else "", estimate
+            self.write("; ".join(filter(None, texts)))
 
 
 def until(limit: float) -> TextColumn:
@@ -151,20 +156,36 @@ def bar(quiet: bool) -> Iterator[Count]:
 
 @contextmanager
 def chain_bar(quiet: bool, steps: int) -> Iterator[Callable[[int, int, str], None]]:
-    """A function that counts steps, shown as a bar with the present estimate."""
-    if quiet or not sys.stderr.isatty():
-        yield _silent if quiet else _Lines().count
+    """A function that counts steps, shown as a bar with the present estimate and the time that the
+    rest takes at most: a chain that converges ends before."""
+    if quiet:
+        yield _silent
+        return
+    if not sys.stderr.isatty():
+        lines = _Lines()
+        lines.begin("fitting, then sampling")
+        try:
+            yield lines.count
+        finally:
+            lines.due.cancel()
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
     from rich.progress import Progress as Bars
 
     text = TextColumn("{task.description}", markup=False)
-    columns = BarColumn(20), MofNCompleteColumn(), TimeElapsedColumn(), text
+    most = TextColumn("at most"), TimeRemainingColumn()
+    columns = BarColumn(20), MofNCompleteColumn(), TimeElapsedColumn(), *most, text
     with Bars(*columns, console=Console(stderr=True)) as bars:
         task = bars.add_task("fitting", total=steps)
 
-        def count(done: int, most: int, estimate: str) -> None:
-            bars.update(task, completed=done, total=most, description=estimate)
+        def count(done: int, total: int, estimate: str) -> None:
+            bars.update(task, completed=done, total=total, description=estimate)
 
         yield count

@@ -131,16 +131,15 @@ def sample_posterior(
             """Log posteriors (K,) at the approximation's coordinates (K, D')."""
             return log_posteriors(approximation.at(coordinates))
 
+        estimates = [""]
+
         def report(partial_chain: Chain) -> None:
             """Report the chain's estimates so far."""
             # The estimate comes from the last 500 steps, a number chosen by judgement.
             recent = partial_chain.kept[-min(len(partial_chain.kept), 500) :].reshape(-1, size)
             values = physical_values(density, approximation.at(recent))
-            progress(
-                len(partial_chain.coordinates),
-                steps,
-                _estimate(sampled_names, values, partial_chain),
-            )
+            estimates.append(_estimate(sampled_names, values, partial_chain))
+            progress(len(partial_chain.coordinates), steps, estimates[-1])
 
         samples = run_ensemble(
             log_density,
@@ -152,6 +151,7 @@ def sample_posterior(
             resume=resume,
             settings=_settings(fit, noise, terms, sampled_names, count, seed),
             watch=report,
+            step=lambda done: progress(done, steps, estimates[-1]),
         )
         return _posterior_of(fit, target, terms, density, approximation, samples, seed, doubt)
 
@@ -335,6 +335,7 @@ def _predictions(
     first = takes[0]
     predictor = Predictor(
         model=fit.model,
+        values={n: np.asarray(p.value).tolist() for n, p in fit.model.parameters.items()},
         setting=fit.preparation.setting,
         draws={shown[path]: np.stack([each[path] for each in drawn]) for path in drawn[0]},
         offsets=np.array(offsets),

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from typing import Any, NamedTuple
 
@@ -35,7 +36,8 @@ class Predictor:
     """Some draws of a posterior, with the first recording's offset, and what they are to drive.
 
     Attributes:
-        model: The model.
+        model: The model; None where it was loaded, and its name does not build it.
+        values: Values of the model's parameters by name, as fitted.
         setting: Ranges of the recordings, by which the model was built.
         draws: By free parameter (D, …), in its unit.
         offsets: What the first recording's sensor reads at the model's zero (D,) [response].
@@ -43,7 +45,8 @@ class Predictor:
         history: What the drive did before the first sample, where a call does not say.
     """
 
-    model: Model
+    model: Model | None
+    values: Mapping[str, Any]
     setting: Setting
     draws: Mapping[str, np.ndarray]
     offsets: np.ndarray
@@ -59,11 +62,19 @@ class Predictor:
         source: str,
     ) -> Prediction:
         """Mean and interval of the responses of all draws, as `Posterior.predict` says."""
+        model = self.model
+        if model is None:
+            raise InputError.at(
+                "posterior, predict",
+                "a model that its name builds",
+                "one of a class of its own, in a posterior loaded from a file",
+                "sample it in this session",
+            )
         step = step_to_predict(drive, step, self.step, units, source)
         responses = np.stack(
             [
                 simulate(
-                    self.model.with_values({name: draw[at] for name, draw in self.draws.items()}),
+                    model.with_values({name: draw[at] for name, draw in self.draws.items()}),
                     drive,
                     step,
                     history or self.history,
@@ -76,10 +87,9 @@ class Predictor:
 
     def to_dict(self) -> dict[str, Any]:
         """What `model_of` reads of it, for JSON."""
-        values = {n: np.asarray(p.value).tolist() for n, p in self.model.parameters.items()}
         return {
             "setting": asdict(self.setting),
-            "values": values,
+            "values": dict(self.values),
             "step_s": self.step,
             "history": self.history,
         }
@@ -87,11 +97,10 @@ class Predictor:
 
 def predictor_of(
     name: str, entry: Mapping[str, Any], draws: Mapping[str, np.ndarray], offsets: np.ndarray
-) -> Predictor | None:
-    """The predictor of a saved posterior; None for a model that its name does not build."""
-    setting = Setting(**entry["setting"])
-    try:
-        model = parse_model(name, setting, entry["values"]).with_values(entry["values"])
-    except InputError:
-        return None
-    return Predictor(model, setting, draws, offsets, entry["step_s"], entry["history"])
+) -> Predictor:
+    """The predictor of a saved posterior of the model of this name."""
+    setting, values = Setting(**entry["setting"]), entry["values"]
+    model = None
+    with suppress(InputError):
+        model = parse_model(name, setting, values).with_values(values)
+    return Predictor(model, values, setting, draws, offsets, entry["step_s"], entry["history"])

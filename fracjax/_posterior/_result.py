@@ -62,8 +62,7 @@ class Posterior(Shown):
         seed: Seed of all random numbers.
         converged: Whether the chain is at least 50 autocorrelation times long, with R-hat below
             1.01.
-        predictor: What `predict` needs; None of a loaded posterior whose model is not built by its
-            name, or that was saved without it.
+        predictor: What `predict` needs; None of a posterior that was saved without it.
     """
 
     model: str
@@ -152,9 +151,9 @@ class Posterior(Shown):
         if self.predictor is None:
             raise InputError.at(
                 "posterior, predict",
-                "a posterior with its model",
-                f"one loaded without {self.model}",
-                "sample it in this session",
+                "a posterior that holds its model",
+                "one of an older file",
+                "sample it again",
             )
         return self.predictor.predict(drive, step, history, self.units, self.bands[0].source)
 

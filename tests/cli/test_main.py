@@ -217,15 +217,18 @@ def test_a_limit_counts_down_beside_the_present_stage(monkeypatch):
     assert column.render(task).plain == ""
 
 
-def test_a_count_is_a_line_now_and_then(capsys, monkeypatch):
-    clock = iter(range(0, 100, 4))
-    monkeypatch.setattr("fracjax._cli._progress.time.monotonic", lambda: next(clock))
+def test_a_count_is_a_line_now_and_then_with_the_time_for_the_rest(capsys, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("fracjax._cli._progress.time.monotonic", lambda: now[0])
     with chain_bar(quiet=False, steps=100) as count:
-        for done in range(10):
+        for done in range(1, 7):
+            now[0] += 4.0
             count(done, 100, "k = 1")
-    lines = capsys.readouterr().err.splitlines()
-    assert 2 <= len(lines) <= 5
-    assert lines[0].endswith("of 100; k = 1")
+    # 4 s each from the first on; lines at 12 and at 24 s.
+    assert capsys.readouterr().err.splitlines() == [
+        "  12.0 s  3 of 100; 388 s more at most; k = 1",
+        "  24.0 s  6 of 100; 376 s more at most; k = 1",
+    ]
 
 
 def test_on_a_terminal_lines_end_at_words(capsys, monkeypatch):

@@ -171,6 +171,24 @@ def test_columns_by_name_or_index(put, keys):
     is_the_loop(read(path, time=keys[0], input=keys[1], output=keys[2]))
 
 
+def test_a_short_file_with_wrong_columns_is_told_both(put):
+    """So that nobody records at length what is then refused for its columns."""
+    short = lines_of(names=("time_s", "foo", "bar"))[:11]
+    with pytest.raises(InputError) as refused:
+        read(put(short))
+    assert str(refused.value).endswith(
+        'expected columns for input and output, found 3 column(s): "time_s", "foo", "bar"; give '
+        "--input and --output as a name or an index from 0; and give a longer recording: it has 10 "
+        "samples, and at least 32 are needed."
+    )
+    unclear = lines_of(names=("time_s", "u_V", "force"))[:11]
+    with pytest.raises(InputError, match="give --output-unit; and give a longer"):
+        read(put(unclear))
+    with pytest.raises(InputError) as alone:
+        read(put(lines_of()[:11]))
+    assert str(alone.value).count("samples") == 1
+
+
 def test_columns_by_position(put):
     is_the_loop(read(put(lines_of(names=()))))
     is_the_loop(read(put(lines_of(DRIVE, RESPONSE, names=())), rate="0.2 kHz"))

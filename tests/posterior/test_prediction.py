@@ -35,7 +35,7 @@ def test_a_recording_has_its_own_step_and_must_have_the_same_units(sampled):
 
 def test_a_loaded_posterior_predicts_the_same_if_its_name_builds_the_model(sampled, tmp_path):
     sampled.save(tmp_path)
-    with pytest.raises(fj.InputError, match="found one loaded without law; sample it"):
+    with pytest.raises(fj.InputError, match="found one of a class of its own"):
         fj.load_posterior(tmp_path).predict(OTHER)
 
 

@@ -10,6 +10,7 @@ import numpy as np
 from ._models import Model, as_model
 from ._operators import HISTORIES, Grid, History, refine
 from ._recording import InputError, Recording, parse_quantity, require_units
+from ._show import view_of_tuple
 
 _TOLERANCE = 1e-4
 """Largest change at the last halving of the step, by the response's span; by judgement."""
@@ -29,6 +30,12 @@ class Simulation(NamedTuple):
 
     response: np.ndarray
     error: float
+
+    def __repr__(self) -> str:
+        return view_of_tuple(self).brief()
+
+    def _repr_html_(self) -> str:
+        return view_of_tuple(self).html()
 
 
 def simulate(

@@ -13,13 +13,14 @@ from .._blocks import Setting
 from .._models import Model, parse_model
 from .._operators import History
 from .._recording import InputError, Recording
+from .._show import view_of_tuple
 from .._simulate import simulate, step_to_predict
 
 CENTRAL = (2.5, 97.5)
 """Percentiles at the ends of the central 95 %."""
 
 
-class Prediction(NamedTuple):
+class PosteriorPrediction(NamedTuple):
     """What a posterior predicts for a drive, without the sensor's noise.
 
     Attributes:
@@ -29,6 +30,12 @@ class Prediction(NamedTuple):
 
     mean: np.ndarray
     interval: np.ndarray
+
+    def __repr__(self) -> str:
+        return view_of_tuple(self).brief()
+
+    def _repr_html_(self) -> str:
+        return view_of_tuple(self).html()
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,7 +67,7 @@ class Predictor:
         history: History | None,
         units: tuple[str, str],
         source: str,
-    ) -> Prediction:
+    ) -> PosteriorPrediction:
         """Mean and interval of the responses of all draws, as `Posterior.predict` says."""
         model = self.model
         if model is None:
@@ -83,7 +90,9 @@ class Predictor:
                 for at, offset in enumerate(self.offsets)
             ]
         )
-        return Prediction(responses.mean(axis=0), np.percentile(responses, CENTRAL, axis=0))
+        return PosteriorPrediction(
+            responses.mean(axis=0), np.percentile(responses, CENTRAL, axis=0)
+        )
 
     def to_dict(self) -> dict[str, Any]:
         """What `model_of` reads of it, for JSON."""

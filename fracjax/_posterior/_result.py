@@ -15,7 +15,7 @@ from .._fit import analyse_whitened
 from .._operators import History
 from .._recording import InputError, Recording, item
 from .._show import Shown, Table, View
-from ._prediction import Prediction, Predictor, predictor_of
+from ._prediction import PosteriorPrediction, Predictor, predictor_of
 from ._rows import Band, Row, posterior_row
 
 if TYPE_CHECKING:
@@ -129,7 +129,7 @@ class Posterior(Shown):
         drive: np.ndarray | Recording,
         step: float | str | None = None,
         history: History | None = None,
-    ) -> Prediction:
+    ) -> PosteriorPrediction:
         """The response that 200 draws predict for a drive, as the first sensor reads it.
 
         The discrepancy is not included, as it is known along the recorded drive alone; nor is the

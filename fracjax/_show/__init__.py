@@ -18,3 +18,4 @@ from ._view import Shown as Shown
 from ._view import Table as Table
 from ._view import Text as Text
 from ._view import View as View
+from ._view import view_of_tuple as view_of_tuple

@@ -11,7 +11,6 @@ from tests.results import diagnosis_of, small_fit
 
 STEP = 0.01
 RATIOS = np.geomspace(1, 100, 20), np.linspace(1.0, 0.9, 20)
-FEW = {"starts": 1, "population": 8, "iterations": 5}
 
 
 @pytest.fixture(scope="module")
@@ -38,7 +37,7 @@ def shown() -> dict[str, object]:
         frequency_fit,
         fj.tfocim(*RATIOS),
         fj.amplitude_ratios(fj.Recording(tones, 0.1 * tones, STEP)),
-        fj.crosscheck("creep", recording, **FEW),
+        fj.crosscheck("creep", recording, starts=1, population=8, iterations=5),
         trajectory,
         fj.compensate("gain", trajectory),
         fj.streaming_inverse(linear, STEP, (0.1, 2.0)),

@@ -5,7 +5,7 @@ from __future__ import annotations
 import os
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import closing, contextmanager
+from contextlib import contextmanager
 from contextvars import ContextVar
 from functools import cache, wraps
 from typing import Any, TypeVar
@@ -80,9 +80,13 @@ def map_in_threads(work: Callable[[_Item], _Result], items: Sequence[_Item]) -> 
         with jax.enable_x64(True):
             return work(item)
 
-    # Closing the results first cancels what has not begun, where counting raised.
-    with ThreadPoolExecutor(threads) as pool, closing(pool.map(in_double_precision, items)) as done:
-        return counted(done)
+    with ThreadPoolExecutor(threads) as pool:
+        try:
+            return counted(pool.map(in_double_precision, items))
+        except BaseException:
+            # Where counting raised, as at Stop, what has not begun is not waited for.
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def compiled(work: Callable[..., _Result]) -> Callable[..., _Result]:

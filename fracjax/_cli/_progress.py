@@ -97,9 +97,10 @@ def stages(quiet: bool, limit: float | None = None) -> Iterator[Progress]:
     from .._show import Forecast
 
     if not sys.stderr.isatty():
-        lines = _Lines(Forecast())
+        forecast = Forecast()
+        lines = _Lines(forecast)
         try:
-            with counting(lines.forecast.count):
+            with counting(forecast.count):
                 yield lines.begin
         finally:
             lines.due.cancel()

@@ -379,6 +379,7 @@ def load_compensation(path: str | Path) -> Compensation:
             numerics=content["numerics"],
             warnings=tuple(content.get("warnings", ())),
             model_error=error and (error["rms"], error["on"]),
+            inverted=None,
             **signals,
         )
     except FileNotFoundError:

@@ -71,6 +71,7 @@ if TYPE_CHECKING:
     from ._posterior import ARNoise as ARNoise
     from ._posterior import MeasuredNoise as MeasuredNoise
     from ._posterior import Posterior as Posterior
+    from ._posterior import PosteriorPrediction as PosteriorPrediction
     from ._posterior import StudentNoise as StudentNoise
     from ._posterior import WhiteNoise as WhiteNoise
     from ._posterior import load_posterior as load_posterior
@@ -152,6 +153,7 @@ _HOMES = {
         "ARNoise",
         "MeasuredNoise",
         "Posterior",
+        "PosteriorPrediction",
         "StudentNoise",
         "WhiteNoise",
         "load_posterior",
@@ -192,6 +194,7 @@ __all__ = [
     "Normal",
     "Parameter",
     "Posterior",
+    "PosteriorPrediction",
     "Profile",
     "Recording",
     "ResidualAnalysis",

@@ -59,6 +59,27 @@ def time_is_over() -> bool:
     return clock is not None and clock.is_over
 
 
+Count = Callable[[int, int], None]
+"""Called with how many are done, from none to all of them, and how many there are."""
+
+
+def _uncounted(done: int, total: int) -> None:
+    """No one counts."""
+
+
+_count: ContextVar[Count] = ContextVar("count", default=_uncounted)
+
+
+@contextmanager
+def counting(count: Count) -> Iterator[None]:
+    """A context in which what `map_in_threads` has done is counted, such as the starts of a fit."""
+    token = _count.set(count)
+    try:
+        yield
+    finally:
+        _count.reset(token)
+
+
 @contextmanager
 def computing() -> Iterator[None]:
     """A context with double precision in JAX, and NumPy's and SciPy's linear algebra on one thread.
@@ -76,9 +97,18 @@ def map_in_threads(work: Callable[[_Item], _Result], items: Sequence[_Item]) -> 
 
     This saves time because compiled programs run without the interpreter's lock.
     """
-    threads = min(os.cpu_count() or 1, len(items))
+    threads, count = min(os.cpu_count() or 1, len(items)), _count.get()
+
+    def counted(results: Iterator[_Result]) -> list[_Result]:
+        listed: list[_Result] = []
+        count(0, len(items))
+        for result in results:
+            listed.append(result)
+            count(len(listed), len(items))
+        return listed
+
     if threads < 2:
-        return [work(item) for item in items]
+        return counted(map(work, items))
 
     def in_double_precision(item: _Item) -> _Result:
         # JAX holds its precision per thread.
@@ -86,7 +116,12 @@ def map_in_threads(work: Callable[[_Item], _Result], items: Sequence[_Item]) -> 
             return work(item)
 
     with ThreadPoolExecutor(threads) as pool:
-        return list(pool.map(in_double_precision, items))
+        try:
+            return counted(pool.map(in_double_precision, items))
+        except BaseException:
+            # Where counting raised, as at Stop, what has not begun is not waited for.
+            pool.shutdown(wait=False, cancel_futures=True)
+            raise
 
 
 def compiled(work: Callable[..., _Result]) -> Callable[..., _Result]:

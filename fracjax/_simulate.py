@@ -9,7 +9,8 @@ import numpy as np
 
 from ._models import Model, as_model
 from ._operators import HISTORIES, Grid, History, refine
-from ._recording import InputError, Recording, parse_quantity
+from ._recording import InputError, Recording, parse_quantity, require_units
+from ._show import view_of_tuple
 
 _TOLERANCE = 1e-4
 """Largest change at the last halving of the step, by the response's span; by judgement."""
@@ -29,6 +30,12 @@ class Simulation(NamedTuple):
 
     response: np.ndarray
     error: float
+
+    def __repr__(self) -> str:
+        return view_of_tuple(self).brief()
+
+    def _repr_html_(self) -> str:
+        return view_of_tuple(self).html()
 
 
 def simulate(
@@ -90,6 +97,20 @@ def simulate(
             coarse, response = response, respond(oversampling)
             error = float(np.abs(response - coarse).max() / max(np.ptp(response), 1e-300))
     return Simulation(response, error)
+
+
+def step_to_predict(
+    drive: object, step: float | str | None, usual: float, units: tuple[str, str], source: str
+) -> float | str | None:
+    """The step for `simulate` of a drive for a result fitted to `source`, in its units.
+
+    The step as given, else the usual one [s]; a recording has its own.  Raises InputError where a
+    recording has other units.
+    """
+    if isinstance(drive, Recording):
+        require_units(units, source, drive)
+        return step
+    return usual if step is None else step
 
 
 def _samples(drive: object, step: float | str | None) -> tuple[np.ndarray, float]:

@@ -257,9 +257,8 @@ class _Page:
         if job is None:
             return
         if job.running:
-            self.stage.value = (
-                f"{job.stage}; {job.elapsed:.0f} s, at most {job.remaining:.0f} s remain"
-            )
+            limit = f"{job.elapsed:.0f} s so far, at most {job.remaining:.0f} s remain"
+            self.stage.value = "; ".join(filter(None, (job.stage, job.forecast, limit)))
             return
         self.job = None
         self.stop.disabled, self.fit.disabled, self.diagnose.disabled = True, False, False

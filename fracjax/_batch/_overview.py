@@ -73,12 +73,16 @@ def _spread(
 def _scale(written: str, common: str) -> float:
     """The factor from one unit to another, NaN where they measure different things.
 
-    A power of a second that an order decides is left out of both: um/V*s^alpha counts as um/V.
+    A power of a second that an order decides is left out of both: um/V*s^alpha counts as um/V; and
+    the 1 of 1/V is no unit's name.
     """
     if written == common:
         return 1.0
     try:
-        one, other = (unit(re.sub(r"\*s\^[^*/]+", "", each)) for each in (written, common))
+        one, other = (
+            unit(re.sub(r"^1/", "dimensionless/", re.sub(r"\*s\^[^*/]+", "", each)))
+            for each in (written, common)
+        )
         quantity = pint.get_application_registry().Quantity(1.0, one)
         return float(quantity.to(other).magnitude)
     except (InputError, pint.PintError):

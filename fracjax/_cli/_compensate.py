@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import json
+import math
 import re
+from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -89,7 +92,7 @@ def compensate_command(
         compensation_warnings,
     )
 
-    desired, model, drive_unit, fitted_offset = _inputs(trajectory, fitted, columns)
+    desired, model, drive_unit, fitted_offset, model_error = _inputs(trajectory, fitted, columns)
     unit = desired.response_unit
     requested: dict[str, Any] = {
         "limits": limits and _range(limits, drive_unit, "--limits"),
@@ -98,6 +101,7 @@ def compensate_command(
         "offset": fitted_offset if offset is None else parse_quantity(offset, unit, "--offset"),
         "history": history,
         "drive_unit": drive_unit,
+        "model_error": model_error,
         **(_draws(posterior) if posterior else {}),
     }
     suffix = Path(trajectory).suffix.lower()
@@ -161,8 +165,8 @@ def _write_streaming_inverse(
 
 def _inputs(
     path: str, fitted: str, columns: dict[str, Any]
-) -> tuple[Trajectory, Model, str, float]:
-    """The trajectory in a fit's response unit, and the fit's model, drive unit and offset."""
+) -> tuple[Trajectory, Model, str, float, tuple[float, str]]:
+    """The trajectory in a fit's response unit, and its model, drive unit, offset and error."""
     from .._compensate import Trajectory
     from .._io import read_response
 
@@ -170,7 +174,24 @@ def _inputs(
     samples, step, file_unit = read_response(path, **columns)
     unit = content["units"]["response"]
     trajectory = Trajectory(samples, step, file_unit, path).in_unit(unit)
-    return trajectory, model, content["units"]["drive"], content["offsets"][0]
+    error = _error_on_held_out_data(Path(fitted).parent, model.name)
+    if error is None:
+        error = content["scores"]["rmse"], "the data it was fitted to"
+    return trajectory, model, content["units"]["drive"], content["offsets"][0], error
+
+
+def _error_on_held_out_data(folder: Path, model: str) -> tuple[float, str] | None:
+    """The model's rms error on held-out data, where the fit's folder holds its scores."""
+    on = "held-out data"
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        rows = json.loads((folder / "comparison.json").read_text(encoding="utf-8"))["rows"]
+        return next((row["unseen"]["rmse"], on) for row in rows if row["model"] == model)
+    with suppress(OSError, ValueError, KeyError, TypeError):
+        diagnosis = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
+        which = "base_folds" if diagnosis["model"] == model else "extended_folds"
+        squares = [error**2 for error in diagnosis["held_out"][which]]
+        return math.sqrt(sum(squares) / len(squares)), on
+    return None
 
 
 def _range(text: str, unit: str, where: str) -> tuple[float, float]:

@@ -141,7 +141,7 @@ def _summary(
     from .._report import fit_sentence, key_figures
 
     notes = [note for fit in fits for note in (*_profile_notes(fit), *fit_notes(fit))]
-    notes.append("; ".join(analyse_residuals(fits[0])[0].findings) + ".")
+    notes.append(". ".join(analyse_residuals(fits[0])[0].findings) + ".")
     warnings = (warning for r in recordings for warning in (*r.warnings, *r.checks()))
     notes += [f"Warning: {warning}" for warning in dict.fromkeys(warnings)]
     figures = key_figures(comparison or fits)

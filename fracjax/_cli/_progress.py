@@ -12,7 +12,8 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from rich.progress import Task, TextColumn
 
-    from .._batch import Count
+    from .._computing import Count
+    from .._show import Forecast
     from .._solve import Progress
 
 
@@ -27,11 +28,13 @@ def _silent(*_: object) -> None:
 
 
 class _Lines:
-    """Plain lines, for a pipe or a log: one a stage, and of a count one every ten seconds."""
+    """Plain lines, for a pipe or a log: one a stage, and one every ten seconds while it lasts."""
 
-    def __init__(self) -> None:
+    def __init__(self, forecast: Forecast | None = None) -> None:
         self.start = self.last = time.monotonic()
         self.due = threading.Timer(0, _silent)
+        self.forecast = forecast
+        self.first: tuple[float, int] | None = None
 
     def write(self, sentence: str) -> None:
         """Write a line with the time since the start."""
@@ -39,18 +42,34 @@ class _Lines:
         print(f"{seconds:6.1f} s  {sentence}", file=sys.stderr, flush=True)
 
     def begin(self, sentence: str) -> None:
-        """Begin a stage; its line is written once it lasts."""
+        """Begin a stage; its line is written once it lasts, and again as long as it does."""
+        self._await(_BRIEF, sentence)
+
+    def _await(self, seconds: float, sentence: str) -> None:
+        """Write a line of the stage in some time, unless another begins before."""
+
+        def write() -> None:
+            if self.due is due:
+                text = self.forecast.text if self.forecast else ""
+                self.write("; ".join(filter(None, (sentence, text))))
+                self._await(_PAUSE, f"still {sentence.removeprefix('still ')}")
+
         self.due.cancel()
-        self.due = threading.Timer(_BRIEF, self.write, [sentence])
-        self.due.daemon = True
-        self.due.start()
+        self.due = due = threading.Timer(seconds, write)
+        due.daemon = True
+        due.start()
 
     def count(self, done: int, total: int, estimate: str = "") -> None:
-        """Count what is done, in a line if the last is old enough."""
+        """Count what is done, in a line with the time for the rest if the last is old enough."""
+        self.due.cancel()
         now = time.monotonic()
+        self.first = self.first or (now, done)
         if now - self.last >= _PAUSE:
             self.last = now
-            self.write(f"{done} of {total}" + (f"; {estimate}" if estimate else ""))
+            began, already = self.first
+            rest = (now - began) * (total - done) / max(1, done - already)
+            texts = f"{done} of {total}", f"{rest:.0f} s more at most" if rest else "", estimate
+            self.write("; ".join(filter(None, texts)))
 
 
 def until(limit: float) -> TextColumn:
@@ -74,10 +93,15 @@ def stages(quiet: bool, limit: float | None = None) -> Iterator[Progress]:
     if quiet:
         yield _silent
         return
+    from .._computing import counting
+    from .._show import Forecast
+
     if not sys.stderr.isatty():
-        lines = _Lines()
+        forecast = Forecast()
+        lines = _Lines(forecast)
         try:
-            yield lines.begin
+            with counting(forecast.count):
+                yield lines.begin
         finally:
             lines.due.cancel()
         return
@@ -88,6 +112,7 @@ def stages(quiet: bool, limit: float | None = None) -> Iterator[Progress]:
     text = TextColumn("{task.description}", markup=False)
     columns = [SpinnerColumn(finished_text=" "), text, TimeElapsedColumn()]
     columns += [] if limit is None else [until(limit)]
+    forecast, stage = Forecast(), [""]
     with Bars(*columns, console=Console(stderr=True)) as bars:
 
         def finish() -> None:
@@ -96,9 +121,17 @@ def stages(quiet: bool, limit: float | None = None) -> Iterator[Progress]:
 
         def begin(sentence: str) -> None:
             finish()
+            stage.append(sentence)
             bars.add_task(sentence, total=1)
 
-        yield begin
+        def count(done: int, total: int) -> None:
+            forecast.count(done, total)
+            if bars.task_ids:
+                shown = "; ".join(filter(None, (stage[-1], forecast.text)))
+                bars.update(bars.task_ids[-1], description=shown)
+
+        with counting(count):
+            yield begin
         finish()
 
 
@@ -124,20 +157,36 @@ def bar(quiet: bool) -> Iterator[Count]:
 
 @contextmanager
 def chain_bar(quiet: bool, steps: int) -> Iterator[Callable[[int, int, str], None]]:
-    """A function that counts steps, shown as a bar with the present estimate."""
-    if quiet or not sys.stderr.isatty():
-        yield _silent if quiet else _Lines().count
+    """A function that counts steps, shown as a bar with the present estimate and the time that the
+    rest takes at most: a chain that converges ends before."""
+    if quiet:
+        yield _silent
+        return
+    if not sys.stderr.isatty():
+        lines = _Lines()
+        lines.begin("fitting, then sampling")
+        try:
+            yield lines.count
+        finally:
+            lines.due.cancel()
         return
     from rich.console import Console
-    from rich.progress import BarColumn, MofNCompleteColumn, TextColumn, TimeElapsedColumn
+    from rich.progress import (
+        BarColumn,
+        MofNCompleteColumn,
+        TextColumn,
+        TimeElapsedColumn,
+        TimeRemainingColumn,
+    )
     from rich.progress import Progress as Bars
 
     text = TextColumn("{task.description}", markup=False)
-    columns = BarColumn(20), MofNCompleteColumn(), TimeElapsedColumn(), text
+    most = TextColumn("at most"), TimeRemainingColumn()
+    columns = BarColumn(20), MofNCompleteColumn(), TimeElapsedColumn(), *most, text
     with Bars(*columns, console=Console(stderr=True)) as bars:
         task = bars.add_task("fitting", total=steps)
 
-        def count(done: int, most: int, estimate: str) -> None:
-            bars.update(task, completed=done, total=most, description=estimate)
+        def count(done: int, total: int, estimate: str) -> None:
+            bars.update(task, completed=done, total=total, description=estimate)
 
         yield count

@@ -50,6 +50,7 @@ def compensate(
     response_unit: str | None = None,
     draws: Mapping[str, np.ndarray] | None = None,
     identified_by: Recording | None = None,
+    model_error: tuple[float, str] | None = None,
     progress: Progress = silent,
 ) -> Compensation:
     """The drive u with model(u) + offset = trajectory [L 10, 12], at the trajectory's samples.
@@ -78,6 +79,8 @@ def compensate(
             the band of the predicted response; None for no band.
         identified_by: The recording that the draws were sampled for.  Each draw then gets the
             offset that keeps the mean of the response to this recording.
+        model_error: The model's own rms error [response] and on which data, such as
+            (0.01, "held-out data"): the error to expect on the stage, which the result then states.
         progress: Called with a sentence at each stage.
 
     Returns:
@@ -153,6 +156,8 @@ def compensate(
             converged=solution.converged,
             numerics=_numerics(system.plant, solution, stroke),
             warnings=obstacles_to_inversion(block),
+            model_error=model_error,
+            inverted=Model(block, model.name),
         )
 
 

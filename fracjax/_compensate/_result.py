@@ -10,9 +10,11 @@ from typing import TYPE_CHECKING, Any, Literal
 import numpy as np
 
 from .._io import column_name, write
+from .._models import Model
 from .._operators import History
-from .._recording import InputError, runs_of
+from .._recording import InputError, Recording, runs_of
 from .._show import Shown, Table, View, figure, quantity
+from .._simulate import simulate, step_to_predict
 from ._unbounded import TOLERANCE
 
 if TYPE_CHECKING:
@@ -72,6 +74,10 @@ class Compensation(Shown):
         numerics: Largest change of the prediction when the grid's step is halved, as a share of the
             stroke.
         warnings: Sentences about what the model does not allow.
+        model_error: The model's own rms error [response] and on which data, such as "held-out
+            data"; None where it is not given.
+        inverted: The model that was inverted, without the blocks left out; None of a compensation
+            loaded from a file.
     """
 
     model: str
@@ -93,6 +99,8 @@ class Compensation(Shown):
     converged: bool
     numerics: float
     warnings: tuple[str, ...] = ()
+    model_error: tuple[float, str] | None = None
+    inverted: Model | None = None
 
     @property
     def times(self) -> np.ndarray:
@@ -123,6 +131,15 @@ class Compensation(Shown):
     def max_error_of_band(self) -> float | None:
         """The largest error anywhere within the band [response]; None without a band."""
         return None if self.band is None else float(np.abs(self.band - self.desired).max())
+
+    @property
+    def expected(self) -> str:
+        """The error to expect on the stage, in words; empty where the model's is not given."""
+        if self.model_error is None:
+            return ""
+        rms, data = self.model_error
+        share = figure(100 * rms / self.stroke)
+        return f"{quantity(rms, self.units[1])} rms ({share} % of the stroke), as on {data}"
 
     @property
     def binding(self) -> tuple[Stretch, ...]:
@@ -179,6 +196,7 @@ class Compensation(Shown):
             ["drive", used],
             ["largest predicted error", error(self.max_error)],
             ["rms predicted error", error(self.rms_error)],
+            *([["error to expect on the stage", self.expected]] if self.expected else []),
             ["discretisation", f"{figure(100 * self.numerics)} % of the stroke"],
             ["method", f"{self.method}, {self.iterations} iterations"],
         ]
@@ -192,6 +210,38 @@ class Compensation(Shown):
             f"Drive of {self.model} along {Path(self.source).name}: {self.verdict}{state}.",
             [Table([], rows), Table(["stretch", ""], [*at_limits, *missed], detail=True)],
         )
+
+    def predict(
+        self,
+        drive: np.ndarray | Recording,
+        step: float | str | None = None,
+        history: History | None = None,
+    ) -> np.ndarray:
+        """The response that the model predicts for another drive, such as the one that was applied.
+
+        Args:
+            drive: (N,) in the compensation's drive unit, or a recording in the same units.
+            step: The time between samples [s], by default that of the compensation.
+            history: What the drive did before the first sample, as in `simulate`; by default that
+                of the compensation.
+
+        Returns:
+            The response (N,) in the compensation's response unit, offset included.
+
+        Raises:
+            InputError: When the drive is no finite signal, a recording has other units, or the
+                compensation was loaded from a file, which holds no model.
+        """
+        if self.inverted is None:
+            raise InputError.at(
+                "compensation, predict",
+                "a compensation with its model",
+                "one loaded from a file",
+                "compensate again, or simulate with load_model(fit.json)",
+            )
+        step = step_to_predict(drive, step, self.dt, self.units, self.source)
+        simulation = simulate(self.inverted, drive, step, history or self.history)
+        return simulation.response + self.offset
 
     def plot(self) -> Drawing:
         """Draw the desired and the predicted response, the drive, and the predicted error.
@@ -251,6 +301,9 @@ class Compensation(Shown):
                 "rms_percent_of_stroke": 100 * self.rms_error / self.stroke,
                 "max_of_band": self.max_error_of_band,
             },
+            "model_error": None
+            if self.model_error is None
+            else {"rms": self.model_error[0], "on": self.model_error[1]},
             "binding": [asdict(stretch) for stretch in self.binding],
             "missed": [asdict(stretch) for stretch in self.missed],
             "method": self.method,
@@ -307,6 +360,7 @@ def load_compensation(path: str | Path) -> Compensation:
             raise KeyError(content["schema"])
         signals = {name: np.asarray(content["signals"][name]) for name in _SIGNALS}
         band, limits = content["signals"]["band"], content["limits"]
+        error = content.get("model_error")
         return Compensation(
             model=content["model"],
             source=content["trajectory"],
@@ -324,6 +378,8 @@ def load_compensation(path: str | Path) -> Compensation:
             converged=content["converged"],
             numerics=content["numerics"],
             warnings=tuple(content.get("warnings", ())),
+            model_error=error and (error["rms"], error["on"]),
+            inverted=None,
             **signals,
         )
     except FileNotFoundError:

@@ -31,9 +31,16 @@ from ._fitted import fitted
 from ._held_out import predict_recording, predict_stretches
 from ._inquiry import inquire
 from ._nearest import Nearest, nearest_model
-from ._next_experiment import Limits, parse_limits, propose, recorded_limits
+from ._next_experiment import Limits, parse_limits, propose, recorded_limits, survey
 from ._result import Diagnosis, NextExperiment
-from ._sentence import next_experiment, sentence_of, where_of
+from ._sentence import (
+    afterwards,
+    is_incomplete,
+    next_experiment,
+    sentence_of,
+    survey_sentence,
+    where_of,
+)
 
 _SO_FAR = (
     " This is the verdict so far: the time was over, or it was interrupted, before all fits had "
@@ -196,15 +203,21 @@ def _concluded(
 def _next_experiment(
     findings: Findings, limits: Limits, progress: Progress, clock: Clock
 ) -> NextExperiment | None:
-    """The drive that distinguishes the effects that this recording does not."""
+    """The drive that distinguishes the effects that this recording does not, or else, where more is
+    missing than is named, one that shows of what kind it is."""
     rivals = max(findings.inquiry.rivals, key=len, default=())
-    if len(rivals) < 2 or clock.is_over:
+    preparation, fit = findings.base.preparation, findings.base_fit
+    if clock.is_over:
         return None
+    if len(rivals) < 2:
+        if not is_incomplete(findings):
+            return None
+        return afterwards(survey_sentence(survey(preparation, limits)), fit)
     blocks = [e.fitted.solved.block for e in rivals]
     common = set.intersection(*(set(e.names) for e in rivals))
     names = [next(n for n in e.names if n not in common) for e in rivals]
-    proposal = propose(blocks, findings.base.preparation, limits, progress)
-    return next_experiment(names, proposal)
+    proposal = propose(blocks, preparation, limits, progress)
+    return afterwards(next_experiment(names, proposal), fit)
 
 
 def _warnings(findings: Findings) -> tuple[str, ...]:

@@ -49,6 +49,7 @@ _EXAMINED = 10
 judgement."""
 _RATES = (1, 1 / 4, 4, 1 / 16, 16)
 """Sampling rates that are tried, over the recording's own, in this order."""
+_LADDER = "in four amplitudes"
 LIKELY = 0.5
 """A drive with a smaller probability of success is more likely to fail."""
 
@@ -184,7 +185,7 @@ def drives(limits: Limits, step: float, unit: str, start: float, rest: int) -> l
         full = f"{2 * limits.reach:.3g} {unit}"
         add(f"a triangle of {f:.3g} Hz over {full}", _spanned(_triangle(angle), limits))
         add(
-            f"sines of {f:.3g} Hz in four amplitudes up to {full}",
+            f"sines of {f:.3g} Hz {_LADDER} up to {full}",
             _spanned(-np.cos(angle) * rising, limits),
         )
         add(
@@ -253,12 +254,14 @@ def _allowed(
 class Proposal:
     """The drive to record next, the indices of the rivals that it should distinguish from the
     first, and the smallest probability with which it does; `all_apart` if it should distinguish
-    each from every other too."""
+    each from every other too; and `difference`, the smallest rms over the noise floor by which one
+    differs from what the parameters of the other can make of it."""
 
     drive: Drive
     probability: float
     distinguished: tuple[int, ...]
     all_apart: bool
+    difference: float
 
 
 def propose(
@@ -294,6 +297,16 @@ def propose(
     return next((each for each in chain([own], others) if each.probability >= LIKELY), own)
 
 
+def survey(preparation: Preparation, limits: Limits) -> Drive:
+    """The drive to record where nothing named explains the mismatch: after a rest, sines of the
+    middle rate in four amplitudes."""
+    recording = preparation.takes[0].recording
+    start, rest = float(recording.drive[0]), rest_samples(recording.dt)
+    candidates = drives(limits, recording.dt, recording.drive_unit, start, rest)
+    ladders = [drive for drive in candidates if _LADDER in drive.description]
+    return ladders[len(ladders) // 2]
+
+
 def _proposed(
     candidates: list[Drive], rivals: Sequence[AbstractBlock], noise: Noise, oversampling: int
 ) -> Proposal:
@@ -302,10 +315,17 @@ def _proposed(
     # The changes that the parameters absorb cost ten times as much as the responses themselves.
     gaps = np.array([trial.gaps(rivals) for trial in trials])
     promising = np.argsort(-np.mean(np.log(gaps + 1e-300), axis=1))[:_EXAMINED]
-    apart = _probability(np.array([trials[k].separability(rivals) for k in promising]))
-    k, distinguished, all_apart = _most_distinguishing(apart)
-    probability = float(apart[k].min() if all_apart else apart[k, 0, distinguished].min())
-    return Proposal(candidates[promising[k]], probability, distinguished, all_apart)
+    worth = np.array([trials[k].separability(rivals) for k in promising])
+    k, distinguished, all_apart = _most_distinguishing(_probability(worth))
+    least = float(worth[k].min() if all_apart else worth[k, 0, distinguished].min())
+    drive = candidates[promising[k]]
+    return Proposal(
+        drive,
+        float(_probability(np.array(least))),
+        distinguished,
+        all_apart,
+        float(np.sqrt(least / drive.values.size)),
+    )
 
 
 def _most_distinguishing(apart: np.ndarray) -> tuple[int, tuple[int, ...], bool]:

@@ -173,13 +173,13 @@ class NextExperiment:
     Attributes:
         sentence: the proposal in words.
         separates: the effects that it distinguishes.
-        probability: with which it does, 0 to 1.
+        probability: with which it does, 0 to 1; None where there are none to distinguish.
         drive: the proposed drive.
     """
 
     sentence: str
     separates: tuple[str, ...]
-    probability: float
+    probability: float | None
     drive: Drive
 
 

@@ -2,11 +2,15 @@
 
 from __future__ import annotations
 
+import shlex
 from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
 from typing import TYPE_CHECKING
 
+from .._fit import Fit
 from .._prepare import Noise
-from ._next_experiment import LIKELY, Proposal
+from ._next_experiment import LIKELY, Drive, Proposal
 from ._result import Axis, HeldOut, NextExperiment, Verdict
 from ._shape import HYSTERESIS_SHAPE, entry_of
 from ._thresholds import SIGNIFICANCE
@@ -18,7 +22,7 @@ if TYPE_CHECKING:
 _CLEARLY = 0.4
 """Excess of χ² per sample above which a residual without a significant effect is not called
 agreement; chosen by judgement."""
-_FAR = 2.0
+FAR = 2.0
 """Ratio of an error to the noise above which the sentence mentions it; chosen by judgement."""
 _MOST_LISTED = 4
 """Recordings whose residual is listed at most; chosen by judgement."""
@@ -141,7 +145,7 @@ def _improvement(findings: Findings) -> str:
         f"{held_out.extended_rmse:.3g} {noise.unit} (noise floor {noise.sigma:.3g} {noise.unit})."
     )
     times = held_out.extended_rmse / noise.sigma
-    if times > _FAR:
+    if times > FAR:
         improvement += (
             f" That is still {times:.2g} times the noise: more is missing, or the training data do "
             "not determine the parameters well enough to predict it."
@@ -161,7 +165,7 @@ def _agreement(findings: Findings, recorded: str) -> str:
             "or a rest."
         )
     # Coloured noise may hide a slow residual that is far above its level.
-    is_far = base.scores.rmse > _FAR * noise.sigma
+    is_far = base.scores.rmse > FAR * noise.sigma
     if is_far or findings.excess > max(findings.doubt, _CLEARLY):
         return (
             f"No effect is significant in the residual of {name}, but the residual is "
@@ -184,7 +188,7 @@ def _agreement(findings: Findings, recorded: str) -> str:
 def _shown_elsewhere(held_out: HeldOut, noise: Noise) -> str:
     """The sentence on a held-out recording that a base without mismatch does not predict, or ""."""
     times = held_out.base_rmse / noise.sigma
-    if held_out.method != "recording" or times <= _FAR:
+    if held_out.method != "recording" or times <= FAR:
         return ""
     return (
         f" But its error on the held-out recording is {held_out.base_rmse:.3g} {noise.unit}, "
@@ -192,6 +196,15 @@ def _shown_elsewhere(held_out: HeldOut, noise: Noise) -> str:
         "this one does not determine the parameters well enough to predict it; diagnose both "
         "together."
     )
+
+
+def is_incomplete(findings: Findings) -> bool:
+    """Whether more is missing than the names explain, in a recording that can be diagnosed."""
+    if findings.doubts or findings.verdict == "none":
+        return False
+    extended = findings.held_out.extended_rmse
+    remains = extended is not None and extended > FAR * findings.noise.sigma
+    return findings.verdict == "unexplained" or remains
 
 
 def advice(one: str, other: str) -> str | None:
@@ -217,8 +230,9 @@ def next_experiment(names: Sequence[str], proposal: Proposal) -> NextExperiment:
         sentence += f"Better would be {experiment}." if experiment else remedy
     else:
         sentence = (
-            f"Record {drive.description}: it distinguishes {first} from {parted} with a "
-            f"probability of {probability}."
+            f"Record {drive.description}: there {first} differs from what {parted} could make of "
+            f"it by {proposal.difference:.2g} noise floors rms or more, which distinguishes them "
+            f"with a probability of {probability}."
         )
         if rest:
             sentence += (
@@ -233,3 +247,25 @@ def next_experiment(names: Sequence[str], proposal: Proposal) -> NextExperiment:
                 "other."
             )
     return NextExperiment(sentence, (first, *distinguished), chance, drive)
+
+
+def survey_sentence(drive: Drive) -> NextExperiment:
+    """The proposed drive where no effect of the catalogue explains what remains."""
+    sentence = (
+        f"Record {drive.description}, after a rest: the rest shows the noise, and the amplitudes "
+        "whether the mismatch is in proportion to the drive, as dynamics are, grows faster, as a "
+        "loop's shape or saturation does, or keeps its size, as backlash, drift and hum do."
+    )
+    return NextExperiment(sentence, (), None, drive)
+
+
+def afterwards(experiment: NextExperiment, fit: Fit) -> NextExperiment:
+    """The proposal with what to do with the recording: the command, where the recordings of the fit
+    are files."""
+    sources = [take.recording.source for take in fit.preparation.takes]
+    command = ""
+    if all(Path(source).is_file() for source in sources):
+        words = ["fracjax", "diagnose", *sources, "RECORDED.csv", "--model", fit.model.name]
+        command = f": {shlex.join([*words, '--out', 'both'])}, with the options of this call"
+    sentence = f"{experiment.sentence} Then diagnose both together{command}."
+    return replace(experiment, sentence=sentence)

@@ -14,6 +14,7 @@ from scipy.ndimage import maximum_filter1d
 
 from .._computing import computing
 from .._models import Model
+from .._operators import History
 from .._prepare import Preparation, Take, take_of
 from .._recording import InputError, Recording, item, require_units_of
 from .._show import Shown, Table, View, figure
@@ -115,12 +116,36 @@ class Comparison(Shown):
             ]
             for row in self.rows
         ]
-        unseen = f" and {self.best_unseen} on data held out" if self.best_unseen else ""
+        unseen = f", on data held out {self.best_unseen}" if self.best_unseen else ""
+        best = f"best by BIC is {self.best}{unseen}"
+        if self.best == self.best_unseen:
+            best = f"best by BIC and on data held out is {self.best}"
         return View(
-            f"{len(self.rows)} models compared: best by BIC is {self.best}{unseen}.",
+            f"{len(self.rows)} models compared: {best}.",
             [Table(headers, rows)],
             [f"Held out: {self.method}."],
         )
+
+    def predict(
+        self,
+        drive: np.ndarray | Recording,
+        step: float | str | None = None,
+        history: History | None = None,
+    ) -> np.ndarray:
+        """The response that the best model by BIC predicts, as `Fit.predict`.
+
+        Args:
+            drive: (N,) in the recording's drive unit, or a recording in the same units.
+            step: the time between samples [s], by default that of the first recording.
+            history: the drive before the first sample, as in `Fit.predict`.
+
+        Returns:
+            The response (N,) in the recording's response unit, offset included.
+
+        Raises:
+            InputError: as `Fit.predict` does.
+        """
+        return self.fits[0].predict(drive, step, history)
 
     def plot(self) -> Drawing:
         """Draw the rms error of each model on the data fitted and on data held out.

@@ -11,6 +11,7 @@ import numpy as np
 from .._blocks import AbstractLinearBlock
 from .._models import Model
 from .._recording import InputError, pair_of
+from .._show import view_of_tuple
 from .._systems import Band, System, rational
 
 _CHECKED = 40
@@ -35,6 +36,12 @@ class LinearSystem(NamedTuple):
     system: Any
     band: tuple[float, float]
     error: float
+
+    def __repr__(self) -> str:
+        return view_of_tuple(self).brief()
+
+    def _repr_html_(self) -> str:
+        return view_of_tuple(self).html()
 
 
 def to_scipy(model: Model, band: tuple[float, float]) -> LinearSystem:

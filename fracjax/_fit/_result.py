@@ -15,9 +15,9 @@ from .._models import Model, parse_model
 from .._naming import ByName
 from .._operators import History
 from .._prepare import Noise, Preparation
-from .._recording import InputError, Recording, item, require_units_of
+from .._recording import InputError, Recording, item
 from .._show import Shown, Table, View, figure, quantity
-from .._simulate import simulate
+from .._simulate import simulate, step_to_predict
 from ._combinations import Combination, combinations_among
 from ._estimate import Estimate
 from ._grade import shortcomings_of
@@ -216,10 +216,8 @@ class Fit(Shown):
         first = take.recording
         if history is None:
             history = "constant" if take.history == "estimated" else take.history
-        if isinstance(drive, Recording):
-            require_units_of(first, drive)
-        elif step is None:
-            step = first.dt
+        units = first.drive_unit, first.response_unit
+        step = step_to_predict(drive, step, first.dt, units, first.source)
         return np.asarray(simulate(self.model, drive, step, history).response) + self.offsets[0]
 
     def residual_tests(self) -> tuple[ResidualAnalysis, ...]:

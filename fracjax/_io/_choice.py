@@ -27,6 +27,8 @@ class Chosen(NamedTuple):
     """By role, "input" and "output"."""
     times: dict[str, int]
     """By role, that of its time; none where there is no such column."""
+    note: str = ""
+    """What was assumed of columns that nothing names."""
 
 
 def choose(
@@ -45,8 +47,10 @@ def choose(
     """
     chosen = {role: _given(table, role, key) for role, key in columns.items() if key is not None}
     signals = [role for role in columns if role != "time"]
+    note = ""
     if not chosen and (not table.names or _is_one_matrix(table)):
         chosen = _by_position(table, signals, has_rate)
+        note = _assumed_order(table, signals, chosen) if len(signals) > 1 and chosen else ""
     _require_usable(table, chosen)
     if table.names:
         for role in signals:
@@ -58,9 +62,9 @@ def choose(
         raise _nothing_for(table, missing, chosen)
     picked = {role: chosen[role] for role in signals}
     if "time" in chosen:
-        return Chosen(picked, dict.fromkeys(signals, chosen["time"]))
+        return Chosen(picked, dict.fromkeys(signals, chosen["time"]), note)
     times = {role: _time_for(table, column, picked) for role, column in picked.items()}
-    return Chosen(picked, {role: at for role, at in times.items() if at is not None})
+    return Chosen(picked, {role: at for role, at in times.items() if at is not None}, note)
 
 
 def title_of(table: Table, column: int) -> str:
@@ -247,6 +251,16 @@ def _by_position(table: Table, signals: list[str], has_rate: bool) -> dict[str, 
     if len(usable) == len(signals) and not (runs and len(signals) > 1):
         return dict(zip(signals, usable, strict=True))
     return {}
+
+
+def _assumed_order(table: Table, signals: list[str], chosen: Mapping[str, int]) -> str:
+    """What is said of columns that were taken in order, and how to take them in the other."""
+    first, second = (chosen[role] for role in signals)
+    return (
+        f"{table.source}: nothing names the columns, so {first} was taken for the drive and "
+        f"{second} for the response; if it is the other way round, give --input {second} and "
+        f"--output {first}."
+    )
 
 
 def _nothing_for(table: Table, missing: list[str], chosen: Mapping[str, int]) -> InputError:

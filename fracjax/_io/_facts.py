@@ -6,6 +6,7 @@ from typing import NamedTuple
 
 from fracjax._io._table import Fact
 from fracjax._io._units import readable, stripped, titled
+from fracjax._io._words import role_of
 from fracjax._recording import InputError, parse_quantity, unit
 
 _KEYS = {
@@ -173,11 +174,14 @@ def beside(
     return facts
 
 
-def _spread(said: Said, data: Sequence[int]) -> list[tuple[int, str]]:
-    """The values of a line by column: one for each, or one for each but the first, which is the
-    time, or those in the cells above them."""
+def _spread(said: Said, data: Sequence[int], names: Sequence[str] = ()) -> list[tuple[int, str]]:
+    """The values of a line by column: one for each, or one for each but the times, or one for each
+    but the first, which is the time, or those in the cells above them."""
     cells = [(at, v.strip()) for at, v in zip(said.at, said.values, strict=True) if v.strip()]
     texts = [text for _, text in cells]
+    signals = [at for at in data if at < len(names) and role_of(names[at]) != "time"]
+    if len(texts) > 1 and len(texts) == len(signals):
+        return list(zip(signals, texts, strict=True))
     if len(texts) > 1 and len(texts) in (len(data), len(data) - 1):
         return list(zip(data[len(data) - len(texts) :], texts, strict=True))
     return cells if len(cells) > 1 and all(at in data for at, _ in cells) else []
@@ -215,7 +219,7 @@ def _take_units(
                 if column < len(names) and names[column].casefold() == name.casefold():
                     units.setdefault(column, stripped(text))
         return
-    for at, text in _spread(said, data):
+    for at, text in _spread(said, data, names):
         units.setdefault(at, stripped(text))
     filled = [value for value in said.values if value.strip()]
     if len(filled) == 1 and len(data) in (1, 2):

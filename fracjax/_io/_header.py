@@ -215,8 +215,11 @@ def _unknown_units(above: Sequence[_Row]) -> _Row | None:
 def _names(names_row: _Row | None, layout: Layout) -> tuple[str, ...]:
     if names_row is None:
         return ()
-    cells = list(names_row.cells[: layout.width])
-    return tuple(_padded(cells, layout.width))
+    first, *others = names_row.cells[: layout.width]
+    key, _, behind = first.partition(":")
+    # A comment such as "# columns: t x y" says what it lists.
+    first = behind.strip() if behind.strip() and kind_of(key) == "name" else first
+    return tuple(_padded([first, *others], layout.width))
 
 
 def _unit_cell(cell: str) -> str:

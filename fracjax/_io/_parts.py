@@ -47,20 +47,20 @@ def parts_of(table: Table, column: int, time: int | None, timing: Timing) -> lis
     Raises InputError for a clock that goes wrong, or samples that are missing.
     """
     values = table.numbers(column)
-    require_samples(len(values), table.source)
     if time is None:
+        require_samples(len(values), table.source)
         return _without_time(table, column, values, timing)
     times = table.numbers(time)
     # A channel of fewer samples than its neighbours ends in empty cells.
     filled = np.flatnonzero(np.isfinite(times) | ~np.isnan(values))
     count = int(filled[-1]) + 1 if filled.size else 0
     times, values = times[:count], values[:count]
-    require_samples(count, table.source)
     if not np.isfinite(times).all():
         row = int((~np.isfinite(times)).argmax())
         raise InputError.at(
             table.place(row, time), "a time", table.shown(row, time), "correct or delete that line"
         )
+    require_samples(count, table.source)
     clock_of = _counted if _counts(table, time, times, timing.rate) else _timed
     return [
         Part(table, column, rows, values[rows], clock_of(table, time, rows, timing))

@@ -16,7 +16,7 @@ from fracjax._io._parts import Part, Timing, parts_of
 from fracjax._io._resampling import Channel, resampled
 from fracjax._io._segments import in_words
 from fracjax._io._table import Table
-from fracjax._recording import InputError, Recording
+from fracjax._recording import MINIMUM_SAMPLES, InputError, Recording
 
 
 @dataclass(frozen=True)
@@ -100,6 +100,26 @@ def signals_of(tables: Mapping[str, Table], request: Request) -> Segments:
 
     Raises InputError for whatever is missing, ambiguous or contradictory.
     """
+    try:
+        return _signals_of(tables, request)
+    except InputError as error:
+        raise InputError(_with_length(str(error), tables)) from None
+
+
+def _with_length(refusal: str, tables: Mapping[str, Table]) -> str:
+    """A refusal that also says, where it does not, that the file is too short."""
+    for table in tables.values():
+        count = max((table.about(column).length for column in range(table.width)), default=0)
+        if count < MINIMUM_SAMPLES and f"at least {MINIMUM_SAMPLES} samples" not in refusal:
+            return (
+                f"{refusal.removesuffix('.')}; and give a longer recording: it has {count} "
+                f"samples, and at least {MINIMUM_SAMPLES} are needed."
+            )
+    return refusal
+
+
+def _signals_of(tables: Mapping[str, Table], request: Request) -> Segments:
+    """`signals_of`, with the first fault alone."""
     first = next(iter(tables.values()))
     hertz = None if request.rate is None else rate_of(request.rate, f"{first.source}, --rate")
     wanted = (
@@ -109,6 +129,7 @@ def signals_of(tables: Mapping[str, Table], request: Request) -> Segments:
     )
     roles = [role for role in request.columns if role != "time"]
     chosen: dict[str, tuple[int, int | None]] = {}
+    assumed = []
     for table, group in _groups(tables, roles):
         choice = choose(
             table,
@@ -116,6 +137,7 @@ def signals_of(tables: Mapping[str, Table], request: Request) -> Segments:
             has_rate=hertz is not None,
             stated=[role for role, stated_unit in request.units.items() if stated_unit],
         )
+        assumed += [choice.note] if choice.note else []
         for role in group:
             chosen[role] = choice.signals[role], choice.times.get(role)
     _require_lengths(tables, chosen)
@@ -148,6 +170,7 @@ def signals_of(tables: Mapping[str, Table], request: Request) -> Segments:
         )
         for at in order
     ]
+    segments[0] = segments[0]._replace(notes=(*assumed, *segments[0].notes))
     if total > 1:
         said = (
             f"{first.source}: it holds {in_words(lengths, apart)}; each is a recording of its own."

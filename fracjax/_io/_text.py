@@ -158,7 +158,8 @@ def _located(
             raise _no_table(source, lines)
         # Lines that the call skips stay, so that lines keep their numbers.
         skip = min(hints.skip_rows, len(lines))
-        lines = [*[""] * skip, *lines[skip:]]
+        stated = (hints.names_row, hints.units_row)
+        lines = [line if at >= skip or at + 1 in stated else "" for at, line in enumerate(lines)]
         layout = layout_of(lines, skip)
         complete = size is None or size >= len(text.raw)
         if layout is not None and (complete or layout.stop >= len(lines) - 2):

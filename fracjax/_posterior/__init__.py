@@ -16,6 +16,7 @@ from ._noise_models import Term as Term
 from ._noise_models import WhiteNoise as WhiteNoise
 from ._noise_models import ar_noise_of as ar_noise_of
 from ._posterior import sample_posterior as sample_posterior
+from ._prediction import PosteriorPrediction as PosteriorPrediction
 from ._prior import AbstractPrior as AbstractPrior
 from ._prior import Logarithmic as Logarithmic
 from ._prior import Normal as Normal

@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 from .._computing import compiled, computing
 from .._fit import Fit
 from .._naming import shown_names
-from .._prepare import free_parameters_of
+from .._prepare import free_parameters_of, layout_of, values_by_name
 from .._recording import InputError, require_kind
 from ._discrepancy import discrepancy_of
 from ._doubt import doubt_of, misfit_of
@@ -23,6 +23,7 @@ from ._laplace import Laplace
 from ._likelihood import Target, compressed, log_posteriors_of, physical_values, target_of
 from ._marginal import Marginal, complete_draws, figures, marginal_of
 from ._noise_models import AbstractGaussianNoise, AbstractNoiseModel, MeasuredNoise, Signals, Term
+from ._prediction import CENTRAL, Predictor
 from ._prior import AbstractPrior
 from ._result import Posterior, strongly_correlated_pairs, summary_of
 from ._rows import Band, Row
@@ -38,8 +39,6 @@ _PRIOR_DRAWS = 2000
 """Draws of the prior that are stored; chosen by judgement."""
 _BAND_DRAWS = 200
 """Draws of the posterior that make the bands; chosen by judgement."""
-_CENTRAL = (2.5, 97.5)
-"""Percentiles between which the central 95 % lie."""
 
 ProgressCallback = Callable[[int, int, str], None]
 """Called with the steps done, the largest number of steps, and the estimate so far."""
@@ -132,16 +131,15 @@ def sample_posterior(
             """Log posteriors (K,) at the approximation's coordinates (K, D')."""
             return log_posteriors(approximation.at(coordinates))
 
+        estimates = [""]
+
         def report(partial_chain: Chain) -> None:
             """Report the chain's estimates so far."""
             # The estimate comes from the last 500 steps, a number chosen by judgement.
             recent = partial_chain.kept[-min(len(partial_chain.kept), 500) :].reshape(-1, size)
             values = physical_values(density, approximation.at(recent))
-            progress(
-                len(partial_chain.coordinates),
-                steps,
-                _estimate(sampled_names, values, partial_chain),
-            )
+            estimates.append(_estimate(sampled_names, values, partial_chain))
+            progress(len(partial_chain.coordinates), steps, estimates[-1])
 
         samples = run_ensemble(
             log_density,
@@ -153,6 +151,7 @@ def sample_posterior(
             resume=resume,
             settings=_settings(fit, noise, terms, sampled_names, count, seed),
             watch=report,
+            step=lambda done: progress(done, steps, estimates[-1]),
         )
         return _posterior_of(fit, target, terms, density, approximation, samples, seed, doubt)
 
@@ -256,6 +255,7 @@ def _posterior_of(
             )
         )
     first_recording = fit.preparation.takes[0].recording
+    bands, predictor = _predictions(fit, target, values, generator)
     return Posterior(
         model=fit.model.name,
         noise_model=target.noise.name,
@@ -267,7 +267,7 @@ def _posterior_of(
         prior={name: prior[:, k] for k, name in enumerate(names)},
         rows=tuple(rows),
         known_only_together=strongly_correlated_pairs(names, values[:, :size].T),
-        bands=_bands(fit, target, values, generator),
+        bands=bands,
         steps=len(chain.coordinates),
         burn_in=chain.burn_in,
         thinned=thinned,
@@ -275,31 +275,37 @@ def _posterior_of(
         acceptance=chain.acceptance,
         seed=seed,
         converged=chain.converged,
+        predictor=predictor,
     )
 
 
 @compiled
-def _responses(target: Target, values: Array, normals: Signals) -> tuple[Signals, Signals]:
-    """Responses (L,) with their own terms, and noise filter (taps,), of each recording."""
+def _responses(target: Target, values: Array, normals: Signals) -> tuple[Signals, Signals, Signals]:
+    """Responses (L,) with their own terms, these, and noise filter (taps,), of each recording."""
     noise, noise_values = target.noise, target.noise_values(values)
     residuals = target.residuals(values)
     own = noise.own(noise_values, residuals, target.problems, normals)
     trios = zip(target.problems, residuals, own, strict=True)
     simulated = tuple(p.response - residual + term for p, residual, term in trios)
     filters = tuple(jnp.asarray(noise.scaled(noise_values, p).whitening) for p in target.problems)
-    return simulated, filters
+    return simulated, own, filters
 
 
-def _bands(
+def _predictions(
     fit: Fit, target: Target, values: np.ndarray, generator: np.random.Generator
-) -> tuple[Band, ...]:
-    """What 200 draws of the posterior predict for each recording, without and with noise."""
+) -> tuple[tuple[Band, ...], Predictor]:
+    """What 200 draws of the posterior predict for each recording, without and with noise, and what
+    predicts for another drive."""
     takes = fit.preparation.takes
+    own_columns = np.asarray(fit.preparation.problems()[0].own)
     model: list[list[np.ndarray]] = [[] for _ in takes]
     noisy: list[list[np.ndarray]] = [[] for _ in takes]
-    for row in values[generator.integers(len(values), size=_BAND_DRAWS)]:
+    offsets = []
+    rows = values[generator.integers(len(values), size=_BAND_DRAWS)]
+    for row in rows:
         normals = tuple(generator.standard_normal(p.own.shape[1]) for p in target.problems)
-        simulated, filters = _responses(target, jnp.asarray(row), normals)
+        simulated, own, filters = _responses(target, jnp.asarray(row), normals)
+        offsets.append(np.linalg.lstsq(own_columns, np.asarray(own[0]), rcond=None)[0][0])
         for at, take in enumerate(takes):
             count = len(take.recording)
             clean = np.asarray(simulated[at])[:count]
@@ -308,7 +314,7 @@ def _bands(
             noise = np.asarray(lfilter([1.0], np.asarray(filters[at]), white))[count:]
             model[at].append(clean)
             noisy[at].append(clean + noise)
-    return tuple(
+    bands = tuple(
         Band(
             source=take.recording.source,
             times=take.recording.times,
@@ -316,8 +322,24 @@ def _bands(
             response=take.recording.response,
             used=take.used,
             median=np.median(model[at], axis=0),
-            model=np.percentile(model[at], _CENTRAL, axis=0),
-            predictive=np.percentile(noisy[at], _CENTRAL, axis=0),
+            model=np.percentile(model[at], CENTRAL, axis=0),
+            predictive=np.percentile(noisy[at], CENTRAL, axis=0),
         )
         for at, take in enumerate(takes)
     )
+    block, layout = fit.model.block, layout_of(fit.model.block)
+    shown, drawn = (
+        shown_names(block),
+        [values_by_name(block, layout.shapes + layout.gains, row) for row in rows],
+    )
+    first = takes[0]
+    predictor = Predictor(
+        model=fit.model,
+        values={n: np.asarray(p.value).tolist() for n, p in fit.model.parameters.items()},
+        setting=fit.preparation.setting,
+        draws={shown[path]: np.stack([each[path] for each in drawn]) for path in drawn[0]},
+        offsets=np.array(offsets),
+        step=first.recording.dt,
+        history="constant" if first.history == "estimated" else first.history,
+    )
+    return bands, predictor

@@ -12,8 +12,10 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from .._fit import analyse_whitened
-from .._recording import InputError, item
+from .._operators import History
+from .._recording import InputError, Recording, item
 from .._show import Shown, Table, View
+from ._prediction import PosteriorPrediction, Predictor, predictor_of
 from ._rows import Band, Row, posterior_row
 
 if TYPE_CHECKING:
@@ -24,6 +26,8 @@ if TYPE_CHECKING:
 
 SCHEMA = "fracjax.posterior/1"
 NETCDF, JSON = "posterior.nc", "posterior.json"
+_PREDICTOR, _OFFSETS = "predictor", "sensor_offset"
+"""Group of the draws that predict, and the offsets in it."""
 _STRONG_CORRELATION = 0.995
 """Correlation beyond which two parameters are reported as a pair; chosen by judgement."""
 _HALF_WIDTH = 1.96
@@ -58,6 +62,7 @@ class Posterior(Shown):
         seed: Seed of all random numbers.
         converged: Whether the chain is at least 50 autocorrelation times long, with R-hat below
             1.01.
+        predictor: What `predict` needs; None of a posterior that was saved without it.
     """
 
     model: str
@@ -78,6 +83,7 @@ class Posterior(Shown):
     acceptance: float
     seed: int
     converged: bool
+    predictor: Predictor | None = None
 
     @property
     def disagreeing(self) -> tuple[str, ...]:
@@ -117,6 +123,39 @@ class Posterior(Shown):
         table = Table(headers, [list(posterior_row(row).values()) for row in self.rows])
         correlated = [f"Strongly correlated: {pair}." for pair in self.known_only_together]
         return View(self.sentence, [table], correlated)
+
+    def predict(
+        self,
+        drive: np.ndarray | Recording,
+        step: float | str | None = None,
+        history: History | None = None,
+    ) -> PosteriorPrediction:
+        """The response that 200 draws predict for a drive, as the first sensor reads it.
+
+        The discrepancy is not included, as it is known along the recorded drive alone; nor is the
+        sensor's noise.
+
+        Args:
+            drive: (N,) in the recording's drive unit, or a recording in the same units.
+            step: The time between samples [s], by default that of the first recording.
+            history: The drive before the first sample, as in `simulate`; by default as it was in
+                the first recording, or "constant" where that was estimated.
+
+        Returns:
+            Mean (N,) and central 95 % (2, N) in the response's unit, offset included.
+
+        Raises:
+            InputError: The drive is no finite signal, a recording has other units, or the posterior
+                was loaded and its model is not one that `parse_model` builds.
+        """
+        if self.predictor is None:
+            raise InputError.at(
+                "posterior, predict",
+                "a posterior that holds its model",
+                "one of an older file",
+                "sample it again",
+            )
+        return self.predictor.predict(drive, step, history, self.units, self.bands[0].source)
 
     def plot(self, recording: int = 0) -> Drawing:
         """Draw what is predicted over time, and the residual within its 95 % band.
@@ -240,6 +279,7 @@ class Posterior(Shown):
             "converged": self.converged,
             "agrees_with_laplace": not self.disagreeing,
             "sentence": self.sentence,
+            "predictor": self.predictor and self.predictor.to_dict(),
         }
 
     def save(self, folder: str | Path) -> None:
@@ -287,6 +327,12 @@ def _tree_of(posterior: Posterior) -> DataTree:
             },
             coords={time: band.times},
         )
+    if (predictor := posterior.predictor) is not None:
+        drawn = {
+            name: (("draw", *(f"{name}_{at}" for at in range(1, draws.ndim))), draws)
+            for name, draws in predictor.draws.items()
+        }
+        groups[f"/{_PREDICTOR}"] = xr.Dataset({**drawn, _OFFSETS: ("draw", predictor.offsets)})
     tree = xr.DataTree.from_dict(groups)
     tree.attrs["schema"] = SCHEMA
     return tree
@@ -346,6 +392,10 @@ def _loaded(content: dict, path: Path) -> Posterior:
         samples = {n: _array(tree["posterior"], n) for n in names}
         prior = {n: _array(tree["prior"], n)[0] for n in names}
         log_posterior = _array(tree["sample_stats"], "lp")
+        predictor = None
+        if entry := content.get("predictor"):
+            draws = {str(n): _array(tree[_PREDICTOR], str(n)) for n in tree[_PREDICTOR].data_vars}
+            predictor = predictor_of(content["model"], entry, draws, draws.pop(_OFFSETS))
     return Posterior(
         model=content["model"],
         noise_model=content["noise_model"],
@@ -365,6 +415,7 @@ def _loaded(content: dict, path: Path) -> Posterior:
         acceptance=content["acceptance"],
         seed=content["seed"],
         converged=content["converged"],
+        predictor=predictor,
     )
 
 

@@ -210,11 +210,12 @@ def run_ensemble(
     resume: bool,
     settings: Mapping[str, str],
     watch: Callable[[Chain], None],
+    step: Callable[[int], None],
 ) -> Chain:
     """Run blocks of steps until the chain has converged, or has `steps` steps.
 
     The origin is the density's mode, and one unit its width.  `watch` is called with the chain
-    after each block.
+    after each block, and `step` with the steps done after each.
     """
     batched = in_batches(log_density)
     interrupts: list[KeyboardInterrupt] = []
@@ -252,12 +253,12 @@ def run_ensemble(
             done = backend.iteration
             block = min(max(_BLOCK, done // 10), steps - done)
             # The walkers are never degenerate here; emcee's check would cost a step per block.
-            for next_state in sampler.sample(
-                state, iterations=block, skip_initial_state_check=True
-            ):
+            states = sampler.sample(state, iterations=block, skip_initial_state_check=True)
+            for count, next_state in enumerate(states, done + 1):
                 if interrupts:
                     raise interrupts[0]
                 state = next_state
+                step(count)
             if file is not None:
                 file.checkpoint(settings)
             chain = chain_of(backend)

@@ -3,7 +3,7 @@
 from fracjax._recording._errors import InputError, closest, found_in, item, pair_of, require_kind
 from fracjax._recording._kept import kept
 from fracjax._recording._periods import Repeats, runs_of
-from fracjax._recording._recording import Recording, require_units_of
+from fracjax._recording._recording import Recording, require_units, require_units_of
 from fracjax._recording._signals import (
     LARGEST,
     MINIMUM_SAMPLES,
@@ -30,6 +30,7 @@ __all__ = [
     "parse_quantity",
     "require_kind",
     "require_samples",
+    "require_units",
     "require_units_of",
     "resolution",
     "runs_of",

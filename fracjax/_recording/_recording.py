@@ -199,11 +199,16 @@ class Recording(Shown):
 
 def require_units_of(first: Recording, other: Recording) -> None:
     """Raise `InputError` unless two recordings are written in the same units."""
-    expected, actual = ((r.drive_unit, r.response_unit) for r in (first, other))
-    if actual != expected:
+    require_units((first.drive_unit, first.response_unit), first.source, other)
+
+
+def require_units(units: tuple[str, str], source: str, other: Recording) -> None:
+    """Raise `InputError` unless a recording is written in the units, those of `source`."""
+    actual = other.drive_unit, other.response_unit
+    if actual != units:
         raise InputError.at(
             other.source,
-            f"the units of {first.source} ({', '.join(expected)})",
+            f"the units of {source} ({', '.join(units)})",
             f"({', '.join(actual)})",
             "convert one of them",
         )

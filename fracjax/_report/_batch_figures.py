@@ -32,6 +32,8 @@ def distributions(spreads: Sequence[Spread], listed: np.ndarray) -> Markup:
         for (panel, side), each in zip(panels, spreads, strict=True):
             _draw(panel, side, each, listed[np.isfinite(each.values[listed])])
         panels[-1, 0].set_xlabel("recording")
+        # Recordings are numbered, and there is none and a half.
+        panels[-1, 0].xaxis.get_major_locator().set_params(integer=True)
         panels[-1, 1].set_xlabel("recordings")
         return svg(drawing)
 
@@ -44,5 +46,7 @@ def _draw(panel: Axes, side: Axes, each: Spread, shown: np.ndarray) -> None:
     points = panel.scatter(shown, values, s=9, c=list(colours), zorder=3)
     points.set_urls([f"#row-{at}" for at in shown])
     panel.set_title(f"{each.name} [{pretty_unit(each.unit) or '1'}]")
+    # An offset such as 1e-8 + 1.08e-2 would hide that the values are alike.
+    panel.ticklabel_format(axis="y", useOffset=False)
     every = each.values[np.isfinite(each.values)]
     side.hist(every, 30, orientation="horizontal", color=COLOURS[1])

@@ -45,6 +45,13 @@ def compensation_content(compensation: Compensation) -> dict[str, Any]:
 
 
 def compensation_sentence(compensation: Compensation) -> str:
+    """The largest predicted error, where the response misses the trajectory, and the error to
+    expect on the stage."""
+    expected = compensation.expected
+    return _along(compensation) + (f" On the stage expect {expected}." if expected else "")
+
+
+def _along(compensation: Compensation) -> str:
     """The largest predicted error, and where the response misses the trajectory."""
     model, (drive, unit) = compensation.model, compensation.units
     name = Path(compensation.source).name
@@ -91,6 +98,11 @@ def compensation_figures(compensation: Compensation) -> tuple[list[str], list[li
     rows = [
         ["largest predicted error", error(compensation.max_error)],
         ["rms predicted error", error(compensation.rms_error)],
+        *(
+            [["error to expect on the stage", compensation.expected]]
+            if compensation.expected
+            else []
+        ),
         ["discretisation", f"{figure(100 * compensation.numerics)} % of the stroke"],
         ["method", f"{compensation.method}, {compensation.iterations} iterations"],
         ["limits", _limits(compensation) or "none"],

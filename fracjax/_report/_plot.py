@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from bokeh.models import DataRange1d, Range1d, Title
+from bokeh.models import BasicTickFormatter, DataRange1d, Range1d, Title
 from bokeh.plotting import figure as bokeh_figure
 
 MEASURED = "#8A8F98"
@@ -44,4 +44,6 @@ def empty_plot(height: int, labels: tuple[str, str], x_range: DataRange1d | Rang
     plot.toolbar.autohide = True
     plot.axis.axis_label_text_font_size = "13px"
     plot.axis.major_label_text_font_size = "12px"
+    # Millivolts and nanometres reach 10^5, which are read more easily than 2.000e+4.
+    plot.axis.formatter = BasicTickFormatter(power_limit_high=7)
     return plot

@@ -5,6 +5,7 @@ fit, one of a posterior beside the posterior, and the report takes them from the
 matplotlib and is imported only where something is drawn.
 """
 
+from ._forecast import Forecast as Forecast
 from ._numbers import figure as figure
 from ._numbers import p_value as p_value
 from ._numbers import percent as percent
@@ -17,3 +18,4 @@ from ._view import Shown as Shown
 from ._view import Table as Table
 from ._view import Text as Text
 from ._view import View as View
+from ._view import view_of_tuple as view_of_tuple

@@ -122,6 +122,12 @@ class Shown:
         return self._view().html()
 
 
+def view_of_tuple(named: Any) -> View:
+    """What a named tuple shows, since it cannot inherit from `Shown`: as that does."""
+    pairs = named._asdict().items()
+    return View(type(named).__name__, [Table([], [[n, _abridged(v)] for n, v in pairs])])
+
+
 def _abridged(value: Any) -> str:
     """A value in one short line."""
     if isinstance(value, np.ndarray) and value.size > 1:

@@ -1,8 +1,10 @@
 """A computation in the background: its stage, its end, Stop, and its limit of time."""
 
+import threading
 import time
 
 from fracjax._app._job import Job
+from fracjax._computing import map_in_threads
 from fracjax._recording import InputError
 
 
@@ -32,6 +34,26 @@ def test_stop_ends_it_at_the_next_stage():
     ended(job)
     assert job.elapsed < 5
     assert (job.result, job.message) == (None, "stopped")
+
+
+def test_what_a_round_has_done_is_shown_with_its_time_and_stop_ends_it_there():
+    release = threading.Semaphore(0)
+
+    def compute(progress):
+        progress("fitting foh")
+        map_in_threads(lambda k: release.acquire() and time.sleep(0.05), range(100))
+
+    job = Job(compute, 60)
+    release.release(10)
+    while not job.forecast.startswith("10 of 100, about "):
+        time.sleep(0.01)
+    assert job.forecast.endswith(" s more of this round")
+    assert job.running
+    job.stop()
+    release.release(90)
+    ended(job)
+    assert job.message == "stopped"
+    assert job.elapsed < 4  # of 5 s on one thread, 2.5 s on two; it stops at the next item
 
 
 def test_its_limit_ends_it():

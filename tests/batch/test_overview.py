@@ -60,6 +60,15 @@ def test_parameters_are_compared_in_one_unit(rows):
     assert k.quantile(0.5) == pytest.approx(0.1, abs=2e-3)
 
 
+def test_a_parameter_per_drive_is_compared_in_one_unit_too(rows):
+    rows["k.unit"] = "1/V"
+    rows.loc[3, "k.unit"] = "1/mV"
+    rows.loc[3, "k.value"] = 1e-4
+    k = spreads(rows)[1]
+    assert k.unit == "1/V"
+    assert k.values[3] == pytest.approx(0.1)
+
+
 def test_a_fit_is_compared_with_noise_that_was_measured(rows):
     ratio = over_noise(rows)
     assert ratio[5] == pytest.approx(2 * FAR_ABOVE_NOISE)

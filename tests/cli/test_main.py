@@ -15,6 +15,7 @@ from fracjax._cli import run
 from fracjax._cli._main import cli
 from fracjax._cli._progress import _BRIEF, chain_bar, stages, until
 from fracjax._cli._tables import print_text
+from fracjax._computing import map_in_threads
 from tests.helpers import failure
 
 PACKAGE = Path(fracjax.__file__).parent
@@ -189,6 +190,22 @@ def test_a_stage_that_lasts_is_a_line_where_there_is_no_terminal(capsys):
     assert capsys.readouterr().err == ""
 
 
+def test_a_stage_that_lasts_longer_says_so_again_with_what_is_done_of_its_round(
+    capsys, monkeypatch
+):
+    monkeypatch.setattr("fracjax._cli._progress._PAUSE", 0.3)
+    with stages(quiet=False) as progress:
+        progress("fitting foh")
+        map_in_threads(lambda k: time.sleep(0.2), range(20))
+    first, *others = capsys.readouterr().err.splitlines()
+    assert re.fullmatch(
+        r" *\d+\.\d s  fitting foh; \d+ of 20, about \d+ s more of this round", first
+    )
+    assert others
+    for line in others:
+        assert re.match(r" *\d+\.\d s  still fitting foh", line)
+
+
 def test_a_limit_counts_down_beside_the_present_stage(monkeypatch):
     clock = iter((0.0, 30.0, 130.0))
     monkeypatch.setattr("fracjax._cli._progress.time.monotonic", lambda: next(clock))
@@ -200,15 +217,18 @@ def test_a_limit_counts_down_beside_the_present_stage(monkeypatch):
     assert column.render(task).plain == ""
 
 
-def test_a_count_is_a_line_now_and_then(capsys, monkeypatch):
-    clock = iter(range(0, 100, 4))
-    monkeypatch.setattr("fracjax._cli._progress.time.monotonic", lambda: next(clock))
+def test_a_count_is_a_line_now_and_then_with_the_time_for_the_rest(capsys, monkeypatch):
+    now = [0.0]
+    monkeypatch.setattr("fracjax._cli._progress.time.monotonic", lambda: now[0])
     with chain_bar(quiet=False, steps=100) as count:
-        for done in range(10):
+        for done in range(1, 7):
+            now[0] += 4.0
             count(done, 100, "k = 1")
-    lines = capsys.readouterr().err.splitlines()
-    assert 2 <= len(lines) <= 5
-    assert lines[0].endswith("of 100; k = 1")
+    # 4 s each from the first on; lines at 12 and at 24 s.
+    assert capsys.readouterr().err.splitlines() == [
+        "  12.0 s  3 of 100; 388 s more at most; k = 1",
+        "  24.0 s  6 of 100; 376 s more at most; k = 1",
+    ]
 
 
 def test_on_a_terminal_lines_end_at_words(capsys, monkeypatch):

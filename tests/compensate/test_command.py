@@ -1,6 +1,7 @@
 """The command compensate."""
 
 import json
+import shutil
 from dataclasses import replace
 from pathlib import Path
 
@@ -63,6 +64,34 @@ def test_the_command_writes_drive_result_and_report(call, capsys):
     assert page.count("<svg") == 3
     assert 'href="http' not in page
     assert 'src="http' not in page
+
+
+def test_the_error_to_expect_on_the_stage_is_that_of_held_out_data_or_else_of_the_fit(
+    call, fitted, capsys
+):
+    """The inversion is exact to 1e-6, and the model errs by its noise of 1 nm in 30 um."""
+    assert call() == 0
+    rms = json.loads(fitted.read_text(encoding="utf-8"))["scores"]["rmse"]
+    assert rms == pytest.approx(1e-3, rel=0.3)
+    said = f"On the stage expect {rms:.3g} µm rms"
+    output = capsys.readouterr().out
+    assert said in output
+    assert "as on the data it was fitted to." in output
+    assert said in Path("out/report.html").read_text(encoding="utf-8")
+    shutil.copy(fitted, "fit.json")
+    rows = [{"model": "foh", "unseen": {"rmse": 9.0}}, {"model": "creep", "unseen": {"rmse": 0.5}}]
+    Path("comparison.json").write_text(json.dumps({"rows": rows}), encoding="utf-8")
+    words = ["compensate", "want.csv", "--fit", "fit.json", "--out", "again", "--json"]
+    assert run(words) == 0
+    assert json.loads(capsys.readouterr().out)["model_error"] == {"rms": 0.5, "on": "held-out data"}
+    Path("comparison.json").unlink()
+    held_out = {"base_folds": [3.0, 4.0], "extended_folds": [1.0]}
+    content = {"model": "creep", "held_out": held_out}
+    Path("diagnosis.json").write_text(json.dumps(content), encoding="utf-8")
+    words[words.index("again")] = "third"
+    assert run(words) == 0
+    error = json.loads(capsys.readouterr().out)["model_error"]
+    assert error["rms"] == pytest.approx(12.5**0.5)
 
 
 def test_limits_reach_the_inversion_and_the_verdict_is_no_failure(call, capsys):

@@ -46,6 +46,23 @@ def test_saved_and_loaded_without_loss(tmp_path, limits):
     np.testing.assert_array_equal(recording.response, SINE)
 
 
+def test_it_predicts_the_response_to_another_drive(tmp_path):
+    """A gain with the sensor's offset, in closed form."""
+    offset = float(SINE.min()) - 1.0
+    compensation = fj.compensate("gain", wanted(), offset=offset)
+    gain = float(fj.parse_model("gain").parameters["k"].value)
+    drive = np.linspace(0.0, 50.0, 30)
+    np.testing.assert_allclose(compensation.predict(drive), gain * drive + offset, rtol=1e-12)
+    np.testing.assert_allclose(
+        compensation.predict(compensation.drive), compensation.predicted, atol=1e-9
+    )
+    with pytest.raises(fj.InputError, match="expected the units of"):
+        compensation.predict(fj.Recording(SINE, SINE, STEP, "V", "nm"))
+    compensation.save(tmp_path / "compensation.json")
+    with pytest.raises(fj.InputError, match="found one loaded from a file; compensate again"):
+        load_compensation(tmp_path / "compensation.json").predict(drive)
+
+
 @pytest.mark.parametrize("content", ["", "{}", '{"schema": "fracjax.fit/1"}', "[]"])
 def test_what_is_no_compensation_is_refused(tmp_path, content):
     path = tmp_path / "compensation.json"

@@ -20,6 +20,7 @@ from fracjax._diagnose._next_experiment import (
     propose,
     recorded_limits,
     rest_samples,
+    survey,
 )
 from fracjax._parameters import set_values
 from fracjax._prepare import Noise, prepare
@@ -231,3 +232,26 @@ def test_the_fastest_full_tone_takes_the_slew_that_there_is():
     assert len(rates) == 6
     steps = np.diff(np.log(rates))
     assert steps == pytest.approx(np.full(5, steps.mean()), rel=0.05)
+
+
+def test_a_survey_has_a_rest_and_four_amplitudes_at_the_recorded_rate():
+    preparation = prepare([recording()])
+    drive = survey(preparation, Limits(0.0, 100.0, 1e6))
+    assert drive.step == STEP
+    lead = rest_samples(STEP)
+    assert np.ptp(drive.values[: lead - 4]) == 0
+    quarters = np.array_split(drive.values[lead:], 4)
+    spans = [np.ptp(quarter[len(quarter) // 4 :]) for quarter in quarters]
+    np.testing.assert_allclose(spans, [25, 50, 75, 100], rtol=0.05)
+
+
+def test_a_proposal_states_by_how_much_the_responses_differ():
+    """A gain cannot make a lag of a gain: their difference is known in closed form."""
+    preparation = prepare([recording()], noise=specified(0.01))
+    blocks = [fj.parse_model("gain >> drive_lag").block, fj.parse_model("gain").block]
+    proposal = propose(blocks, preparation, Limits(0.0, 100.0, 1e6), silent)
+    response = blocks[0].respond(proposal.drive.values, fj.Grid(proposal.drive.step))
+    columns = np.stack([proposal.drive.values, np.ones_like(response)], axis=1)
+    rest = response - columns @ np.linalg.lstsq(columns, response, rcond=None)[0]
+    assert proposal.difference <= 1.05 * np.std(rest) / 0.01
+    assert proposal.difference > 1.0

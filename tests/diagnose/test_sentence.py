@@ -11,7 +11,15 @@ import fracjax as fj
 from fracjax._diagnose._nearest import Nearest
 from fracjax._diagnose._next_experiment import Drive, Proposal
 from fracjax._diagnose._result import Axis, Candidate, HeldOut, NamedEffect, Shape
-from fracjax._diagnose._sentence import advice, next_experiment, sentence_of, where_of
+from fracjax._diagnose._sentence import (
+    advice,
+    afterwards,
+    is_incomplete,
+    next_experiment,
+    sentence_of,
+    survey_sentence,
+    where_of,
+)
 
 STEP = 0.01
 KNOWN = fj.Noise(1.0, "um", "specification", np.ones(1), 1.0)
@@ -198,8 +206,7 @@ def test_an_error_on_held_out_data_that_rises_is_not_said_to_fall():
     ("names", "distinguished", "all_apart", "chance", "said"),
     [
         (("creep", "thermal_drift"), (1,), True, 0.5,
-         "Record a sine of 3 Hz: it distinguishes creep from thermal_drift with a probability of "
-         "0.50."),
+         "{differs}thermal_drift{makes}0.50."),
         (("creep", "thermal_drift"), (1,), True, 0.49,
          "No drive within the limits is likely to distinguish creep from thermal_drift: the best "
          "of them, "
@@ -210,19 +217,16 @@ def test_an_error_on_held_out_data_that_rises_is_not_said_to_fall():
          "a sine of 3 Hz, does so with a probability of less than 0.01. Wider limits, less noise "
          "or a longer recording may help."),
         (("creep", "thermal_drift", "backlash"), (2,), False, 0.9,
-         "Record a sine of 3 Hz: it distinguishes creep from backlash with a probability of "
-         "0.90. No single "
+         "{differs}backlash{makes}0.90. No single "
          "drive within the limits is likely to distinguish it from thermal_drift as well; better "
          "for that "
          "would be {advice}."),
         (("creep", "thermal_drift", "backlash"), (1,), False, 0.9,
-         "Record a sine of 3 Hz: it distinguishes creep from thermal_drift with a probability of "
-         "0.90. No single "
+         "{differs}thermal_drift{makes}0.90. No single "
          "drive within the limits is likely to distinguish it from backlash as well."),
         (("creep", "thermal_drift", "backlash"), (1, 2), False, 0.9,
-         "Record a sine of 3 Hz: it distinguishes creep from thermal_drift and backlash with a "
-         "probability "
-         "of 0.90. None of the drives within the limits also distinguishes thermal_drift and "
+         "{differs}thermal_drift and backlash{makes}0.90. None of the drives within the limits "
+         "also distinguishes thermal_drift and "
          "backlash from each "
          "other."),
     ],
@@ -231,9 +235,56 @@ def test_the_next_experiment_promises_no_more_than_its_chance(
     names, distinguished, all_apart, chance, said
 ):
     drive = Drive("a sine of 3 Hz", np.zeros(2), STEP)
-    proposed = next_experiment(names, Proposal(drive, chance, distinguished, all_apart))
+    proposed = next_experiment(names, Proposal(drive, chance, distinguished, all_apart, 0.123))
     assert proposed.separates == (names[0], *(names[k] for k in distinguished))
-    assert proposed.sentence == said.format(advice=advice("creep", "thermal_drift"))
+    differs = "Record a sine of 3 Hz: there creep differs from what "
+    makes = (
+        " could make of it by 0.12 noise floors rms or more, which distinguishes them with a "
+        "probability of "
+    )
+    assert proposed.sentence == said.format(
+        advice=advice("creep", "thermal_drift"), differs=differs, makes=makes
+    )
+
+
+@pytest.mark.parametrize(
+    ("verdict", "extended", "doubts", "expected"),
+    [
+        ("unexplained", None, (), True),
+        ("unexplained", None, ("The response leads.",), False),
+        ("missing", 1.9, (), False),
+        ("missing", 2.1, (), True),
+        ("none", None, (), False),
+    ],
+)
+def test_more_is_missing_where_nothing_is_named_or_far_more_than_the_noise_remains(
+    verdict, extended, doubts, expected
+):
+    held_out = replace(HELD_OUT, extended_rmse=extended)
+    findings: Any = SimpleNamespace(verdict=verdict, doubts=doubts, held_out=held_out, noise=KNOWN)
+    assert is_incomplete(findings) is expected
+
+
+def test_a_proposal_ends_in_the_command_for_both_recordings(tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    experiment = survey_sentence(Drive("sines of 3 Hz in four amplitudes", np.zeros(2), STEP))
+    assert experiment.sentence.startswith("Record sines of 3 Hz in four amplitudes, after a rest: ")
+    assert (experiment.separates, experiment.probability) == ((), None)
+
+    def command(*sources: str) -> str:
+        takes = [SimpleNamespace(recording=SimpleNamespace(source=name)) for name in sources]
+        fit: Any = SimpleNamespace(
+            preparation=SimpleNamespace(takes=takes), model=SimpleNamespace(name="foh >> creep")
+        )
+        return afterwards(experiment, fit).sentence.removeprefix(experiment.sentence)
+
+    assert command("an array") == " Then diagnose both together."
+    for name in ("a.csv", "my loop.csv"):
+        (tmp_path / name).touch()
+    assert command("a.csv", "my loop.csv") == (
+        " Then diagnose both together: fracjax diagnose a.csv 'my loop.csv' RECORDED.csv --model "
+        "'foh >> creep' --out both, with the options of this call."
+    )
 
 
 def test_advice_is_found_whichever_effect_holds_it():

@@ -124,7 +124,7 @@ def test_pictures_show_what_was_measured_and_what_remains(found, tmp_path):
 def test_a_comparison_shows_its_models_best_first(compared):
     text = repr(compared)
     assert len(text.splitlines()) < 20
-    assert text.startswith("2 models compared: best by BIC is creep and creep on data held out.")
+    assert text.startswith("2 models compared: best by BIC and on data held out is creep.")
     assert list(compared.to_dataframe().index) == ["creep", "gain"]
     (panel,) = compared.plot().axes
     assert [label.get_text() for label in panel.get_yticklabels()] == ["creep", "gain"]
@@ -137,3 +137,10 @@ def test_any_result_and_model_is_short_at_the_prompt():
     for thing in (table, fj.parse_model("foh >> minor_loop_memory + creep"), record(CLEAN)):
         assert len(repr(thing).splitlines()) < 20
         assert thing._repr_html_().startswith("<div>")
+
+
+def test_a_comparison_predicts_as_its_best_fit(compared):
+    assert compared.best == "creep"
+    np.testing.assert_array_equal(
+        compared.predict(2 * DRIVE, STEP, "rest"), compared.fits[0].predict(2 * DRIVE, STEP, "rest")
+    )

@@ -171,10 +171,62 @@ def test_columns_by_name_or_index(put, keys):
     is_the_loop(read(path, time=keys[0], input=keys[1], output=keys[2]))
 
 
+def test_a_short_file_with_wrong_columns_is_told_both(put):
+    """So that nobody records at length what is then refused for its columns."""
+    short = lines_of(names=("time_s", "foo", "bar"))[:11]
+    with pytest.raises(InputError) as refused:
+        read(put(short))
+    assert str(refused.value).endswith(
+        'expected columns for input and output, found 3 column(s): "time_s", "foo", "bar"; give '
+        "--input and --output as a name or an index from 0; and give a longer recording: it has 10 "
+        "samples, and at least 32 are needed."
+    )
+    unclear = lines_of(names=("time_s", "u_V", "force"))[:11]
+    with pytest.raises(InputError, match="give --output-unit; and give a longer"):
+        read(put(unclear))
+    with pytest.raises(InputError) as alone:
+        read(put(lines_of()[:11]))
+    assert str(alone.value).count("samples") == 1
+
+
 def test_columns_by_position(put):
     is_the_loop(read(put(lines_of(names=()))))
     is_the_loop(read(put(lines_of(DRIVE, RESPONSE, names=())), rate="0.2 kHz"))
     is_the_loop(read(put(lines_of(DRIVE, RESPONSE, names=())), rate=200))
+
+
+def test_an_order_that_nothing_names_is_assumed_aloud(put):
+    """A displacement before its drive would else be taken for it without a word."""
+    path = put(lines_of(RESPONSE, DRIVE, names=()))
+    assert read(path, rate=200).warnings[0] == (
+        f"{path}: nothing names the columns, so 0 was taken for the drive and 1 for the response; "
+        "if it is the other way round, give --input 1 and --output 0."
+    )
+    told = read(path, rate=200, input=1, output=0)
+    is_the_loop(told)
+    assert not any("nothing names" in warning for warning in told.warnings)
+
+
+def test_a_names_row_may_stand_among_skipped_lines(put):
+    head, *rows = lines_of()
+    is_the_loop(read(put([head, "Length,64,64,64", *rows]), names_row=1, skip_rows=2))
+
+
+def test_a_comment_says_what_it_lists(put):
+    head, *rows = lines_of(separator="  ")
+    path = put(["# columns: " + head, *rows])
+    recording = read(path)
+    is_the_loop(recording)
+    assert recording.warnings == ()
+
+
+def test_units_beside_two_time_columns_are_those_of_the_signals(put):
+    """As oscilloscopes export channels, each with a time of its own."""
+    columns = lines_of(TIME, DRIVE, TIME, RESPONSE, names=("TIME", "CH1", "TIME", "CH2"))
+    path = put(["Horizontal Units,s,s", "Vertical Units,V,um", *columns])
+    recording = read(path)
+    is_the_loop(recording)
+    assert (recording.drive_unit, recording.response_unit) == ("V", "um")
 
 
 def test_rate_beside_a_time_column(put):

@@ -22,7 +22,13 @@ def bowl(points: np.ndarray) -> np.ndarray:
 
 
 def run_bowl(
-    path: Path, steps: int = 300, *, resume: bool = False, settings=SETTINGS, density=bowl
+    path: Path,
+    steps: int = 300,
+    *,
+    resume: bool = False,
+    settings=SETTINGS,
+    density=bowl,
+    counts: list[int] | None = None,
 ):
     return run_ensemble(
         density,
@@ -34,6 +40,7 @@ def run_bowl(
         resume=resume,
         settings=settings,
         watch=lambda chain: None,
+        step=(lambda done: None) if counts is None else counts.append,
     )
 
 
@@ -64,7 +71,8 @@ def slowly(points):
     return -np.sum(points**2, axis=1) / 2 - 0.1 * np.sum(points**4, axis=1)
 
 run_ensemble(slowly, walkers=16, size=3, steps=300, seed=5, file=ChainFile(Path(sys.argv[1])),
-             resume=False, settings={"model": "bowl"}, watch=lambda chain: None)
+             resume=False, settings={"model": "bowl"}, watch=lambda chain: None,
+             step=lambda done: None)
 """
 
 
@@ -88,6 +96,13 @@ def test_a_killed_chain_goes_on_as_if_nothing_had_happened(tmp_path):
     with h5py.File(path) as file:
         assert file["mcmc"].attrs["iteration"] == 300
     assert {p.name for p in tmp_path.iterdir()} == {"whole.h5", "killed.h5"}
+
+
+def test_every_step_is_counted(tmp_path):
+    counts: list[int] = []
+    run_bowl(tmp_path / "chain.h5", 100)
+    run_bowl(tmp_path / "chain.h5", 130, resume=True, counts=counts)
+    assert counts == [*range(101, 131)]
 
 
 def test_a_finished_chain_is_taken_as_it_is_and_made_longer(tmp_path):

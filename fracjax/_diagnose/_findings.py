@@ -21,7 +21,7 @@ from ._places import Residual, acting_at, freedom_of, locate
 from ._refits import Explanation
 from ._result import Axis, Candidate, HeldOut, NamedEffect, Shape, Verdict
 from ._shape import HYSTERESIS_SHAPE, entry_of
-from ._thresholds import APART, DETECTED, EXPLAINED, FAR, REFUTED, SIGNIFICANCE
+from ._thresholds import APART, DETECTED, EXPLAINED, FAR, REFUTED, SHARE, SIGNIFICANCE
 
 _MEMORY = "minor_loop_memory"
 """The effect that stands for the loop's shape in the extended model."""
@@ -294,7 +294,8 @@ class Findings:
         inquiry = self.inquiry
         for named in inquiry.names:
             if name == named.effect:
-                return f"named: present with probability {named.probability:.2f}"
+                present = min(_SUREST, named.probability)
+                return f"named: it, or one like it, is present with probability {present:.2f}"
             if name in named.alike:
                 return f"this drive does not distinguish it from {named.effect}"
         judge = inquiry.judge
@@ -302,6 +303,11 @@ class Findings:
             return "cannot be distinguished from another shape of the loop"
         if judge.fall((name,)) < APART:
             return "not significant in the residual"
+        if judge.fall((name,)) >= SHARE * judge.excess:
+            if inquiry.names:
+                return "explains less of the residual than what is named"
+            if judge.is_inexact:
+                return "follows the residual, but does not predict enough of the held-out parts"
         return "explains too small a share of the residual to be distinguished from misfit"
 
     @cached_property

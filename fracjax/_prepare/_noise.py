@@ -118,6 +118,11 @@ class Noise:
     removed_tone: Tone | None = None
 
     @property
+    def is_residual(self) -> bool:
+        """Whether it is all of a fit's residual, whose colour it then has."""
+        return self.method == "residual" and self.whitened is not None
+
+    @property
     def kurtosis(self) -> float:
         """The kurtosis of the whitened noise, dimensionless, 3 for normal noise."""
         return self.whitened.kurtosis if self.whitened else 3.0

@@ -132,9 +132,10 @@ def _chosen(grids: Sequence[tuple[Preparation, float]], target: float) -> tuple[
 def _unabsorbed(solved: Solved, change: np.ndarray) -> float:
     """The norm of what a fit cannot absorb of a change (ΣL,) of its whitened simulations."""
     derivative = solved.whitened_derivative()
-    derivative = derivative / (np.linalg.norm(derivative, axis=0) + 1e-300)
-    square = derivative.T @ derivative
-    absorbed = np.linalg.lstsq(square, derivative.T @ change, rcond=_DEPENDENT)[0]
+    square, along = derivative.T @ derivative, derivative.T @ change
+    lengths = np.sqrt(np.diag(square)) + 1e-300
+    scaled = square / np.outer(lengths, lengths)
+    absorbed = np.linalg.lstsq(scaled, along / lengths, rcond=_DEPENDENT)[0] / lengths
     unabsorbed = float(np.linalg.norm(change - derivative @ absorbed))
     return float(np.nan_to_num(unabsorbed, nan=np.inf))
 

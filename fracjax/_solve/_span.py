@@ -15,6 +15,7 @@ from .._prepare import Problem, layout_of, with_gains, with_shapes_at
 from ._chains import Chain, chains_of
 from ._interpolation import SPANNED, ChosenShapes, choose_shapes, is_bounded
 from ._responses import speeds
+from ._transformed import Transformed
 
 FRESH = 4
 """Positions at which a compressed problem is compared with the full model.  Chosen by judgement."""
@@ -115,20 +116,20 @@ def span_of_drives(
 
     The drives are on the grid of the problem `like`.  None where too many signals would be needed.
     """
-    grid, samples, count, every = like.grid, len(drives), drives.shape[1], like.oversampling
-    rates = speeds(drives, grid)[:, None] if any(chain.rated for chain in chains) else None
+    grid, count, every = like.grid, drives.shape[1], like.oversampling
+    rates = speeds(drives, grid) if any(chain.rated for chain in chains) else None
+    transformed = Transformed.of(drives, grid)
     chosen, signals_of_chains = [], []
     for chain in chains:
-        first = choose_shapes(chain.before, drives, grid, spanned)
+        first, second = choose_shapes(chain.before, transformed, grid, spanned), None
         if first is None:
             return None
         followed = chain.after is not None and first.size > 0
         fine = 1 if followed else every
-        signals, second = first.responses(drives, grid, fine), None
-        if chain.rated and rates is not None:
-            signals *= rates[:, :, ::fine]
+        factors = rates[:, ::fine] if chain.rated and rates is not None else 1.0
+        signals = first.responses(transformed, grid, fine, factors)
         if followed and chain.after is not None:
-            between = signals.reshape(-1, samples).T
+            between = Transformed.of(signals.reshape(-1, signals.shape[-1]).T, grid)
             second = choose_shapes(chain.after, between, grid, spanned)
             if second is None or first.size * second.size > _MOST_SIGNALS:
                 return None

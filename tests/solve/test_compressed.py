@@ -26,12 +26,12 @@ from fracjax._solve._interpolation import (
     ChebyshevSeries,
     Interpolation,
     _greedy,
-    _points,
     choose_shapes,
 )
 from fracjax._solve._least_squares import Objective
 from fracjax._solve._search import search
 from fracjax._solve._solve import fit_block, solve_from, starts_of
+from fracjax._solve._transformed import Transformed
 
 STEP = 2e-3
 SAMPLES = 700
@@ -391,10 +391,10 @@ def test_coordinates_are_those_of_the_law(law, kind, error, history):
     """At any shape and gain, what the chosen laws' transfer functions combine to is the law's."""
     drive = DRIVES["tones"][:, None]
     grid = fj.Grid(np.asarray(STEP), history)
-    chosen = choose_shapes(law, drive, grid)
+    chosen = choose_shapes(law, Transformed.of(drive, grid), grid)
     assert chosen is not None
     assert isinstance(chosen.coordinates, kind)
-    zeta, weights = _points(drive, grid)
+    zeta, weights = Transformed.of(drive, grid).points
     theirs = np.atleast_2d(transfer(chosen.blocks, zeta, grid)).T
     rows = chosen.in_coordinates(np.real(theirs)), chosen.in_coordinates(np.imag(theirs))
     generator = np.random.default_rng(0)
@@ -412,12 +412,12 @@ def test_coordinates_are_those_of_the_law(law, kind, error, history):
 def test_responses_are_the_same_whatever_part_of_the_laws_a_table_holds(monkeypatch, tables):
     drive = np.random.default_rng(0).standard_normal((400, 2)).cumsum(axis=0)
     grid = fj.Grid(np.asarray(STEP), "constant")
-    chosen = choose_shapes(fj.blocks.LFDH(), drive, grid)
+    chosen = choose_shapes(fj.blocks.LFDH(), Transformed.of(drive, grid), grid)
     assert chosen is not None
-    whole = chosen.responses(drive, grid)
-    size = _interpolation.Transformed.of(drive, grid).zeta.size
+    whole = chosen.responses(Transformed.of(drive, grid), grid)
+    size = Transformed.of(drive, grid).zeta.size
     monkeypatch.setattr(_interpolation, "_LARGEST_TABLE", tables * size)
-    np.testing.assert_array_equal(chosen.responses(drive, grid), whole)
+    np.testing.assert_array_equal(chosen.responses(Transformed.of(drive, grid), grid), whole)
 
 
 @pytest.mark.parametrize("history", ["rest", "constant", "periodic"])
@@ -430,9 +430,9 @@ def test_responses_of_the_chosen_laws_are_those_of_the_laws(samples, history):
     drive = drive - drive.mean() if history == "periodic" else drive
     grid = fj.Grid(np.asarray(STEP), history)
     law = fj.blocks.LFDH()
-    chosen = choose_shapes(law, drive, grid)
+    chosen = choose_shapes(law, Transformed.of(drive, grid), grid)
     assert chosen is not None
-    found = chosen.responses(drive, grid)[0].T
+    found = chosen.responses(Transformed.of(drive, grid), grid)[0].T
     values = {n: np.ravel(p.value) for n, p in named_parameters(chosen.blocks).items()}
     for k in (0, found.shape[1] // 2, found.shape[1] - 1):
         one = set_values(law, {name: v[k % v.size] for name, v in values.items()})

@@ -70,7 +70,7 @@ def fit_of(model: Model, solved: Solved, loss: Loss = "least_squares") -> Fit:
         units=(first.drive_unit, first.response_unit),
         inflation=inflation,
         residuals=None if is_white else solved.whitened,
-        derivative=solved.whitened_derivative(),
+        derivative=solved.triangle if is_white and solved.stacked else solved.whitened_derivative(),
     )
     return Fit(
         model=Model(solved.block, model.name),

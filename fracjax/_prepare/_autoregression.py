@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import log, sqrt
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, prev_fast_len, rfft
+from scipy.fft import irfft, next_fast_len, rfft
 from scipy.ndimage import median_filter
 
 _LARGEST_ORDER = 12
@@ -46,17 +46,15 @@ def autoregression(
     NeuroImage 15, 2002, correct the same bias in the same way).  The memory is never longer than
     the shortest stretch.
     """
-    untouched = terms is None or not any(t.size for t in terms)
-    if terms is None or untouched:
-        # A transform of any other length takes up to ten times as long.
-        series = [s[: prev_fast_len(s.size)] for s in series]
-        terms = [np.zeros((s.size, 0)) for s in series]
     sizes = [s.size for s in series]
     count, shortest = sum(sizes), min(sizes)
     largest = min(_LARGEST_ORDER, shortest // _LEAST_PER_ORDER)
+    if terms is None:
+        terms = [np.zeros((s.size, 0)) for s in series]
     periodograms = [np.abs(rfft(s)) ** 2 / s.size for s in series]
     estimate: Autoregression = np.ones(1), 1.0
     previous = np.zeros(largest + 1)
+    untouched = not any(t.size for t in terms)
     for _ in range(_PASSES):
         pairs, was_white = zip(periodograms, terms, strict=True), estimate[0].size == 1
         parts = [_autocovariance(power, t, estimate, largest) for power, t in pairs]

@@ -184,6 +184,9 @@ def measured_noise(
     Periods and rests where the weights `counts` (N,) are 0 are ignored, and spikes are bridged by
     straight lines.  None where the recording has no such source.
     """
+    rests = recording.static_stretches(_REST_SECONDS)
+    if repeat is None and recording.drive_period() is None and not rests:
+        return None
     recording = _without_spikes(recording)
     unit = recording.response_unit
     if repeat is not None:

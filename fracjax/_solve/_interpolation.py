@@ -21,6 +21,7 @@ Sources: Quarteroni, Manzoni & Negri, Reduced Basis Methods for Partial Differen
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -55,8 +56,6 @@ _NEGLIGIBLE = 1e-13
 """Coefficients below this share of the largest are rounding."""
 _BASE, _LARGEST_DEGREE = 8, 60
 """T_8 is the inner polynomial of a series, whose coefficients from degree 60 on must vanish."""
-_AT_ONCE = 8
-"""Signals transformed together: enough for the processor's vectors, few enough for its cache."""
 _LARGEST_TABLE = 2**20
 """At most so many transfer function values at once, which limits memory."""
 
@@ -154,28 +153,15 @@ class ChosenShapes(NamedTuple):
         """The number n of chosen shapes."""
         return len(self.triangle)
 
-    def responses(
-        self, transformed: Transformed, grid: Grid, every: int = 1, factors: Any = 1.0
-    ) -> np.ndarray:
-        """The blocks' responses (d, n, ⌈M/every⌉) to d drives, without that to a constant.
+    def tables(self, zeta: np.ndarray, grid: Grid) -> Iterator[tuple[int, np.ndarray]]:
+        """The blocks' transfer functions (≤ n, F) at ζ, in parts that limit memory.
 
-        They equal each `every`-th sample of those of `convolve`, without compilation, times the
-        factors (d, ⌈M/every⌉).
+        Each comes with the place of its first.
         """
-        samples = transformed.growth[::every].size
-        responses = np.empty((len(transformed.drives), self.size, samples))
-        factors = np.broadcast_to(factors, (len(responses), samples))
-        chunk = max(_LARGEST_TABLE // transformed.zeta.size, 1)
-        for k in range(0, self.size, chunk):
-            part = _select(self.blocks, slice(k, k + chunk))
-            table = np.atleast_2d(transfer(part, transformed.zeta, grid))
-            for at in range(len(responses)):
-                drive, factor = transformed.drives[at], factors[at]
-                for first in range(0, len(table), _AT_ONCE):
-                    signals = transformed.back(table[first : first + _AT_ONCE] * drive, every)
-                    place = k + first
-                    np.multiply(signals, factor, out=responses[at, place : place + len(signals)])
-        return responses
+        chunk = max(_LARGEST_TABLE // zeta.size, 1)
+        for first in range(0, self.size, chunk):
+            part = _select(self.blocks, slice(first, first + chunk))
+            yield first, np.atleast_2d(transfer(part, zeta, grid))
 
     def in_coordinates(self, rows: np.ndarray) -> np.ndarray:
         """Factors of the coordinates (J,) from those of the blocks (n,), along the last axis."""

@@ -4,13 +4,15 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.fft
 
 from .._operators import Grid, History, circle
 
+AT_ONCE = 8
+"""Signals transformed together: enough for the processor's vectors, few enough for its cache."""
 _POINTS = 80
 """Points ζ at which transfer functions are compared.  Chosen by judgement."""
 
@@ -75,12 +77,17 @@ class Transformed:
         """What undoes (M,) the damping of the samples on the circle, dimensionless."""
         return self._on.growth
 
+    def of_rows(self, rows: Any) -> np.ndarray:
+        """The transforms (r, F) of some of the drives, by their indices (r,) or a slice."""
+        zeta, length, damping, _ = self._on
+        start = 1 if self.history == "periodic" else 0
+        moving = self.moving[rows] * damping
+        return np.asarray(scipy.fft.rfft(moving, length))[:, start:][:, : zeta.size]
+
     @cached_property
     def drives(self) -> np.ndarray:
         """The drives' transforms (d, F)."""
-        zeta, length, damping, _ = self._on
-        first = 1 if self.history == "periodic" else 0
-        return np.asarray(scipy.fft.rfft(self.moving * damping, length))[:, first:][:, : zeta.size]
+        return self.of_rows(slice(None))
 
     def back(self, transforms: np.ndarray, every: int = 1) -> np.ndarray:
         """Signals (K, ⌈M/every⌉) at each `every`-th sample, from their transforms (K, F).
@@ -108,20 +115,21 @@ class Transformed:
 
         The total power is scaled to 1.
         """
-        samples = self.moving.shape[1]
-        if self.history == "periodic":
-            power = np.abs(self.drives) ** 2
-            at = _spread(power.shape[1])
-            zeta = self.zeta[at]
-        else:
-            radius, length = np.exp(-2 / samples), self._on.length
-            damped = self.moving * radius ** np.arange(samples)
-            power = np.abs(scipy.fft.rfft(damped, length)) ** 2
-            at = _spread(power.shape[1])
-            zeta = radius * np.exp(-2j * np.pi * at / length)
+        samples, spectrum = self.moving.shape[1], np.zeros(1)
+        radius, length = np.exp(-2 / samples), self._on.length
+        for first in range(0, len(self.moving), AT_ONCE):
+            if self.history == "periodic":
+                transforms = self.of_rows(slice(first, first + AT_ONCE))
+            else:
+                damped = self.moving[first : first + AT_ONCE] * radius ** np.arange(samples)
+                transforms = np.asarray(scipy.fft.rfft(damped, length))
+            spectrum = spectrum + np.sum(np.abs(transforms) ** 2, axis=0)
+        at = _spread(spectrum.size)
+        steady = self.history == "periodic"
+        zeta = self.zeta[at] if steady else radius * np.exp(-2j * np.pi * at / length)
         middles = (at[1:] + at[:-1] + 1) // 2
         # If the signals are zero, all points have the same weight.
-        spectrum = power.sum(axis=0) if power.any() else np.ones(power.shape[1])
+        spectrum = spectrum if spectrum.any() else np.ones(spectrum.size)
         gathered = np.add.reduceat(spectrum, np.concatenate([[0], middles]))
         # Padded to one size, for which one program is compiled.
         padding = _POINTS - at.size

@@ -156,13 +156,16 @@ def _triangles(problems: Sequence[Problem], signals: Signals) -> np.ndarray:
             response[:] = problems[row].response
         columns = problem.whiten(terms.T)
         if len(rows) == 1:
-            triangles[rows[0]] = np.triu(dgeqrt(_PANEL, columns, overwrite_a=1)[0][:count])
+            panel = min(_PANEL, *columns.shape)
+            upper = np.triu(dgeqrt(panel, columns, overwrite_a=1)[0][:count])
+            triangles[rows[0], : len(upper)] = upper  # fewer rows where samples are fewer
             continue
         basis, triangle = np.linalg.qr(columns[:, : count - 1])
         along = basis.T @ columns[:, count - 1 :]
         outside = np.linalg.norm(columns[:, count - 1 :] - basis @ along, axis=0)
-        triangles[rows, : count - 1, : count - 1] = triangle
-        triangles[rows, : count - 1, -1], triangles[rows, -1, -1] = along.T, outside
+        size = len(triangle)
+        triangles[rows, :size, : count - 1] = triangle
+        triangles[rows, :size, -1], triangles[rows, -1, -1] = along.T, outside
     return triangles
 
 

@@ -8,7 +8,6 @@ from os import PathLike, fspath
 from pathlib import Path
 
 import numpy as np
-import pandas as pd
 import pyarrow as pa
 import pyarrow.csv as arrow
 
@@ -252,6 +251,8 @@ def _by_pandas(
     text: Text, layout: Layout, start: int, read: Sequence[int]
 ) -> dict[int, np.ndarray] | None:
     """The columns to read from byte `start` on, stamps as text; None where pandas refuses them."""
+    import pandas as pd  # most files do without, and it takes long to import
+
     body = io.BytesIO(text.raw)
     body.seek(start)
     try:

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from math import log, sqrt
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
+from scipy.fft import next_fast_len
 from scipy.ndimage import median_filter
 
 _LARGEST_ORDER = 12
@@ -51,7 +51,7 @@ def autoregression(
     largest = min(_LARGEST_ORDER, shortest // _LEAST_PER_ORDER)
     if terms is None:
         terms = [np.zeros((s.size, 0)) for s in series]
-    periodograms = [np.abs(rfft(s)) ** 2 / s.size for s in series]
+    periodograms = [np.abs(np.fft.rfft(s)) ** 2 / s.size for s in series]
     estimate: Autoregression = np.ones(1), 1.0
     previous = np.zeros(largest + 1)
     untouched = not any(t.size for t in terms)
@@ -109,7 +109,7 @@ def _autocovariance(
     width = min(2 * max(power.size // 40, 5) + 1, power.size)
     # Periodogram values are exponentially distributed: their median is ln 2 of their mean.
     smooth = median_filter(relative, width, mode="nearest") / np.log(2)
-    return irfft(smooth * spectrum, len(terms))[: lags + 1]
+    return np.fft.irfft(smooth * spectrum, len(terms))[: lags + 1]
 
 
 def _expected_power(noise: Autoregression, terms: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
@@ -126,14 +126,14 @@ def _expected_power(noise: Autoregression, terms: np.ndarray) -> tuple[np.ndarra
     of_lag = covariance * (1 - np.arange(size) / size) - _removed(covariance, terms) / size
     # At the periodogram's frequencies a lag of -k equals one of n - k.
     of_lag[1:] += of_lag[:0:-1]
-    return rfft(of_lag).real, innovation**2 / np.abs(rfft(taps, size)) ** 2
+    return np.fft.rfft(of_lag).real, innovation**2 / np.abs(np.fft.rfft(taps, size)) ** 2
 
 
 def _covariance(noise: Autoregression, size: int) -> np.ndarray:
     """The covariance (n,) of the noise at the lags below n = `size`."""
     taps, innovation = noise
     length = next_fast_len(_MEMORIES * size, real=True)
-    return irfft(innovation**2 / np.abs(rfft(taps, length)) ** 2, length)[:size]
+    return np.fft.irfft(innovation**2 / np.abs(np.fft.rfft(taps, length)) ** 2, length)[:size]
 
 
 def removed_power(noise: Autoregression, terms: np.ndarray) -> float:
@@ -152,11 +152,11 @@ def _removed(covariance: np.ndarray, terms: np.ndarray) -> np.ndarray:
 
     def transformed(columns: np.ndarray) -> np.ndarray:
         """The Fourier transform of columns (n, k), zero-padded to 2n samples."""
-        return rfft(columns, 2 * size, axis=0)
+        return np.fft.rfft(columns, 2 * size, axis=0)
 
     circulant = np.concatenate([covariance, [0.0], covariance[:0:-1]])
-    product = irfft(transformed(circulant)[:, None] * transformed(terms), axis=0)[:size]
+    product = np.fft.irfft(transformed(circulant)[:, None] * transformed(terms), axis=0)[:size]
     # C - MCM = QBᵀ + BQᵀ - Q(QᵀB)Qᵀ with B = CQ: pairs of columns, correlated.
     of_terms, of_product = transformed(terms), transformed(product - terms @ (terms.T @ product))
     crossed = of_terms.conj() * transformed(product) + of_product.conj() * of_terms
-    return irfft(crossed.sum(axis=1), 2 * size)[:size]
+    return np.fft.irfft(crossed.sum(axis=1), 2 * size)[:size]

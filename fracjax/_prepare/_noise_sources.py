@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.fft import irfft, next_fast_len, rfft
+from scipy.fft import next_fast_len
 from scipy.signal import lfilter
 
 from .._recording import InputError, Recording, bridged, kept
@@ -344,8 +344,8 @@ def repetition_lag(drive: np.ndarray) -> int | None:
     spread, size = centred.std(), drive.size
     lags = np.arange(size // 3, size - size // 3)
     squares = np.concatenate([[0.0], np.cumsum(centred**2)])
-    length = next_fast_len(2 * size - 1, real=True)
-    products = irfft(np.abs(rfft(centred, length)) ** 2, length)[:size]
+    length = int(next_fast_len(2 * size - 1, real=True))  # type: ignore[arg-type]
+    products = np.fft.irfft(np.abs(np.fft.rfft(centred, length)) ** 2, length)[:size]
     differ = squares[size - lags] + squares[-1] - squares[lags] - 2 * products[lags]
     best = int(lags[np.argmin(differ / (size - lags))])
     second, first = drive[best:], drive[: size - best]

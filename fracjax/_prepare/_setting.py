@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
-from scipy.fft import prev_fast_len, rfft
+from scipy.fft import prev_fast_len
 
 from .._blocks import Setting
 from .._recording import Recording, kept, varying
@@ -53,7 +53,7 @@ def _top_frequency(drive: np.ndarray, step: float) -> float:
     """The frequency [Hz] of `top_frequency`, of a drive (N,) in steps of time [s]."""
     # Of a length that transforms fast.
     rate = np.diff(drive)[: prev_fast_len(drive.size - 1)]
-    power = np.abs(rfft((rate - rate.mean()) * np.hanning(rate.size))) ** 2
+    power = np.abs(np.fft.rfft((rate - rate.mean()) * np.hanning(rate.size))) ** 2
     frequencies = np.fft.rfftfreq(rate.size, step)
     share = np.cumsum(power) / power.sum()
     return float(max(frequencies[np.searchsorted(share, 0.99)], frequencies[1]))

@@ -8,10 +8,9 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import kurtosis
 
 from .._blocks import AbstractBlock
-from .._prepare import FreeParameter, Preparation, free_parameters_of
+from .._prepare import FreeParameter, Preparation, free_parameters_of, kurtosis_of
 from ._least_squares import sensitivity
 
 Progress = Callable[[str], None]
@@ -77,7 +76,7 @@ class Solved:
     def kurtosis(self) -> float:
         """The kurtosis of the whitened residual, 3 where it is normal."""
         residual = np.concatenate(self.whitened)
-        return float(kurtosis(residual[residual != 0], fisher=False))
+        return kurtosis_of(residual[residual != 0])
 
     @property
     def excess_ratio(self) -> float:

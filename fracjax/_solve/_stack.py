@@ -15,7 +15,7 @@ from functools import partial
 from typing import NamedTuple
 
 import numpy as np
-from scipy.linalg.lapack import dgeqrt
+from scipy.linalg import get_lapack_funcs
 
 from .._blocks import AbstractBlock
 from .._parameters import named_parameters, set_values
@@ -139,6 +139,7 @@ def _triangles(problems: Sequence[Problem], signals: Signals) -> np.ndarray:
 
     Rows that share drive and whitening share one QR, followed by a projection each.
     """
+    (geqrt,) = get_lapack_funcs(("geqrt",), dtype=np.float64)
     groups: dict[tuple, list[int]] = {}
     for row, problem in enumerate(problems):
         filters = (np.asarray(problem.weights).tobytes(), np.asarray(problem.whitening).tobytes())
@@ -157,7 +158,7 @@ def _triangles(problems: Sequence[Problem], signals: Signals) -> np.ndarray:
         columns = problem.whiten(terms.T)
         if len(rows) == 1:
             panel = min(_PANEL, *columns.shape)
-            upper = np.triu(dgeqrt(panel, columns, overwrite_a=1)[0][:count])
+            upper = np.triu(geqrt(panel, columns, overwrite_a=1)[0][:count])
             triangles[rows[0], : len(upper)] = upper  # fewer rows where samples are fewer
             continue
         basis, triangle = np.linalg.qr(columns[:, : count - 1])
@@ -250,7 +251,8 @@ def _confirm(
     own_terms = eliminate(terms, triangles[:, :, -1] - inside)[0]
     derivatives = of_signals @ np.swapaxes(optima.derivative, 1, 2)
     derivatives += terms[:, :, :1] * by_parameter[:, None]
-    derivative_triangles = np.linalg.qr(np.concatenate([derivatives, terms], axis=2), mode="r")
+    every = np.concatenate([derivatives, terms], axis=2)
+    derivative_triangles = np.asarray(np.linalg.qr(every, mode="r"))
     sizes = np.linalg.norm(inside[:, own:], axis=1)
     share = _largest_error(blocks, problems, responses)
     results: list[Solved | None] = []

@@ -223,7 +223,7 @@ def _quick(text: Text, layout: Layout) -> list[_Values | None] | None:
 
 
 def _by_arrow(
-    text: Text, layout: Layout, start: int, read: Sequence[int]
+    text: Text, layout: Layout, start: int, read: list[int]
 ) -> dict[int, np.ndarray] | None:
     """The columns to read from byte `start` on, each with its numbers; None where Arrow, which
     takes half of pandas' time, refuses them."""
@@ -248,7 +248,7 @@ def _by_arrow(
 
 
 def _by_pandas(
-    text: Text, layout: Layout, start: int, read: Sequence[int]
+    text: Text, layout: Layout, start: int, read: list[int]
 ) -> dict[int, np.ndarray] | None:
     """The columns to read from byte `start` on, stamps as text; None where pandas refuses them."""
     import pandas as pd  # most files do without, and it takes long to import

@@ -9,7 +9,7 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from scipy.linalg.lapack import dgtsv
+from scipy.linalg import get_lapack_funcs
 
 History = Literal["rest", "constant", "periodic"]
 HISTORIES: tuple[History, ...] = get_args(History)
@@ -101,7 +101,8 @@ def _cubic_slopes(drive: np.ndarray) -> np.ndarray:
     right[1:-1] = 3 * (rises[1:] + rises[:-1])
     right[0], right[-1] = (5 * rises[0] + rises[1]) / 2, (5 * rises[-1] + rises[-2]) / 2
     diagonal[[0, -1]], above[0], below[-1] = 1.0, 2.0, 2.0
-    return np.asarray(dgtsv(below, diagonal, above, right, 1, 1, 1, 1)[3])
+    (gtsv,) = get_lapack_funcs(("gtsv",), (right,))
+    return np.asarray(gtsv(below, diagonal, above, right, 1, 1, 1, 1)[3])
 
 
 _INTERPOLATORS = {"linear": _linear_slopes, "akima": _akima_slopes, "cubic": _cubic_slopes}

@@ -241,8 +241,8 @@ def _confirm(
     blocks = _blocks_at(rows[0].block, optima)
     constants = _held_by_gain(rows[0].block, optima.positions, problems)
     constant = constants[:, 0] + np.sum(constants[:, 1:] * optima.gains, axis=1)
-    by_parameter = np.zeros(optima.derivative.shape[:2])
-    by_parameter[:, by_parameter.shape[1] - optima.gains.shape[1] :] = constants[:, 1:]
+    shapes = optima.positions.shape[1]
+    by_parameter = np.pad(constants[:, 1:], [(0, 0), (shapes, 0)])
     responses = signals.respond(optima.mixed) + constant[:, None]
     # In coordinates, where the first own term is the constant.
     own = problems[0].own.shape[1]

@@ -24,6 +24,8 @@ class Grid(eqx.Module):
             before, the Caputo convention) or `periodic` (the samples are whole steady periods).
     """
 
+    __getattribute__ = object.__getattribute__  # as in a block
+
     step: float | np.ndarray | Array
     history: History = eqx.field(static=True, default="constant")
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import equinox as eqx
@@ -161,15 +162,30 @@ def make_problem(
         steps = np.arange(length)[:, None] >= np.array(jumps, dtype=int)
         own = np.concatenate([own, steps], axis=1)
     refined = _kept_refined if 1 < oversampling <= _LARGEST_KEPT / samples else _refined
-    return Problem(
+    return _problem_of(
         drive=refined(drive, length - samples, oversampling, history),
         response=padded,
         weights=counted,
         whitening=taps,
         own=own,
-        grid=Grid(np.asarray(recording.dt / oversampling), history),
+        grid=_grid(recording.dt / oversampling, history),
         oversampling=oversampling,
     )
+
+
+def _problem_of(**fields: Any) -> Problem:
+    """A problem, made as unflattening a tree makes one: equinox's checks take as long as the rest
+    of it."""
+    problem = object.__new__(Problem)
+    for name, value in fields.items():
+        object.__setattr__(problem, name, value)
+    return problem
+
+
+@lru_cache(maxsize=16)
+def _grid(step: float, history: History) -> Grid:
+    """A grid with a step [s], which all recordings alike share."""
+    return Grid(np.asarray(step), history)
 
 
 def _refined(drive: np.ndarray, padding: int, oversampling: int, history: History) -> np.ndarray:

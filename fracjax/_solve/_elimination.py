@@ -30,7 +30,8 @@ def eliminate(columns: Any, target: Any, xp: Any = np) -> tuple[Any, Any, Any]:
     lengths = xp.linalg.norm(columns, axis=-2) + 1e-300
     ridge = xp.broadcast_to(_RIDGE * xp.eye(count), (*columns.shape[:-2], count, count))
     scaled = xp.concatenate([columns / lengths[..., None, :], ridge], axis=-2)
-    q, r = _orthonormal(scaled) if xp is np and columns.ndim > 2 else xp.linalg.qr(scaled)
+    few = xp is np and (columns.ndim > 2 or count == 1)
+    q, r = _orthonormal(scaled) if few else xp.linalg.qr(scaled)
     basis = q[..., : target.shape[-1], :]
     along = xp.swapaxes(basis, -1, -2) @ target[..., None]
     coefficients = _solve_triangle(r, along, xp)[..., 0] / lengths

@@ -69,6 +69,8 @@ class Interpolation(eqx.Module):
         imaginary: (F, J) projects the imaginary parts.
     """
 
+    __getattribute__ = object.__getattribute__  # as in a block
+
     zeta: np.ndarray | Array
     real: np.ndarray | Array
     imaginary: np.ndarray | Array
@@ -100,6 +102,8 @@ class ChebyshevSeries(eqx.Module):
         shape: the shape's name, None where there is none.
         gains: the gains' names.
     """
+
+    __getattribute__ = object.__getattribute__  # as in a block
 
     part: np.ndarray | Array
     low: np.ndarray | Array

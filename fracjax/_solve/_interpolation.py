@@ -56,7 +56,7 @@ _NEGLIGIBLE = 1e-13
 """Coefficients below this share of the largest are rounding."""
 _BASE, _LARGEST_DEGREE = 8, 60
 """T_8 is the inner polynomial of a series, whose coefficients from degree 60 on must vanish."""
-_LARGEST_TABLE = 2**20
+_LARGEST_TABLE = 2**21
 """At most so many transfer function values at once, which limits memory."""
 
 

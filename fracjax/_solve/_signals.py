@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections import deque
 from collections.abc import Sequence
 from dataclasses import dataclass, field
-from functools import cached_property, reduce
+from functools import reduce
 from operator import iadd
 
 import jax
@@ -38,12 +38,14 @@ class DriveSignals:
         places: the index of each drive, by its content.
         parts: per chain, with matrices (1, J, n) from its coefficients to factors of the signals.
         chains: per chain, its signals.
+        whole: the signals (n, L) of a drive that several rows share, by its index.
     """
 
     key: tuple
     places: dict[bytes, int]
     parts: tuple[Part, ...]
     chains: tuple[ChainSignals, ...]
+    whole: dict[int, np.ndarray] = field(default_factory=dict)
 
 
 @dataclass(frozen=True, eq=False)
@@ -56,7 +58,7 @@ class Signals:
     """
 
     of_drives: DriveSignals
-    drives: np.ndarray = field()
+    drives: np.ndarray
 
     @property
     def parts(self) -> tuple[Part, ...]:
@@ -92,12 +94,15 @@ class Signals:
             chain.fill(int(self.drives[row]), signals[place : place + chain.total])
             place += chain.total
 
-    @cached_property
+    @property
     def _of_all(self) -> np.ndarray:
-        """The signals (n, L) that all rows share."""
-        signals = np.empty((self.total, self.chains[0].samples))
-        self._compute(0, signals)
-        return signals
+        """The signals (n, L) that all rows share, computed once."""
+        drive, whole = int(self.drives[0]), self.of_drives.whole
+        if drive not in whole:
+            signals = np.empty((self.total, self.chains[0].samples))
+            self._compute(0, signals)
+            whole[drive] = signals
+        return whole[drive]
 
     def mix(self, rows: slice, factors: np.ndarray) -> np.ndarray:
         """Sums (r, m, L) of the signals of r rows, by factors (r, m, n)."""

@@ -63,18 +63,23 @@ def of_fits(rows: Rows) -> Iterator[Ratio]:
 
 
 def of_batches(rows: Rows) -> Iterator[Ratio]:
-    most = max(int(row["recordings"]) for row in rows)
-    paces = {(r["drive"], r["method"]): float(r["per_second"]) for r in rows
-             if int(r["recordings"]) == most}  # fmt: skip
+    """Of the largest batches of each kind."""
+    most: dict[tuple[str, str], int] = {}
+    for row in rows:
+        kind = row["drive"], row["samples"]
+        most[kind] = max(most.get(kind, 0), int(row["recordings"]))
+    paces = {(r["drive"], r["samples"], r["method"]): float(r["per_second"]) for r in rows
+             if int(r["recordings"]) == most[r["drive"], r["samples"]]}  # fmt: skip
     # The peer reads files: fracjax's run from memory does not compare.
     own = {
-        drive: pace
-        for (drive, method), pace in paces.items()
+        (drive, samples): pace
+        for (drive, samples, method), pace in paces.items()
         if method.startswith("fracjax") and not method.endswith("from memory")
     }
-    for (drive, method), pace in paces.items():
+    for (drive, samples, method), pace in paces.items():
         if not method.startswith("fracjax"):
-            yield f"{drive} drive", f"{most:,} fits", method, own[drive] / pace
+            case = f"{drive} drive, {int(samples):,} samples"
+            yield case, f"{most[drive, samples]:,} fits", method, own[drive, samples] / pace
 
 
 def of_posteriors(rows: Rows) -> Iterator[Ratio]:

@@ -123,6 +123,18 @@ def peers() -> str:
     return "\n".join(lines)
 
 
+def batches() -> str:
+    """CPU time of a recording of a batch, beside SciPy's fit from one start."""
+    lines = [_line("drives", "samples", "SciPy, one start [ms]", "fracjax, files [ms]", "times",
+                   "fracjax, from memory [ms]", "times")]  # fmt: skip
+    lines.append("|---" * 7 + "|")
+    for row in rows_of("fitting/batch_cpu.csv"):
+        drives = {"own": "each its own", "one": "one for all"}[row["drive"]]
+        cells = drives, f"{int(row['samples']):,}", row["scipy_ms"], row["files_ms"]
+        lines.append(_line(*cells, row["over_files"], row["memory_ms"], row["over_memory"]))
+    return "\n".join(lines)
+
+
 def compensation() -> str:
     """Largest steady tracking errors of an open-loop drive by each model, the zero set."""
     rows = rows_of("compensation/results.csv")
@@ -312,6 +324,7 @@ TABLES = {
     "operators": operators,
     "fits": fits,
     "peers": peers,
+    "batches": batches,
     "compensation": compensation,
 }
 

@@ -2,11 +2,13 @@
 
 from __future__ import annotations
 
+import weakref
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from functools import lru_cache
 from typing import Any
 
+import equinox as eqx
 import jax
 import jax.numpy as jnp
 import numpy as np
@@ -238,9 +240,20 @@ def is_parameter(node: object) -> bool:
 
 def named_parameters(tree: Any) -> dict[str, Parameter]:
     """All parameters of a block or model by dotted path, in tree order."""
+    kept = _kept.get(id(tree))
+    if kept is not None and kept[0]() is tree:
+        return kept[1].copy()
     leaves, structure = jax.tree_util.tree_flatten(tree, is_leaf=is_parameter)
     pairs = zip(_paths(structure), leaves, strict=True)
-    return {path: leaf for path, leaf in pairs if is_parameter(leaf)}
+    parameters = {path: leaf for path, leaf in pairs if is_parameter(leaf)}
+    if isinstance(tree, eqx.Module):  # which never changes
+        place = id(tree)
+        _kept[place] = weakref.ref(tree, lambda _: _kept.pop(place, None)), parameters.copy()
+    return parameters
+
+
+_kept: dict[int, tuple[weakref.ref, dict[str, Parameter]]] = {}
+"""The parameters of each living tree that was asked for them, because each stage of a fit asks."""
 
 
 @lru_cache(maxsize=1024)

@@ -15,9 +15,7 @@ from collections.abc import Callable, Iterable
 from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import closing
 from pathlib import Path
-from typing import Any, Unpack
-
-import pandas as pd
+from typing import TYPE_CHECKING, Any, Unpack
 
 from .._fit import Loss
 from .._models import Model
@@ -28,6 +26,9 @@ from ._jobs import Job, RecordingInput, jobs_of
 from ._parts import Parts
 from ._processes import CannotStart, in_processes
 from ._rows import Row, Rows, Work, rows_of
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 FITS = "fits.parquet"
 _MANY = 96

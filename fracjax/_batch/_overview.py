@@ -3,14 +3,16 @@
 from __future__ import annotations
 
 import re
-from typing import NamedTuple
+from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pandas as pd
 import pint
 
 from .._fit import FAR_ABOVE_NOISE
 from .._recording import InputError, unit
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _OUTLYING = 5.0
 """Distance of an outlier from the median, in robust standard deviations.  Chosen by judgement."""

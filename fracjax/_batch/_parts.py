@@ -8,14 +8,17 @@ import os
 from collections.abc import Iterable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import TYPE_CHECKING
 
-import pandas as pd
 import pyarrow as pa
 import pyarrow.parquet as pq
 
 from .._recording import InputError
 from ._jobs import Job
 from ._rows import SETTINGS, Row
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _FINISHED = ("fitted", "not converged")
 
@@ -79,6 +82,8 @@ class Parts:
 
     def table(self, keys: Iterable[str]) -> pd.DataFrame:
         """The rows of the recordings with these keys, in this order."""
+        import pandas as pd  # the processes that fit do without, and it takes long to import
+
         keys = list(keys)
         rows = pd.read_parquet(self.folder, filters=[("key", "in", keys)])
         return rows.set_index("key", drop=False).loc[keys].reset_index(drop=True)

@@ -60,14 +60,17 @@ def fit_of(model: Model, solved: Solved, loss: Loss = "least_squares") -> Fit:
         solved, robust, inflation = reweight(solved, loss)
     preparation = solved.preparation
     first = preparation.takes[0].recording
+    noises = [take.noise for take in preparation.takes]
+    # A noise that is the residual itself has whitened it already.
+    is_white = robust is None and all(noise and noise.is_residual for noise in noises)
     uncertainty = uncertainty_of(
         solved.blocks,
         preparation.problems(),
         preparation.conditions,
         units=(first.drive_unit, first.response_unit),
         inflation=inflation,
-        residuals=solved.whitened,
-        derivative=solved.whitened_derivative(),
+        residuals=None if is_white else solved.whitened,
+        derivative=solved.triangle if is_white and solved.stacked else solved.whitened_derivative(),
     )
     return Fit(
         model=Model(solved.block, model.name),

@@ -65,7 +65,8 @@ def uncertainty_of(
     wider, not narrower, intervals.  R is the autocorrelation of the whitened `residuals`, from
     their autoregression with its order by BIC.  It is the unit matrix where there are no residuals,
     or where they are white.  R thus accounts for a noise that was assumed white and is not, and for
-    a persistent mismatch.  `derivative` is J where it is known already.
+    a persistent mismatch.  `derivative` is J where it is known already; without
+    `residuals` its inner products suffice.
 
     R comes from an autoregression and not from products of scores (Newey & West), whose truncated
     sums underestimate the errors when tens of samples are correlated.  As the noise is stationary

@@ -1,5 +1,6 @@
 """The segments of one signal, each with its clock."""
 
+from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -41,8 +42,13 @@ class Timing(NamedTuple):
     """Whether samples must come in uniform steps."""
 
 
-def parts_of(table: Table, column: int, time: int | None, timing: Timing) -> list[Part]:
+def parts_of(
+    table: Table, column: int, time: int | None, timing: Timing, beside: Sequence[Part] = ()
+) -> list[Part]:
     """The segments of a signal, by its time column `time` or without one.
+
+    `beside` are those of another signal of the table, by the same column, whose clocks are its own
+    where it has as many samples.
 
     Raises InputError for a clock that goes wrong, or samples that are missing.
     """
@@ -54,6 +60,8 @@ def parts_of(table: Table, column: int, time: int | None, timing: Timing) -> lis
     # A channel of fewer samples than its neighbours ends in empty cells.
     filled = np.flatnonzero(np.isfinite(times) | ~np.isnan(values))
     count = int(filled[-1]) + 1 if filled.size else 0
+    if beside and beside[-1].rows.stop == count:
+        return [part._replace(column=column, values=values[part.rows]) for part in beside]
     times, values = times[:count], values[:count]
     if not np.isfinite(times).all():
         row = int((~np.isfinite(times)).argmax())

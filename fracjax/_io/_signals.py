@@ -146,7 +146,14 @@ def _signals_of(tables: Mapping[str, Table], request: Request) -> Segments:
         for role in roles
     }
     timing = Timing(hertz, request.units.get("time"), wanted is None)
-    parts = {role: parts_of(tables[role], *chosen[role], timing) for role in roles}
+    parts: dict[str, list[Part]] = {}
+    for role in roles:
+        column, time = chosen[role]
+        alike = (r for r in parts if tables[r] is tables[role] and chosen[r][1] == time)
+        other = None if time is None else next(alike, None)
+        parts[role] = parts_of(
+            tables[role], column, time, timing, () if other is None else parts[other]
+        )
     counts = {len(each) for each in parts.values()}
     if len(counts) > 1:
         counts = " and ".join(f"{len(each)} of the {SIGNALS[role]}" for role, each in parts.items())

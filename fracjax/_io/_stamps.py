@@ -1,10 +1,18 @@
-"""Dates and clock times as seconds."""
+"""Dates and clock times as seconds.
+
+Pandas, which takes long to import, is imported where there are any.
+"""
+
+from __future__ import annotations
 
 import re
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
-import pandas as pd
+
+if TYPE_CHECKING:
+    import pandas as pd
 
 _CLOCK = r"\d{1,4}:\d{1,2}(?::\d{1,2})?(?:[.,:]\d{1,9})?(?:\s?[AaPp]\.?[Mm]\.?)?"
 _DATE = (
@@ -28,6 +36,8 @@ def seconds_of(cells: Sequence[str]) -> tuple[np.ndarray, int | None]:
     That is midnight of the first day; of clock times alone None, and midnight adds a day to what
     follows.
     """
+    import pandas as pd
+
     texts = pd.Series([cell.strip() for cell in cells], dtype="object")
     first = next((text for text in texts if text), "")
     if _BARE_CLOCK.fullmatch(first):
@@ -54,6 +64,8 @@ def relative(times: np.ndarray) -> tuple[np.ndarray, int | None]:
 def _of_clocks(texts: pd.Series) -> np.ndarray:
     """Clock times as seconds of the day: h:m:s, h:m:s with thousandths behind a third colon, m:s.f
     or h:m."""
+    import pandas as pd
+
     plain = texts.str.replace(",", ".", regex=False)
     plain = plain.str.replace(r"^(\d+:\d+:\d+):(\d+)$", r"\1.\2", regex=True)
     half = plain.str.extract(r"([AaPp])\.?[Mm]\.?$")[0].str.lower()
@@ -99,6 +111,8 @@ def _of_dates(texts: pd.Series) -> np.ndarray | None:
 
 
 def _parsed(texts: pd.Series, **how) -> np.ndarray | None:
+    import pandas as pd
+
     try:
         moments = pd.to_datetime(texts, errors="coerce", utc=True, **how)
     except (ValueError, TypeError, OverflowError):

@@ -23,6 +23,7 @@ from ._layout import values_by_name as values_by_name
 from ._layout import with_gains as with_gains
 from ._layout import with_shapes_at as with_shapes_at
 from ._noise import Noise as Noise
+from ._noise import kurtosis_of as kurtosis_of
 from ._noise_sources import measured_noise as measured_noise
 from ._noise_sources import noise_below as noise_below
 from ._noise_sources import read_from_residual as read_from_residual

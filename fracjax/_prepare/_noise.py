@@ -7,7 +7,6 @@ from functools import cached_property
 from typing import Literal
 
 import numpy as np
-from scipy.stats import kurtosis
 
 from ._tone import Tone, tone_in
 
@@ -32,6 +31,13 @@ def level_from_differences(differences: np.ndarray) -> float:
     return float(np.median(np.abs(differences)) / (_NORMAL_MEDIAN * np.sqrt(2)))
 
 
+def kurtosis_of(samples: np.ndarray) -> float:
+    """The kurtosis of samples (n,), dimensionless, 3 where they are normal."""
+    squares = (samples - samples.mean()) ** 2
+    with np.errstate(invalid="ignore"):  # NaN where they are constant
+        return float(np.mean(squares**2) / np.mean(squares) ** 2)
+
+
 @dataclass(frozen=True)
 class Whitened:
     """The samples that a noise was read from, whitened; what they show is computed once asked for.
@@ -53,7 +59,7 @@ class Whitened:
     @cached_property
     def kurtosis(self) -> float:
         """The kurtosis, dimensionless, at least the 3 of normal noise."""
-        return max(float(kurtosis(np.concatenate(self.stretches), fisher=False)), 3.0)
+        return max(kurtosis_of(np.concatenate(self.stretches)), 3.0)
 
     @cached_property
     def lines(self) -> tuple[np.ndarray, np.ndarray]:
@@ -116,6 +122,11 @@ class Noise:
     course: tuple[np.ndarray, np.ndarray] = NONE
     whitened: Whitened | None = field(default=None, repr=False)
     removed_tone: Tone | None = None
+
+    @property
+    def is_residual(self) -> bool:
+        """Whether it is all of a fit's residual, whose colour it then has."""
+        return self.method == "residual" and self.whitened is not None
 
     @property
     def kurtosis(self) -> float:

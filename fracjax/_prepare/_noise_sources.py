@@ -6,7 +6,8 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import fftconvolve, lfilter
+from scipy.fft import next_fast_len
+from scipy.signal import lfilter
 
 from .._recording import InputError, Recording, bridged, kept
 from ._noise import NONE, Noise, level_from_differences, white_noise
@@ -154,12 +155,11 @@ def _least_level(recording: Recording) -> float:
     return max(recording.resolution / np.sqrt(12), _EXACT * float(np.ptp(recording.response)))
 
 
-def _from_static(recording: Recording, counts: np.ndarray | None, step: float) -> list[Stretch]:
+def _from_static(recording: Recording, counts: np.ndarray | None) -> list[Stretch]:
     """Rests minus the actuator's slow relaxation, a fitted parabola and logarithms of time.
 
     Rests with samples of weight 0 in `counts` (N,) are left out.  So are rests that show less than
-    the rounding error of the response's `step` [response unit]: on one or two codes the noise is
-    hidden.
+    the rounding error of the response's codes: on one or two codes the noise is hidden.
     """
     stretches = []
     for start, stop in recording.static_stretches(_REST_SECONDS):
@@ -168,7 +168,7 @@ def _from_static(recording: Recording, counts: np.ndarray | None, step: float) -
             continue
         stretch = Stretch.settled(recording.response[begin:stop], begin)
         constant = np.ptp(recording.response[begin:stop]) == 0
-        if constant or stretch.samples.std() < step / np.sqrt(12):
+        if constant or stretch.samples.std() < recording.resolution / np.sqrt(12):
             continue
         stretches.append(stretch)
     return without_events(stretches) if stretches else []
@@ -184,6 +184,9 @@ def measured_noise(
     Periods and rests where the weights `counts` (N,) are 0 are ignored, and spikes are bridged by
     straight lines.  None where the recording has no such source.
     """
+    rests = recording.static_stretches(_REST_SECONDS)
+    if repeat is None and recording.drive_period() is None and not rests:
+        return None
     recording = _without_spikes(recording)
     unit = recording.response_unit
     if repeat is not None:
@@ -195,9 +198,8 @@ def measured_noise(
         )
     if series := _from_repeats(recording, counts):
         return _noise_of_repeats(series, recording)
-    step = recording.resolution
-    if series := _from_static(recording, counts, step):
-        return noise_in(series, unit, "static", resolution=step)
+    if series := _from_static(recording, counts):
+        return noise_in(series, unit, "static", resolution=recording.resolution)
     return None
 
 
@@ -342,7 +344,8 @@ def repetition_lag(drive: np.ndarray) -> int | None:
     spread, size = centred.std(), drive.size
     lags = np.arange(size // 3, size - size // 3)
     squares = np.concatenate([[0.0], np.cumsum(centred**2)])
-    products = fftconvolve(centred, centred[::-1])[size - 1 :]
+    length = int(next_fast_len(2 * size - 1, real=True))  # type: ignore[arg-type]
+    products = np.fft.irfft(np.abs(np.fft.rfft(centred, length)) ** 2, length)[:size]
     differ = squares[size - lags] + squares[-1] - squares[lags] - 2 * products[lags]
     best = int(lags[np.argmin(differ / (size - lags))])
     second, first = drive[best:], drive[: size - best]

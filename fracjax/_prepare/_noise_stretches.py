@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import lfilter
-from scipy.stats import chi2
+from scipy.special import chdtrc
 
 from ._autoregression import autoregression, removed_power
 from ._noise import NONE, Method, Noise, Whitened, level_from_differences, white_noise
@@ -208,7 +208,7 @@ def _level_profile(
     centres = np.array([np.mean(part) for part in np.array_split(where[order], pieces)])
     relative = (sizes / np.sqrt(np.mean(sizes**2))) if sizes.all() else np.ones(pieces)
     variance = _MEDIAN_SQUARED * shared * pieces / white.size
-    if chi2.sf(np.sum((relative**2 - 1) ** 2) / variance, pieces - 1) > _SIGNIFICANT:
+    if chdtrc(pieces - 1, np.sum((relative**2 - 1) ** 2) / variance) > _SIGNIFICANT:
         return NONE
     return centres, relative
 

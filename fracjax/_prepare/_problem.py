@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import abc
 from collections.abc import Sequence
+from functools import lru_cache
 from typing import Any
 
 import equinox as eqx
@@ -144,26 +145,47 @@ def make_problem(
     drive, response = recording.drive, recording.response
     taps = np.zeros(_FILTER_TAPS)
     taps[: whitening.size] = whitening
-    # A whitened sample mixes its predecessors: it counts only if all of them do.
-    counted = used.astype(float)
-    if whitening.size > 1 and not used.all():
-        uncounted = np.asarray(lfilter(np.ones(whitening.size), 1.0, 1.0 - counted))
-        counted = (uncounted < 0.5).astype(float)
-    counted[: whitening.size - 1] = 0.0
-    weights = counted if weights is None else counted * weights
     length = samples if history == "periodic" else padded_length(samples)
-    refined = _kept_refined if samples * oversampling <= _LARGEST_KEPT else _refined
-    padding = (0, length - samples)
-    steps = np.arange(length)[:, None] >= np.array(jumps, dtype=int)
-    return Problem(
+    # A whitened sample mixes its predecessors: it counts only if all of them do.
+    counted = np.zeros(length)
+    counted[:samples] = used
+    if whitening.size > 1 and not used.all():
+        uncounted = np.asarray(lfilter(np.ones(whitening.size), 1.0, 1.0 - counted[:samples]))
+        counted[:samples] = uncounted < 0.5
+    counted[: whitening.size - 1] = 0.0
+    if weights is not None:
+        counted[:samples] *= weights
+    padded = np.empty(length)
+    padded[:samples], padded[samples:] = response, response[-1]
+    own = own_terms(length, samples if prior_history else 0)
+    if len(jumps):
+        steps = np.arange(length)[:, None] >= np.array(jumps, dtype=int)
+        own = np.concatenate([own, steps], axis=1)
+    refined = _kept_refined if 1 < oversampling <= _LARGEST_KEPT / samples else _refined
+    return _problem_of(
         drive=refined(drive, length - samples, oversampling, history),
-        response=np.pad(response, padding, mode="edge"),
-        weights=np.pad(weights, padding),
+        response=padded,
+        weights=counted,
         whitening=taps,
-        own=np.concatenate([own_terms(length, samples if prior_history else 0), steps], axis=1),
-        grid=Grid(np.asarray(recording.dt / oversampling), history),
+        own=own,
+        grid=_grid(recording.dt / oversampling, history),
         oversampling=oversampling,
     )
+
+
+def _problem_of(**fields: Any) -> Problem:
+    """A problem, made as unflattening a tree makes one: equinox's checks take as long as the rest
+    of it."""
+    problem = object.__new__(Problem)
+    for name, value in fields.items():
+        object.__setattr__(problem, name, value)
+    return problem
+
+
+@lru_cache(maxsize=16)
+def _grid(step: float, history: History) -> Grid:
+    """A grid with a step [s], which all recordings alike share."""
+    return Grid(np.asarray(step), history)
 
 
 def _refined(drive: np.ndarray, padding: int, oversampling: int, history: History) -> np.ndarray:
@@ -197,7 +219,8 @@ def own_terms(length: int, remembered: int) -> np.ndarray:
 
     Source: diffusive representation, Montseny, ESAIM Proc. 5 (1998) 159.
     """
-    decades = np.log10(max(remembered, 1))
-    rates = np.logspace(0, -decades, round(_DECAYS_PER_DECADE * decades))
-    times = np.arange(length)[:, None]
-    return np.concatenate([np.ones((length, 1)), np.exp(-rates * times)], axis=1)
+    constant = np.ones((length, 1))
+    if not remembered:
+        return constant
+    rates = np.logspace(0, -np.log10(remembered), round(_DECAYS_PER_DECADE * np.log10(remembered)))
+    return np.concatenate([constant, np.exp(-rates * np.arange(length)[:, None])], axis=1)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 
 import numpy as np
+from scipy.fft import prev_fast_len
 
 from .._blocks import Setting
 from .._recording import Recording, kept, varying
@@ -50,7 +51,8 @@ def top_frequency(recording: Recording) -> float:
 @kept
 def _top_frequency(drive: np.ndarray, step: float) -> float:
     """The frequency [Hz] of `top_frequency`, of a drive (N,) in steps of time [s]."""
-    rate = np.diff(drive)
+    # Of a length that transforms fast.
+    rate = np.diff(drive)[: prev_fast_len(drive.size - 1)]
     power = np.abs(np.fft.rfft((rate - rate.mean()) * np.hanning(rate.size))) ** 2
     frequencies = np.fft.rfftfreq(rate.size, step)
     share = np.cumsum(power) / power.sum()

@@ -69,10 +69,16 @@ def _keeps(u: np.ndarray, period: int) -> bool:
 
 def _stretch(u: np.ndarray, period: int) -> Repeats | None:
     """The longest stretch of u, shape (N,), that keeps `period`."""
+    shortest = max(3 * period, MINIMUM_SAMPLES, -(-len(u) // 10))
+    # A run that is long enough shows at three successive ones of a few samples.
+    every = max((shortest - period) // 4, 1)
+    near = np.abs(u[period::every] - u[:-period:every]) <= _POINT
+    if not np.any(near[2:] & near[1:-1] & near[:-2]):
+        return None
     runs = runs_of(np.abs(u[period:] - u[:-period]) <= _POINT)
     lengths = runs[:, 1] - runs[:, 0] + period
     for run in np.argsort(-lengths, kind="stable"):
-        if lengths[run] < max(3 * period, MINIMUM_SAMPLES, len(u) / 10):
+        if lengths[run] < shortest:
             return None
         start = int(runs[run, 0])
         stop = start + int(lengths[run])

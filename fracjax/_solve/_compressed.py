@@ -57,6 +57,8 @@ class Part(eqx.Module):
             multiply.
     """
 
+    __getattribute__ = object.__getattribute__  # as in a block
+
     before: Interpolation | ChebyshevSeries
     after: Interpolation | ChebyshevSeries | None
     matrix: np.ndarray | Array

@@ -29,11 +29,34 @@ def eliminate(columns: Any, target: Any, xp: Any = np) -> tuple[Any, Any, Any]:
     count = columns.shape[-1]
     lengths = xp.linalg.norm(columns, axis=-2) + 1e-300
     ridge = xp.broadcast_to(_RIDGE * xp.eye(count), (*columns.shape[:-2], count, count))
-    q, r = xp.linalg.qr(xp.concatenate([columns / lengths[..., None, :], ridge], axis=-2))
+    scaled = xp.concatenate([columns / lengths[..., None, :], ridge], axis=-2)
+    few = xp is np and (columns.ndim > 2 or count == 1)
+    q, r = _orthonormal(scaled) if few else xp.linalg.qr(scaled)
     basis = q[..., : target.shape[-1], :]
     along = xp.swapaxes(basis, -1, -2) @ target[..., None]
     coefficients = _solve_triangle(r, along, xp)[..., 0] / lengths
     return coefficients, target - (columns @ coefficients[..., None])[..., 0], basis
+
+
+def _orthonormal(columns: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """The QR of a stack of columns (…, m, g), g small, by Gram and Schmidt's method, twice.
+
+    LAPACK is called once per matrix, which takes ten times as long.
+
+    Source: Giraud, Langou, Rozložník & van den Eshof, Numer. Math. 101 (2005) 87.
+    """
+    rows = np.ascontiguousarray(np.swapaxes(columns, -1, -2))
+    count = rows.shape[-2]
+    triangle = np.zeros((*rows.shape[:-2], count, count))
+    for k in range(count):
+        row = rows[..., k, :]
+        for _ in range(2 if k else 0):
+            along = (rows[..., :k, :] @ row[..., None])[..., 0]
+            row -= (along[..., None, :] @ rows[..., :k, :])[..., 0, :]
+            triangle[..., :k, k] += along
+        triangle[..., k, k] = np.linalg.norm(row, axis=-1)
+        row /= triangle[..., k, k, None]
+    return np.swapaxes(rows, -1, -2), triangle
 
 
 def _solve_triangle(triangle: Any, right: Any, xp: Any) -> Any:

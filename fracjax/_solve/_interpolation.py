@@ -21,6 +21,7 @@ Sources: Quarteroni, Manzoni & Negri, Reduced Basis Methods for Partial Differen
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from operator import attrgetter
 from typing import Any, NamedTuple
 
@@ -33,13 +34,12 @@ from scipy.linalg import solve_triangular
 from scipy.stats import qmc
 
 from .._blocks import AbstractBlock
-from .._operators import Grid, circle
+from .._operators import Grid
 from .._parameters import named_parameters, set_values
 from .._prepare import Layout, layout_of
 from ._chains import transfer
+from ._transformed import Transformed
 
-_POINTS = 80
-"""Points ζ at which transfer functions are compared.  Chosen by judgement."""
 _CANDIDATES = {0: 1, 1: 65, 2: 256}
 """Candidates by the number of shapes; 65 are the nodes of a series of degree 64."""
 _MOST_CANDIDATES = 512
@@ -56,62 +56,8 @@ _NEGLIGIBLE = 1e-13
 """Coefficients below this share of the largest are rounding."""
 _BASE, _LARGEST_DEGREE = 8, 60
 """T_8 is the inner polynomial of a series, whose coefficients from degree 60 on must vanish."""
-_AT_ONCE = 8
-"""Signals transformed together: enough for the processor's vectors, few enough for its cache."""
-_LARGEST_TABLE = 2**20
+_LARGEST_TABLE = 2**21
 """At most so many transfer function values at once, which limits memory."""
-
-
-def _forward(signals: np.ndarray, length: int) -> np.ndarray:
-    """Fourier transforms (d, F) of signals (M, d)."""
-    return np.asarray(scipy.fft.rfft(signals.T, length, axis=1))
-
-
-class Transformed(NamedTuple):
-    """Drives, transformed once for any number of linear blocks.
-
-    Attributes:
-        zeta: (F,) the points of the transform, dimensionless.
-        drives: (d, F) the drives' transforms.
-        length: the transform's length.
-        growth: (M,) undoes the damping of the samples on the circle, dimensionless.
-    """
-
-    zeta: np.ndarray
-    drives: np.ndarray
-    length: int
-    growth: np.ndarray
-
-    @classmethod
-    def of(cls, drives: np.ndarray, grid: Grid) -> Transformed:
-        """The transforms of drives (M, d)."""
-        samples = len(drives)
-        if grid.history == "periodic":
-            zeta = np.exp(-2j * np.pi * np.arange(1, samples // 2 + 1) / samples)
-            transform = _forward(drives, samples)[:, 1 : zeta.size + 1]
-            return cls(zeta, transform, samples, np.ones(samples))
-        length, radius = circle(samples)
-        zeta = radius * np.exp(-2j * np.pi * np.arange(length // 2 + 1) / length)
-        damping = radius ** np.arange(samples)
-        moved = drives - (drives[0] if grid.history == "constant" else 0.0)
-        return cls(zeta, _forward((moved.T * damping).T, length), length, 1 / damping)
-
-    def back(self, transforms: np.ndarray, every: int = 1) -> np.ndarray:
-        """Signals (K, ⌈M/every⌉) at each `every`-th sample, from their transforms (K, F).
-
-        Where only every other sample is wanted, the upper half of the transform is added to the
-        lower one, which halves the length of the inverse.
-        """
-        length, growth = self.length, self.growth[::every]
-        missing = length // 2 + 1 - self.zeta.size
-        if missing:  # the mean, which a block without static gain cannot pass on
-            transforms = np.pad(transforms, [(0, 0), (missing, 0)])
-        while every % 2 == 0 and length % 4 == 0:
-            half = length // 4
-            transforms = (transforms[:, : half + 1] + transforms[:, : half - 1 : -1].conj()) / 2
-            length, every = length // 2, every // 2
-        signals = np.asarray(scipy.fft.irfft(transforms, length, axis=-1))[:, ::every]
-        return signals[:, : growth.size] * growth
 
 
 class Interpolation(eqx.Module):
@@ -122,6 +68,8 @@ class Interpolation(eqx.Module):
         real: (F, J) projects the real parts on an orthonormal basis, padded with zeros.
         imaginary: (F, J) projects the imaginary parts.
     """
+
+    __getattribute__ = object.__getattribute__  # as in a block
 
     zeta: np.ndarray | Array
     real: np.ndarray | Array
@@ -154,6 +102,8 @@ class ChebyshevSeries(eqx.Module):
         shape: the shape's name, None where there is none.
         gains: the gains' names.
     """
+
+    __getattribute__ = object.__getattribute__  # as in a block
 
     part: np.ndarray | Array
     low: np.ndarray | Array
@@ -207,22 +157,15 @@ class ChosenShapes(NamedTuple):
         """The number n of chosen shapes."""
         return len(self.triangle)
 
-    def responses(self, drives: np.ndarray, grid: Grid, every: int = 1) -> np.ndarray:
-        """The blocks' responses (d, n, ⌈M/every⌉) to drives (M, d), without that to a constant.
+    def tables(self, zeta: np.ndarray, grid: Grid) -> Iterator[tuple[int, np.ndarray]]:
+        """The blocks' transfer functions (≤ n, F) at ζ, in parts that limit memory.
 
-        They equal each `every`-th sample of those of `convolve`, without compilation.
+        Each comes with the place of its first.
         """
-        transformed = Transformed.of(drives, grid)
-        responses = np.empty((drives.shape[1], self.size, -(-len(drives) // every)))
-        chunk = max(_LARGEST_TABLE // transformed.zeta.size, 1)
-        for k in range(0, self.size, chunk):
-            part = _select(self.blocks, slice(k, k + chunk))
-            table = np.atleast_2d(transfer(part, transformed.zeta, grid))
-            for of_drive, drive in zip(responses, transformed.drives, strict=True):
-                for at in range(0, len(table), _AT_ONCE):
-                    signals = transformed.back(table[at : at + _AT_ONCE] * drive, every)
-                    of_drive[k + at : k + at + len(signals)] = signals
-        return responses
+        chunk = max(_LARGEST_TABLE // zeta.size, 1)
+        for first in range(0, self.size, chunk):
+            part = _select(self.blocks, slice(first, first + chunk))
+            yield first, np.atleast_2d(transfer(part, zeta, grid))
 
     def in_coordinates(self, rows: np.ndarray) -> np.ndarray:
         """Factors of the coordinates (J,) from those of the blocks (n,), along the last axis."""
@@ -254,13 +197,13 @@ def unit_gains(layout: Layout) -> list[dict[str, float]]:
 
 
 def choose_shapes(
-    block: AbstractBlock, driven_by: np.ndarray, grid: Grid, spanned: float = SPANNED
+    block: AbstractBlock, driven_by: Transformed, grid: Grid, spanned: float = SPANNED
 ) -> ChosenShapes | None:
-    """Shapes of a bounded block that signals (M, n) drive; None where too many would be needed.
+    """Shapes of a bounded block that signals drive; None where too many would be needed.
 
     The choice ends where all other shapes are in the span to `spanned`, as a share of their size.
     """
-    zeta, weights = _points(driven_by, grid)
+    zeta, weights = driven_by.points
     layout = layout_of(block)
     count = len(layout.shapes)
     candidates = _CANDIDATES.get(count, _MOST_CANDIDATES)
@@ -341,38 +284,6 @@ def _series(layout: Layout, coordinates: np.ndarray) -> ChebyshevSeries | None:
 def _select(blocks: AbstractBlock, which: slice) -> AbstractBlock:
     """The block at some of the chosen values of its parameters."""
     return set_values(blocks, {n: p.value[which] for n, p in named_parameters(blocks).items()})
-
-
-def _points(signals: np.ndarray, grid: Grid) -> tuple[np.ndarray, np.ndarray]:
-    """Points ζ (F,), and the square root of the signals' power near each.
-
-    The total power is scaled to 1.
-    """
-    samples = len(signals)
-    if grid.history == "periodic":
-        power = np.abs(_forward(signals, samples)[:, 1 : samples // 2 + 1]) ** 2
-        at = _spread(power.shape[1])
-        zeta = np.exp(-2j * np.pi * (at + 1) / samples)
-    else:
-        radius = np.exp(-2 / samples)
-        moved = signals - (signals[0] if grid.history == "constant" else 0.0)
-        damped = moved * (radius ** np.arange(samples))[:, None]
-        power = np.abs(_forward(damped, 2 * samples)) ** 2
-        at = _spread(power.shape[1])
-        zeta = radius * np.exp(-1j * np.pi * at / samples)
-    middles = (at[1:] + at[:-1] + 1) // 2
-    # If the signals are zero, all points have the same weight.
-    spectrum = power.sum(axis=0) if power.any() else np.ones(power.shape[1])
-    gathered = np.add.reduceat(spectrum, np.concatenate([[0], middles]))
-    # Padded to one size, for which one program is compiled.
-    padding = _POINTS - at.size
-    zeta, gathered = np.pad(zeta, (0, padding), mode="edge"), np.pad(gathered, (0, padding))
-    return zeta, np.sqrt(gathered / gathered.sum())
-
-
-def _spread(count: int) -> np.ndarray:
-    """Up to `_POINTS` integers below `count`, evenly spaced in their logarithm."""
-    return np.unique(np.round(np.geomspace(1, count, _POINTS)).astype(int)) - 1
 
 
 def _greedy(rows: np.ndarray, spanned: float) -> tuple[np.ndarray, np.ndarray, float]:

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 import numpy as np
 
 from .._prepare import Preparation, Problem
+from ._elimination import eliminate
 from ._least_squares import simulate
 from ._result import Progress, Solved
 from ._solve import solve_again
@@ -109,7 +110,9 @@ def _accurate_grids(
         halved = _whitened([solved[at] for at in pending], problems)
         remaining = []
         for at, signal in zip(pending, halved, strict=True):
-            grids[at].append((finer[at], _unabsorbed(solved[at], signal - coarse[at])))
+            enough = targets[at] if np.isfinite(targets[at]) else 0.0
+            change = _unabsorbed(solved[at], signal - coarse[at], enough)
+            grids[at].append((finer[at], change))
             doubled = 2 * finer[at].oversampling
             longest = max(len(take.recording) for take in solved[at].preparation.takes)
             is_last = doubled > FINEST or doubled * longest > _MOST_SAMPLES
@@ -129,12 +132,22 @@ def _chosen(grids: Sequence[tuple[Preparation, float]], target: float) -> tuple[
     return next(grid for grid in grids if grid[1] <= enough)
 
 
-def _unabsorbed(solved: Solved, change: np.ndarray) -> float:
-    """The norm of what a fit cannot absorb of a change (ΣL,) of its whitened simulations."""
+def _unabsorbed(solved: Solved, change: np.ndarray, enough: float) -> float:
+    """The norm of what a fit cannot absorb of a change (ΣL,) of its whitened simulations.
+
+    Of a row of a stack it is what its own terms cannot absorb, which is little more and takes far
+    less time, where that is `enough`.
+    """
+    if solved.stacked:
+        (problem,) = solved.preparation.problems()
+        bound = float(np.linalg.norm(eliminate(problem.whiten(problem.own), change)[1]))
+        if bound <= enough:
+            return bound
     derivative = solved.whitened_derivative()
-    derivative = derivative / (np.linalg.norm(derivative, axis=0) + 1e-300)
-    square = derivative.T @ derivative
-    absorbed = np.linalg.lstsq(square, derivative.T @ change, rcond=_DEPENDENT)[0]
+    square, along = derivative.T @ derivative, derivative.T @ change
+    lengths = np.sqrt(np.diag(square)) + 1e-300
+    scaled = square / np.outer(lengths, lengths)
+    absorbed = np.linalg.lstsq(scaled, along / lengths, rcond=_DEPENDENT)[0] / lengths
     unabsorbed = float(np.linalg.norm(change - derivative @ absorbed))
     return float(np.nan_to_num(unabsorbed, nan=np.inf))
 

@@ -16,7 +16,7 @@ from .._operators import Grid, speed
 from .._parameters import named_parameters, set_values
 from .._prepare import Problem
 from ._chains import chains_of, transfer
-from ._interpolation import Transformed
+from ._transformed import Transformed
 
 _AT_ONCE = 8
 """Responses computed together: enough that Python takes no time, few enough for the cache."""
@@ -88,7 +88,7 @@ def respond_all(blocks: Sequence[AbstractBlock], problems: Sequence[Problem]) ->
         for at in range(0, len(rows), _AT_ONCE):
             some = rows[at : at + _AT_ONCE]
             like = problems[some[0]]
-            drives = np.stack([np.asarray(problems[row].drive) for row in some], axis=1)
+            drives = np.stack([np.asarray(problems[row].drive) for row in some]).T
             block = blocks[some[0]] if len(some) == 1 else stacked([blocks[row] for row in some])
             some_responses = respond(block, drives, like.grid, like.oversampling)
             for row, response in zip(some, some_responses, strict=True):

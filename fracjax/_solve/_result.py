@@ -8,10 +8,9 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.stats import kurtosis
 
 from .._blocks import AbstractBlock
-from .._prepare import FreeParameter, Preparation, free_parameters_of
+from .._prepare import FreeParameter, Preparation, free_parameters_of, kurtosis_of
 from ._least_squares import sensitivity
 
 Progress = Callable[[str], None]
@@ -52,8 +51,10 @@ class Solved:
         blocks: each recording's block.
         whitened: per recording (L,) the whitened residual.
         free: the number of free parameters, own terms included.
-        derivative: (p, L) of the simulation by each free parameter, where it was solved in a
-            stack; None elsewhere.
+        derivative: computes (p, L), the derivative of the simulation by each free parameter, where
+            it was solved in a stack; None elsewhere.
+        triangle: (parameters + own)², with the inner products of the whitened derivative, where it
+            was solved in a stack; None elsewhere.
     """
 
     preparation: Preparation
@@ -68,13 +69,14 @@ class Solved:
     blocks: tuple[AbstractBlock, ...]
     whitened: tuple[np.ndarray, ...]
     free: int
-    derivative: np.ndarray | None = None
+    derivative: Callable[[], np.ndarray] | None = None
+    triangle: np.ndarray | None = None
 
     @property
     def kurtosis(self) -> float:
         """The kurtosis of the whitened residual, 3 where it is normal."""
         residual = np.concatenate(self.whitened)
-        return float(kurtosis(residual[residual != 0], fisher=False))
+        return kurtosis_of(residual[residual != 0])
 
     @property
     def excess_ratio(self) -> float:
@@ -88,7 +90,7 @@ class Solved:
 
     def on(self, preparation: Preparation) -> Solved:
         """The same optimum with other recordings, or with the same under other weights."""
-        return replace(self, preparation=preparation, derivative=None)
+        return replace(self, preparation=preparation, derivative=None, triangle=None)
 
     def scaled(self, preparation: Preparation, scale: float) -> Solved:
         """The same optimum where another noise multiplies all whitened residuals by a factor."""
@@ -98,6 +100,7 @@ class Solved:
             cost=scale**2 * self.cost,
             whitened=tuple(scale * residual for residual in self.whitened),
             start_costs=tuple(scale**2 * cost for cost in self.start_costs),
+            triangle=None if self.triangle is None else scale * self.triangle,
         )
 
     @property
@@ -115,7 +118,7 @@ class Solved:
         if self.derivative is None:
             return self.sensitivity().whitened
         (problem,) = self.preparation.problems()
-        return problem.whiten(np.concatenate([self.derivative, problem.own.T]).T)
+        return problem.whiten(np.concatenate([self.derivative(), problem.own.T]).T)
 
     def sensitivity(self) -> Sensitivity:
         """The derivative of the simulations with respect to each free parameter."""

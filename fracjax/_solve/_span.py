@@ -2,19 +2,21 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass, field
-from functools import lru_cache
+from functools import cached_property, lru_cache
 from typing import NamedTuple
 
 import jax
 import numpy as np
 
 from .._blocks import AbstractBlock
+from .._operators import Grid
 from .._prepare import Problem, layout_of, with_gains, with_shapes_at
 from ._chains import Chain, chains_of
 from ._interpolation import SPANNED, ChosenShapes, choose_shapes, is_bounded
 from ._responses import speeds
+from ._transformed import AT_ONCE, Transformed
 
 FRESH = 4
 """Positions at which a compressed problem is compared with the full model.  Chosen by judgement."""
@@ -104,36 +106,120 @@ def _compute(request: Request) -> Span | None:
     if span is None:
         return None
     chosen, signals = span
-    columns = np.concatenate([of_chain[0] for of_chain in signals]).T.copy()
-    return Span(request.key, columns, chosen, _fresh(request.block, problem))
+    columns = np.empty((sum(of_chain.total for of_chain in signals), signals[0].samples))
+    place = 0
+    for of_chain in signals:
+        of_chain.fill(0, columns[place : place + of_chain.total])
+        place += of_chain.total
+    return Span(request.key, columns.T.copy(), chosen, _fresh(request.block, problem))
+
+
+@dataclass(frozen=True, eq=False)
+class ChainSignals:
+    """A chain's responses to d drives at its chosen shapes, without those to a constant.
+
+    They are computed for one drive at a time, which limits memory to the processor's cache.
+
+    Attributes:
+        shapes: the last block of the chain at n chosen shapes.
+        driven: what drives it: k signals for each of d drives.
+        factors: (d, L) that multiply its responses, None where they are 1.
+        grid: step [s] and history of the simulation.
+        every: steps per sample.
+        inputs: k.
+    """
+
+    shapes: ChosenShapes
+    driven: Transformed
+    factors: np.ndarray | None
+    grid: Grid
+    every: int
+    inputs: int = 1
+
+    @property
+    def total(self) -> int:
+        """The number k n of signals."""
+        return self.inputs * self.shapes.size
+
+    @property
+    def samples(self) -> int:
+        """The number L of samples of a signal."""
+        return self.driven.growth[:: self.every].size
+
+    @cached_property
+    def _whole(self) -> list[tuple[int, np.ndarray]]:
+        """The table of transfer functions, kept where it is one part."""
+        first = next(self.shapes.tables(self.driven.zeta, self.grid), None)
+        return [first] if first and len(first[1]) == self.shapes.size else []
+
+    def _tables(self) -> Iterable[tuple[int, np.ndarray]]:
+        return self._whole or self.shapes.tables(self.driven.zeta, self.grid)
+
+    def fill(self, drive: int, signals: np.ndarray) -> None:
+        """Write the signals (k n, L) of a drive."""
+        spectra, size = self._spectra(np.array([drive]))[0], self.shapes.size
+        factor = 1.0 if self.factors is None else self.factors[drive]
+        for first, table in self._tables():
+            for at in range(0, len(table), AT_ONCE):
+                some = table[at : at + AT_ONCE]
+                for k, spectrum in enumerate(spectra):
+                    back = self.driven.back(some * spectrum, self.every)
+                    place = k * size + first + at
+                    np.multiply(back, factor, out=signals[place : place + len(back)])
+
+    def mix(self, drives: np.ndarray, factors: np.ndarray) -> np.ndarray:
+        """Sums (r, m, L) of the signals of drives (r,), by factors (r, m, k n)."""
+        count, size = len(factors), self.shapes.size
+        spectra, mixed = self._spectra(drives), np.zeros((*factors.shape[:2], self.samples))
+        used = np.flatnonzero(factors.any(axis=(0, 2)))
+        transforms = np.zeros((count, used.size, self.driven.zeta.size), complex)
+        for at, table in self._tables():
+            for k in range(self.inputs):
+                place = k * size + at
+                some = factors[:, used, place : place + len(table)].reshape(-1, len(table))
+                # As real numbers, which takes a quarter of the time.
+                product = (some @ table.view(float)).view(complex).reshape(transforms.shape)
+                transforms += product * spectra[:, k, None]
+        back = self.driven.back(transforms.reshape(-1, transforms.shape[-1]), self.every)
+        mixed[:, used] = back.reshape(count, used.size, self.samples)
+        if self.factors is not None:
+            mixed *= self.factors[drives, None]
+        return mixed
+
+    def _spectra(self, drives: np.ndarray) -> np.ndarray:
+        """The transforms (r, k, F) of what drives the block for drives (r,)."""
+        places = drives[:, None] * self.inputs + np.arange(self.inputs)
+        return self.driven.of_rows(places.ravel()).reshape(*places.shape, -1)
 
 
 def span_of_drives(
     chains: Sequence[Chain], drives: np.ndarray, like: Problem, spanned: float = SPANNED
-) -> tuple[Chosen, list[np.ndarray]] | None:
-    """Chains at shapes chosen for all drives (M, d) together, and per chain its signals (d, n, L).
+) -> tuple[Chosen, list[ChainSignals]] | None:
+    """Chains at shapes chosen for all drives (M, d) together, and the signals of each.
 
     The drives are on the grid of the problem `like`.  None where too many signals would be needed.
     """
-    grid, samples, count, every = like.grid, len(drives), drives.shape[1], like.oversampling
-    rates = speeds(drives, grid)[:, None] if any(chain.rated for chain in chains) else None
+    grid, every = like.grid, like.oversampling
+    rates = speeds(drives, grid) if any(chain.rated for chain in chains) else None
+    transformed = Transformed.of(drives, grid)
     chosen, signals_of_chains = [], []
     for chain in chains:
-        first = choose_shapes(chain.before, drives, grid, spanned)
+        first, second = choose_shapes(chain.before, transformed, grid, spanned), None
         if first is None:
             return None
         followed = chain.after is not None and first.size > 0
         fine = 1 if followed else every
-        signals, second = first.responses(drives, grid, fine), None
-        if chain.rated and rates is not None:
-            signals *= rates[:, :, ::fine]
+        factors = rates[:, ::fine] if chain.rated and rates is not None else None
+        signals = ChainSignals(first, transformed, factors, grid, fine)
         if followed and chain.after is not None:
-            between = signals.reshape(-1, samples).T
-            second = choose_shapes(chain.after, between, grid, spanned)
+            between = np.empty((drives.shape[1], first.size, signals.samples))
+            for at, of_drive in enumerate(between):
+                signals.fill(at, of_drive)
+            driven = Transformed.of(between.reshape(-1, between.shape[-1]).T, grid)
+            second = choose_shapes(chain.after, driven, grid, spanned)
             if second is None or first.size * second.size > _MOST_SIGNALS:
                 return None
-            signals = second.responses(between, grid, every)
-            signals = signals.reshape(count, first.size * second.size, -1)
+            signals = ChainSignals(second, driven, None, grid, every, first.size)
         signals_of_chains.append(signals)
         chosen.append((first, second))
     return tuple(chosen), signals_of_chains

@@ -11,11 +11,9 @@ noise requires, is not solved here.
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import lru_cache, reduce
-from operator import iadd
+from functools import partial
 from typing import NamedTuple
 
-import jax
 import numpy as np
 from scipy.linalg import get_lapack_funcs
 
@@ -23,17 +21,15 @@ from .._blocks import AbstractBlock
 from .._parameters import named_parameters, set_values
 from .._prepare import Preparation, Problem, layout_of
 from ._chains import chains_of
-from ._compressed import Part, parts_of
+from ._compressed import Part
 from ._elimination import eliminate
 from ._interpolation import shapes_at, unit_gains
 from ._lockstep import Stack, columns_around, dependences, descend_together
 from ._responses import held, respond_all, stacked
 from ._result import Solved
-from ._span import Chosen, Request, all_bounded, span_of_drives
+from ._signals import LARGEST, Signals, kind_of, signals_of
+from ._span import all_bounded
 
-_SPANNED = 1e-9
-"""The shapes of a stack end where all others are in the span to this share of their size: far
-enough below any sensor's noise, in fewer shapes than to rounding."""
 _SHARE_OF_NOISE = 1e-3
 """Largest error of a row's compressed problem [noise standard deviations, over all samples
 together]: no parameter is wrong by more than this share of its standard error."""
@@ -41,12 +37,14 @@ _CHECKED = 4
 """Rows of a stack whose responses are compared with the full model.  Chosen by judgement."""
 _SAME_DRIVE = 4
 """From so many rows with the same drive they are a stack of their own.  Chosen by judgement."""
-_LARGEST_KEPT = 2**15
-"""Most samples of a drive whose signals are kept, which limits memory.  Chosen by judgement."""
-_LARGEST = 2**23
-"""Most numbers in the signals of a stack, which limits memory.  Chosen by judgement."""
-_SIGNALS = 40
-"""Signals that a row is expected to have when stacks are divided.  Chosen by judgement."""
+_BETWEEN = 16
+"""Signals that drive a chain's second block, as expected when stacks are divided.  Chosen by
+judgement."""
+_PANEL = 8
+"""Columns that a QR takes at once, which of thirty takes two thirds of LAPACK's usual time."""
+_WORTH_A_SPAN = 16
+"""From so many rows with drives of their own the signals that span their responses take less time
+than the responses themselves.  Chosen by judgement."""
 
 
 class Row(NamedTuple):
@@ -98,7 +96,7 @@ def _groups(
     kinds: dict[int, tuple] = {}
     for at, (block, problem) in enumerate(zip(blocks, problems, strict=True)):
         if id(block) not in kinds:
-            kinds[id(block)] = _kind(block)
+            kinds[id(block)] = kind_of(block)
         drive, grid = np.asarray(problem.drive), problem.grid
         key = *kinds[id(block)], drive.size, problem.own.shape, grid.history, float(grid.step)
         drives = alike.setdefault(key, {})
@@ -107,122 +105,41 @@ def _groups(
         shared = [members for members in drives.values() if len(members) >= _SAME_DRIVE]
         yield from ((members, True) for members in shared)
         own = [at for members in drives.values() if len(members) < _SAME_DRIVE for at in members]
-        largest = max(_LARGEST // (_SIGNALS * problems[own[0]].drive.size), 1) if own else 1
+        followed = own and any(chain.after for chain in chains_of(blocks[own[0]]) or ())
+        each = problems[own[0]].drive.size * (_BETWEEN if followed else 1) if own else 1
+        largest = max(LARGEST // each, 1)
         yield from ((own[at : at + largest], False) for at in range(0, len(own), largest))
-
-
-def _kind(block: AbstractBlock) -> tuple:
-    """Equal for blocks of one structure, with the same bounds and fixed parameters."""
-    fixed = []
-    for parameter in named_parameters(block).values():
-        fixed += [parameter.lower, parameter.upper, *([parameter.value] * parameter.fixed)]
-    return jax.tree_util.tree_structure(block), tuple(map(float, fixed))
-
-
-class _Signals(NamedTuple):
-    """The signals of a stack.
-
-    Attributes:
-        parts: per chain, with matrices (1, J, n) from its coefficients to factors of the signals.
-        values: per chain (D, n, L), one for each row, or one for all.
-    """
-
-    parts: tuple[Part, ...]
-    values: tuple[np.ndarray, ...]
-
-    @property
-    def total(self) -> int:
-        """The number n of signals of all chains."""
-        return sum(of_chain.shape[1] for of_chain in self.values)
-
-    @property
-    def shared(self) -> bool:
-        """Whether all rows have the same signals."""
-        return len(self.values[0]) == 1
-
-    def of(self, row: int) -> list[np.ndarray]:
-        """Per chain, the signals (n, L) of a row."""
-        return [of_chain[0 if self.shared else row] for of_chain in self.values]
-
-    def mix(self, factors: np.ndarray) -> np.ndarray:
-        """Sums (R, k, L) of the signals of each row, by factors (R, k, n)."""
-        ends = np.cumsum([of_chain.shape[1] for of_chain in self.values])[:-1]
-        pairs = zip(np.split(factors, ends, axis=-1), self.values, strict=True)
-        mixed = (piece @ of_chain for piece, of_chain in pairs)
-        return reduce(iadd, mixed)
-
-
-def _signals(block: AbstractBlock, problems: Sequence[Problem]) -> _Signals | None:
-    """The signals of a stack; None where too many would be needed.
-
-    Those of a drive that all rows share are kept, because the next stack may have it too.
-    """
-    drives, like = [np.asarray(problem.drive) for problem in problems], problems[0]
-    if len(drives) == 1 or not all(np.array_equal(drive, drives[0]) for drive in drives[1:]):
-        return _signals_of(block, drives, like)
-    if drives[0].size > _LARGEST_KEPT:
-        return _signals_of(block, drives[:1], like)
-    grid = like.grid.history, float(like.grid.step), like.oversampling
-    return _kept_signals(Request((*_kind(block), *grid, drives[0].tobytes()), block, like))
-
-
-@lru_cache(maxsize=4)
-def _kept_signals(request: Request) -> _Signals | None:
-    """The signals of the request's drive, kept for equal requests."""
-    problem = request.problem
-    return _signals_of(request.block, [np.asarray(problem.drive)], problem)
-
-
-def _signals_of(
-    block: AbstractBlock, drives: Sequence[np.ndarray], like: Problem
-) -> _Signals | None:
-    """The signals of drives (M,) on the grid of a problem; None where too many would be needed."""
-    chains = chains_of(block)
-    assert chains is not None  # can_compress has checked it
-    span = span_of_drives(chains, np.stack(drives, axis=1), like, _SPANNED)
-    if span is None:
-        return None
-    chosen, values = span
-    signals = _Signals((), tuple(values))
-    return signals._replace(parts=_to_signals(chosen, signals.total))
-
-
-def _to_signals(chosen: Chosen, count: int) -> tuple[Part, ...]:
-    """The chains' coefficients as factors of n = `count` signals."""
-    return tuple(
-        Part(part.before, part.after, np.asarray(part.matrix)[None])
-        for part in parts_of(chosen, np.eye(count))
-    )
 
 
 def respond_rows(blocks: Sequence[AbstractBlock], problems: Sequence[Problem]) -> list[np.ndarray]:
     """Each block's response (L,) to the drive of its problem.
 
-    Of many with one drive they are by the signals that span them all, to `_SPANNED`.
+    Of many alike they are by the signals that span them all, to `SPANNED`.
     """
     responses: list[np.ndarray] = [np.zeros(0)] * len(blocks)
     for members, shared in _groups(blocks, problems):
         some_blocks, some = [blocks[at] for at in members], [problems[at] for at in members]
-        signals = _signals(some_blocks[0], some) if shared else None
+        worth = shared or len(members) >= _WORTH_A_SPAN
+        signals = signals_of(some_blocks[0], some) if worth else None
         if signals is None:
             some_responses = respond_all(some_blocks, some)
         else:
-            block, drives = stacked(some_blocks), np.asarray(some[0].drive)[:, None]
+            block, drives = stacked(some_blocks), np.stack([p.drive for p in some]).T
             chains = zip(signals.parts, chains_of(block) or (), strict=True)
             factors = np.sum([part(chain, some[0].grid)[0] for part, chain in chains], axis=0)
-            mixed = signals.mix(factors[:, None])[:, 0]
-            some_responses = mixed + held(block, drives, some[0].grid)
+            factors = np.broadcast_to(factors, (len(members), signals.total))
+            some_responses = signals.respond(factors) + held(block, drives, some[0].grid)
         for at, response in zip(members, some_responses, strict=True):
             responses[at] = response
     return responses
 
 
-def _triangles(problems: Sequence[Problem], signals: _Signals) -> np.ndarray:
+def _triangles(problems: Sequence[Problem], signals: Signals) -> np.ndarray:
     """The triangles (R, K, K) of whitened own terms, signals and response of each row.
 
     Rows that share drive and whitening share one QR, followed by a projection each.
     """
-    geqrf, orgqr = get_lapack_funcs(("geqrf", "orgqr"), dtype=np.float64)
+    (geqrt,) = get_lapack_funcs(("geqrt",), dtype=np.float64)
     groups: dict[tuple, list[int]] = {}
     for row, problem in enumerate(problems):
         filters = (np.asarray(problem.weights).tobytes(), np.asarray(problem.whitening).tobytes())
@@ -232,26 +149,31 @@ def _triangles(problems: Sequence[Problem], signals: _Signals) -> np.ndarray:
     triangles = np.zeros((len(problems), count, count))
     for rows in groups.values():
         problem = problems[rows[0]]
-        responses = [np.asarray(problems[row].response) for row in rows]
-        terms = [np.asarray(problem.own).T, *signals.of(rows[0]), np.stack(responses)]
-        columns = problem.whiten(np.concatenate(terms).T).T
+        own = problem.own.shape[1]
+        terms = np.empty((own + signals.total + len(rows), len(problem.response)))
+        terms[:own] = np.asarray(problem.own).T
+        signals.fill(rows[0], terms[own : own + signals.total])
+        for response, row in zip(terms[own + signals.total :], rows, strict=True):
+            response[:] = problems[row].response
+        columns = problem.whiten(terms.T)
         if len(rows) == 1:
-            triangles[rows[0]] = np.triu(geqrf(columns.T, overwrite_a=1)[0][:count])
+            panel = min(_PANEL, *columns.shape)
+            upper = np.triu(geqrt(panel, columns, overwrite_a=1)[0][:count])
+            triangles[rows[0], : len(upper)] = upper  # fewer rows where samples are fewer
             continue
-        basis, scales, *_ = geqrf(columns[: count - 1].T)
-        triangle = np.triu(basis[: count - 1])
-        basis = orgqr(basis, scales, overwrite_a=1)[0]
-        along = basis.T @ columns[count - 1 :].T
-        outside = np.linalg.norm(columns[count - 1 :].T - basis @ along, axis=0)
-        triangles[rows, : count - 1, : count - 1] = triangle
-        triangles[rows, : count - 1, -1], triangles[rows, -1, -1] = along.T, outside
+        basis, triangle = np.linalg.qr(columns[:, : count - 1])
+        along = basis.T @ columns[:, count - 1 :]
+        outside = np.linalg.norm(columns[:, count - 1 :] - basis @ along, axis=0)
+        size = len(triangle)
+        triangles[rows, :size, : count - 1] = triangle
+        triangles[rows, :size, -1], triangles[rows, -1, -1] = along.T, outside
     return triangles
 
 
 def _solve(rows: Sequence[Row]) -> list[Solved | None]:
     """The optimum of each row of one stack; None where it needs the full model."""
     block, problems = rows[0].block, [row.problem for row in rows]
-    own, signals = problems[0].own.shape[1], _signals(block, problems)
+    own, signals = problems[0].own.shape[1], signals_of(block, problems)
     if signals is None:
         return [None] * len(rows)
     triangles = _triangles(problems, signals)
@@ -286,7 +208,7 @@ def _solve(rows: Sequence[Row]) -> list[Solved | None]:
         costs=costs,
         evaluations=evaluations.sum(axis=1),
     )
-    return _confirm(rows, signals, optima)
+    return _confirm(rows, signals, triangles, optima)
 
 
 class _Optima(NamedTuple):
@@ -311,23 +233,35 @@ class _Optima(NamedTuple):
     evaluations: np.ndarray
 
 
-def _confirm(rows: Sequence[Row], signals: _Signals, optima: _Optima) -> list[Solved | None]:
+def _confirm(
+    rows: Sequence[Row], signals: Signals, triangles: np.ndarray, optima: _Optima
+) -> list[Solved | None]:
     """The rows at their optima; None where the compressed problem is another than the full one."""
     problems = [row.problem for row in rows]
     blocks = _blocks_at(rows[0].block, optima)
-    mixed = signals.mix(np.concatenate([optima.mixed[:, None], optima.derivative], axis=1))
-    responses, derivatives = mixed[:, 0], mixed[:, 1:]
     constants = _held_by_gain(rows[0].block, optima.positions, problems)
-    responses += constants[:, :1] + np.sum(constants[:, 1:] * optima.gains, axis=1)[:, None]
-    derivatives[:, derivatives.shape[1] - optima.gains.shape[1] :] += constants[:, 1:, None]
+    constant = constants[:, 0] + np.sum(constants[:, 1:] * optima.gains, axis=1)
+    shapes = optima.positions.shape[1]
+    by_parameter = np.pad(constants[:, 1:], [(0, 0), (shapes, 0)])
+    responses = signals.respond(optima.mixed) + constant[:, None]
+    # In coordinates, where the first own term is the constant.
+    own = problems[0].own.shape[1]
+    terms, of_signals = triangles[:, :, :own], triangles[:, :, own:-1]
+    inside = np.einsum("rkn,rn->rk", of_signals, optima.mixed) + terms[:, :, 0] * constant[:, None]
+    own_terms = eliminate(terms, triangles[:, :, -1] - inside)[0]
+    derivatives = of_signals @ np.swapaxes(optima.derivative, 1, 2)
+    derivatives += terms[:, :, :1] * by_parameter[:, None]
+    every = np.concatenate([derivatives, terms], axis=2)
+    derivative_triangles = np.asarray(np.linalg.qr(every, mode="r"))
+    sizes = np.linalg.norm(inside[:, own:], axis=1)
     share = _largest_error(blocks, problems, responses)
     results: list[Solved | None] = []
     for at, (row, problem) in enumerate(zip(rows, problems, strict=True)):
-        response, samples = responses[at], len(row.preparation.takes[0].recording)
-        own, residual, size = _beside_own(problem, problem.response - response, response)
+        simulation = responses[at] + problem.own @ own_terms[at]
+        residual = problem.whiten(problem.response - simulation)
         cost, counted = float(residual @ residual), int(np.count_nonzero(problem.weights))
         # The noise may be unknown as yet, so that the error is compared with the residual.
-        accurate = share * size <= _SHARE_OF_NOISE * np.sqrt(cost / counted)
+        accurate = share * sizes[at] <= _SHARE_OF_NOISE * np.sqrt(cost / counted)
         if not (accurate and optima.converged[at]):
             results.append(None)
             continue
@@ -335,8 +269,8 @@ def _confirm(rows: Sequence[Row], signals: _Signals, optima: _Optima) -> list[So
             Solved(
                 preparation=row.preparation,
                 block=blocks[at],
-                own=(own,),
-                simulations=((response + problem.own @ own)[:samples],),
+                own=(own_terms[at],),
+                simulations=(simulation[: len(row.preparation.takes[0].recording)],),
                 cost=cost,
                 converged=True,
                 start_costs=tuple(np.maximum(optima.costs[at], cost).tolist()),
@@ -344,11 +278,21 @@ def _confirm(rows: Sequence[Row], signals: _Signals, optima: _Optima) -> list[So
                 evaluations=int(optima.evaluations[at]),
                 blocks=(blocks[at],),
                 whitened=(residual,),
-                free=len(derivatives[at]) + own.size,
-                derivative=derivatives[at],
+                free=derivative_triangles.shape[2],
+                derivative=partial(
+                    _derivative, signals, at, optima.derivative[at], by_parameter[at]
+                ),
+                triangle=derivative_triangles[at],
             )
         )
     return results
+
+
+def _derivative(
+    signals: Signals, row: int, factors: np.ndarray, constants: np.ndarray
+) -> np.ndarray:
+    """The derivative (p, L) of a row's response, by factors (p, n) of its signals and constants."""
+    return signals.mix(slice(row, row + 1), factors[None])[0] + constants[:, None]
 
 
 def _blocks_at(block: AbstractBlock, optima: _Optima) -> list[AbstractBlock]:
@@ -364,28 +308,18 @@ def _blocks_at(block: AbstractBlock, optima: _Optima) -> list[AbstractBlock]:
 
 
 def _largest_error(
-    blocks: Sequence[AbstractBlock], problems: Sequence[Problem], responses: np.ndarray
+    blocks: Sequence[AbstractBlock], problems: Sequence[Problem], responses: Sequence[np.ndarray]
 ) -> float:
-    """The largest relative error of the responses (R, L) of some rows, by the full model."""
+    """The largest relative error of the responses (L,) of some rows, by the full model."""
     largest, some = 0.0, range(0, len(blocks), -(-len(blocks) // _CHECKED))
     exact = respond_all([blocks[at] for at in some], [problems[at] for at in some])
     for at, of_full_model in zip(some, exact, strict=True):
-        error = of_full_model - responses[at]
-        _, beyond, size = _beside_own(problems[at], error, responses[at])
-        largest = max(largest, float(np.linalg.norm(beyond)) / (size + 1e-300))
+        pair = np.stack([of_full_model - responses[at], responses[at]])
+        white = problems[at].whiten(np.concatenate([pair, problems[at].own.T]).T)
+        basis = eliminate(white[:, 2:], white[:, 0])[2]
+        error, size = np.linalg.norm(white[:, :2] - basis @ (basis.T @ white[:, :2]), axis=0)
+        largest = max(largest, float(error) / (float(size) + 1e-300))
     return largest
-
-
-def _beside_own(
-    problem: Problem, target: np.ndarray, other: np.ndarray
-) -> tuple[np.ndarray, np.ndarray, float]:
-    """The own terms' coefficients in a target (L,), what remains of it whitened, and the norm of
-    what remains of another signal (L,).
-    """
-    white = problem.whiten(np.stack([target, other, *problem.own.T]).T)
-    own, residual, basis = eliminate(white[:, 2:], white[:, 0])
-    remaining = white[:, 1] - basis @ (basis.T @ white[:, 1])
-    return own, residual, float(np.linalg.norm(remaining))
 
 
 def _slopes(block: AbstractBlock, positions: np.ndarray) -> np.ndarray:

@@ -39,7 +39,13 @@ def test_a_run_is_the_best_of_all_starts_however_it_was_timed():
 
 def test_paces_become_times():
     batch = [
-        {"drive": "own", "method": method, "recordings": count, "per_second": pace}
+        {
+            "drive": "own",
+            "samples": "10",
+            "method": method,
+            "recordings": count,
+            "per_second": pace,
+        }
         for method, count, pace in (
             ("fracjax", "10", "9"),
             ("fracjax", "20", "8"),

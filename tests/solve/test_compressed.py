@@ -26,12 +26,13 @@ from fracjax._solve._interpolation import (
     ChebyshevSeries,
     Interpolation,
     _greedy,
-    _points,
     choose_shapes,
 )
 from fracjax._solve._least_squares import Objective
 from fracjax._solve._search import search
 from fracjax._solve._solve import fit_block, solve_from, starts_of
+from fracjax._solve._span import ChainSignals
+from fracjax._solve._transformed import Transformed
 
 STEP = 2e-3
 SAMPLES = 700
@@ -391,10 +392,10 @@ def test_coordinates_are_those_of_the_law(law, kind, error, history):
     """At any shape and gain, what the chosen laws' transfer functions combine to is the law's."""
     drive = DRIVES["tones"][:, None]
     grid = fj.Grid(np.asarray(STEP), history)
-    chosen = choose_shapes(law, drive, grid)
+    chosen = choose_shapes(law, Transformed.of(drive, grid), grid)
     assert chosen is not None
     assert isinstance(chosen.coordinates, kind)
-    zeta, weights = _points(drive, grid)
+    zeta, weights = Transformed.of(drive, grid).points
     theirs = np.atleast_2d(transfer(chosen.blocks, zeta, grid)).T
     rows = chosen.in_coordinates(np.real(theirs)), chosen.in_coordinates(np.imag(theirs))
     generator = np.random.default_rng(0)
@@ -408,16 +409,48 @@ def test_coordinates_are_those_of_the_law(law, kind, error, history):
         assert np.linalg.norm(combined - values) < error * np.linalg.norm(values)
 
 
+def signals_by(shapes, drives: np.ndarray, grid: fj.Grid) -> np.ndarray:
+    """The responses (d, n, M) of a block at its chosen shapes to drives (M, d)."""
+    chain = ChainSignals(shapes, Transformed.of(drives, grid), None, grid, 1)
+    signals = np.empty((drives.shape[1], chain.total, chain.samples))
+    for at, of_drive in enumerate(signals):
+        chain.fill(at, of_drive)
+    return signals
+
+
 @pytest.mark.parametrize("tables", [1, 3, 7, 11])
 def test_responses_are_the_same_whatever_part_of_the_laws_a_table_holds(monkeypatch, tables):
     drive = np.random.default_rng(0).standard_normal((400, 2)).cumsum(axis=0)
     grid = fj.Grid(np.asarray(STEP), "constant")
-    chosen = choose_shapes(fj.blocks.LFDH(), drive, grid)
+    chosen = choose_shapes(fj.blocks.LFDH(), Transformed.of(drive, grid), grid)
     assert chosen is not None
-    whole = chosen.responses(drive, grid)
-    size = _interpolation.Transformed.of(drive, grid).zeta.size
+    whole = signals_by(chosen, drive, grid)
+    size = Transformed.of(drive, grid).zeta.size
     monkeypatch.setattr(_interpolation, "_LARGEST_TABLE", tables * size)
-    np.testing.assert_array_equal(chosen.responses(drive, grid), whole)
+    np.testing.assert_array_equal(signals_by(chosen, drive, grid), whole)
+
+
+@pytest.mark.parametrize("tables", [5, 1000])
+def test_sums_of_signals_are_those_of_the_signals(monkeypatch, tables):
+    """Of a block and of what follows it, for some of the drives, whatever a table holds."""
+    drives = np.random.default_rng(0).standard_normal((400, 3)).cumsum(axis=0)
+    grid = fj.Grid(np.asarray(STEP), "constant")
+    transformed = Transformed.of(drives, grid)
+    shapes = choose_shapes(fj.blocks.LFDH(), transformed, grid)
+    assert shapes is not None
+    inputs = shapes.size
+    between = Transformed.of(signals_by(shapes, drives, grid).reshape(-1, 400).T, grid)
+    monkeypatch.setattr(_interpolation, "_LARGEST_TABLE", tables * transformed.zeta.size)
+    factors = np.random.default_rng(1).uniform(1, 2, (3, 200))
+    chain = ChainSignals(shapes, between, factors, grid, 2, inputs)
+    signals = np.empty((3, chain.total, 200))
+    for at, of_drive in enumerate(signals):
+        chain.fill(at, of_drive)
+    mixing = np.random.default_rng(2).standard_normal((2, 4, chain.total))
+    mixing[:, 1] = 0.0
+    wanted = mixing @ signals[1:]
+    mixed = chain.mix(np.array([1, 2]), mixing)
+    np.testing.assert_allclose(mixed, wanted, rtol=0, atol=1e-9 * np.abs(wanted).max())
 
 
 @pytest.mark.parametrize("history", ["rest", "constant", "periodic"])
@@ -430,9 +463,9 @@ def test_responses_of_the_chosen_laws_are_those_of_the_laws(samples, history):
     drive = drive - drive.mean() if history == "periodic" else drive
     grid = fj.Grid(np.asarray(STEP), history)
     law = fj.blocks.LFDH()
-    chosen = choose_shapes(law, drive, grid)
+    chosen = choose_shapes(law, Transformed.of(drive, grid), grid)
     assert chosen is not None
-    found = chosen.responses(drive, grid)[0].T
+    found = signals_by(chosen, drive, grid)[0].T
     values = {n: np.ravel(p.value) for n, p in named_parameters(chosen.blocks).items()}
     for k in (0, found.shape[1] // 2, found.shape[1] - 1):
         one = set_values(law, {name: v[k % v.size] for name, v in values.items()})

@@ -116,3 +116,22 @@ def test_a_problem_that_is_not_accurate_enough_is_left_to_the_full_model(monkeyp
         assert isinstance(solved, Solved)
         monkeypatch.setattr("fracjax._solve._stack._SHARE_OF_NOISE", 1e-15)
         assert solve_rows([row]) == [None]
+
+
+@pytest.mark.parametrize("samples", [32, 40, 60])
+@pytest.mark.parametrize("model", ["lfdh", "pea_dynamics"])
+def test_a_recording_of_fewer_samples_than_signals_is_fitted(model, samples):
+    times = STEP * np.arange(samples)
+    drive = 50 + 30 * np.sin(2 * np.pi * 9 * times) + 10 * np.sin(2 * np.pi * 40 * times)
+    noise = 0.01 * np.random.default_rng(0).standard_normal(samples)
+    recording = fj.Recording(drive, 0.07 * drive + noise, STEP)
+    assert fj.fit(model, recording, starts=4).scores.rmse < 0.015
+
+
+def test_a_fit_of_one_sine_that_has_few_signals():
+    """Fewer columns than the QR takes at once."""
+    times = STEP * np.arange(1500)
+    drive = 80 * np.sin(2 * np.pi * 2 * times)
+    noise = 0.003 * np.random.default_rng(0).standard_normal(1500)
+    found = fj.fit("foh", fj.Recording(drive, 0.05 * drive + noise, STEP), starts=4)
+    assert found.scores.rmse < 0.004

@@ -145,7 +145,8 @@ def _unabsorbed(solved: Solved, change: np.ndarray, enough: float) -> float:
             return bound
     derivative = solved.whitened_derivative()
     square, along = derivative.T @ derivative, derivative.T @ change
-    lengths = np.sqrt(np.diag(square)) + 1e-300
+    lengths = np.sqrt(np.diag(square))
+    lengths[lengths == 0] = 1.0  # of a parameter that moves nothing
     scaled = square / np.outer(lengths, lengths)
     absorbed = np.linalg.lstsq(scaled, along / lengths, rcond=_DEPENDENT)[0] / lengths
     unabsorbed = float(np.linalg.norm(change - derivative @ absorbed))

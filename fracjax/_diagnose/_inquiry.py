@@ -187,7 +187,7 @@ def _ranked(explanations: Sequence[Explanation], margin: float, judge: Judge) ->
     explanations = [
         e
         for e in explanations
-        if not any(_is_special(o, e) and o.bic - e.bic < APART for o in explanations)
+        if not any(_is_special(o, e) and o.bic < e.bic for o in explanations)
     ]
     least = min(e.standing for e in explanations)
 

@@ -58,9 +58,9 @@ class Explanation:
 
     @property
     def explains_all(self) -> bool:
-        """Whether χ² is that of noise alone, within a standard error."""
+        """Whether χ² is that of noise alone, within three standard errors."""
         samples = self.fitted.solved.samples
-        return self.fitted.solved.cost < samples + np.sqrt(2 * samples)
+        return self.fitted.solved.cost < samples + 3 * np.sqrt(2 * samples)
 
     def is_within_bounds(self) -> bool:
         """Whether no parameter of an effect ended on its physical bound."""

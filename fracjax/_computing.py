@@ -7,7 +7,7 @@ import os
 import time
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
-from contextlib import contextmanager
+from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
 from functools import cache, wraps
 from typing import Any, TypeVar
@@ -44,13 +44,18 @@ _clock: ContextVar[Clock | None] = ContextVar("clock", default=None)
 
 
 @contextmanager
-def within(clock: Clock) -> Iterator[None]:
-    """A context in which fits end, not converged, where they are once the clock's time is over."""
-    token = _clock.set(clock)
+def _holding(variable: ContextVar[_Item], value: _Item) -> Iterator[None]:
+    """A context in which a variable has a value."""
+    token = variable.set(value)
     try:
         yield
     finally:
-        _clock.reset(token)
+        variable.reset(token)
+
+
+def within(clock: Clock) -> AbstractContextManager[None]:
+    """A context in which fits end, not converged, where they are once the clock's time is over."""
+    return _holding(_clock, clock)
 
 
 def time_is_over() -> bool:
@@ -70,14 +75,9 @@ def _uncounted(done: int, total: int) -> None:
 _count: ContextVar[Count] = ContextVar("count", default=_uncounted)
 
 
-@contextmanager
-def counting(count: Count) -> Iterator[None]:
+def counting(count: Count) -> AbstractContextManager[None]:
     """A context in which what `map_in_threads` has done is counted, such as the starts of a fit."""
-    token = _count.set(count)
-    try:
-        yield
-    finally:
-        _count.reset(token)
+    return _holding(_count, count)
 
 
 @contextmanager

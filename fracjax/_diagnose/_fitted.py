@@ -19,6 +19,8 @@ _FINEST, _MOST_SAMPLES = 32, 2**18
 _RENEWALS, _ENOUGH, _TOLERATED = 2, 0.25, 1.0
 """How often the fit is renewed on one grid, the change of the correction, in noise units, below
 which it is not, and that below which the grid is kept; chosen by judgement."""
+_FREE = 1e3
+"""Prior sd of free coefficients, in standard errors."""
 _OF_MISFIT = 0.01
 """The change that is accepted, over the residual's norm beyond the noise, if that is more; chosen
 by judgement."""
@@ -116,6 +118,12 @@ class Fitted:
     def tangent(self) -> np.ndarray:
         """Derivatives (ΣL, P) of the simulations with respect to the free parameters."""
         return self.solved.on(self.preparation).sensitivity().raw
+
+    @cached_property
+    def free_directions(self) -> np.ndarray:
+        """The tangent (ΣL, P), scaled so that coefficients of unit prior sd are in effect free."""
+        lengths = np.linalg.norm(self.whitened(self.tangent), axis=0) + 1e-300
+        return _FREE * self.tangent / lengths
 
     def whitened(self, signals: np.ndarray) -> np.ndarray:
         """Signals (ΣL, …) through each recording's whitening filter, without loop shapes."""

@@ -18,9 +18,6 @@ from ._fitted import Fitted
 from ._held_out import FOLDS, STRETCHES, folds_of
 from ._thresholds import DOUBT
 
-FREE = 1e3
-"""Prior sd of the tangent's coefficients in standard errors: in effect they are free."""
-
 
 class Gain(NamedTuple):
     """What columns improve in held-out parts of a recording: the median `share` of a part's excess
@@ -36,9 +33,8 @@ class Folds:
 
     def __init__(self, fitted: Fitted, shapes: np.ndarray, residual: np.ndarray):
         """`shapes` (ΣL, S), scaled to unit prior sd, and `residual` (ΣL,) are whitened."""
-        tangent = fitted.whitened(fitted.tangent)
-        tangent = FREE * tangent / (np.linalg.norm(tangent, axis=0) + 1e-300)
-        self._fixed, self._residual = np.concatenate([tangent, shapes], axis=1), residual
+        free = fitted.whitened(fitted.free_directions)
+        self._fixed, self._residual = np.concatenate([free, shapes], axis=1), residual
         fold = folds_of(fitted)
         self._folds = [np.flatnonzero(fold == k) for k in range(FOLDS)]
         self._own = [self._products(rows) for rows in self._folds]

@@ -184,11 +184,13 @@ def _ranked(explanations: Sequence[Explanation], margin: float, judge: Judge) ->
     """The explanations that the best does not exclude, without those of which a special case does
     as well.  First those that refits cannot distinguish from it, by the evidence of their columns,
     which counts all shapes of an effect."""
-    explanations = [
-        e
-        for e in explanations
-        if not any(_is_special(o, e) and o.bic < e.bic for o in explanations)
-    ]
+
+    def is_needless(explanation: Explanation) -> bool:
+        price = explanation.fitted.solved.bic
+        special = (e for e in explanations if _is_special(e, explanation))
+        return any(e.fitted.solved.bic < price for e in special)
+
+    explanations = [e for e in explanations if not is_needless(e)]
     least = min(e.standing for e in explanations)
 
     def order(explanation: Explanation) -> tuple[bool, float]:

@@ -14,7 +14,6 @@ from scipy.signal import find_peaks, lfilter
 from .._blocks import EFFECTS, Resonance
 from ._columns import Group
 from ._fitted import Fitted
-from ._folds import FREE
 
 # Chosen by judgement.
 _DAMPINGS = (0.01, 0.03, 0.1)
@@ -35,18 +34,18 @@ def modes_of(fitted: Fitted, shapes: np.ndarray) -> list[Group]:
         return []
     pairs = zip(fitted.solved.blocks, problems, strict=True)
     responses = [b.respond(np.asarray(p.drive), p.grid)[:: p.oversampling] for b, p in pairs]
-    residual, tangent = fitted.whitened(fitted.error), fitted.whitened(fitted.tangent)
-    free = FREE * tangent / (np.linalg.norm(tangent, axis=0) + 1e-300)
+    residual, free = fitted.whitened(fitted.error), fitted.whitened(fitted.free_directions)
     white = fitted.whitened(shapes)
     others = [np.concatenate([free, tau * white], axis=1) if tau else free for tau in _SHAPES]
+    normals = [np.eye(beside.shape[1]) + beside.T @ beside for beside in others]
     groups = []
     for damping in _DAMPINGS:
         count = 1 + int(np.log(highest / _LOWEST) / damping)
         frequencies = np.geomspace(_LOWEST, highest, count)
         columns = np.stack([_rung(responses, f * step, damping) for f in frequencies], axis=1)
         own, chosen = fitted.whitened(columns), set()
-        for beside in others:
-            falls = _falls(own, residual, beside)
+        for beside, normal in zip(others, normals, strict=True):
+            falls = _falls(own, residual, beside, normal)
             peaks = find_peaks(np.pad(falls, 1))[0] - 1
             chosen |= set(peaks[np.argsort(-falls[peaks])[:_MOST]].tolist())
         groups += [
@@ -58,11 +57,13 @@ def modes_of(fitted: Fitted, shapes: np.ndarray) -> list[Group]:
     return groups
 
 
-def _falls(columns: np.ndarray, residual: np.ndarray, beside: np.ndarray) -> np.ndarray:
+def _falls(
+    columns: np.ndarray, residual: np.ndarray, beside: np.ndarray, normal: np.ndarray
+) -> np.ndarray:
     """The reduction of the square of a residual (L,) by each column (L, K) alone, beside others
-    (L, S) of unit prior sd; all are whitened."""
+    (L, S) of unit prior sd, whose normal matrix is (S, S); all are whitened."""
     across, toward = beside.T @ columns, beside.T @ residual
-    kept = np.linalg.solve(np.eye(len(across)) + beside.T @ beside, across)
+    kept = np.linalg.solve(normal, across)
     along = columns.T @ residual - kept.T @ toward
     squares = np.sum(columns**2, axis=0) - np.sum(across * kept, axis=0)
     return along**2 / np.maximum(squares, 1e-300)

@@ -51,12 +51,6 @@ class Explanation:
         return self.cost + (0.0 if self.is_within_bounds() else APART)
 
     @property
-    def bic(self) -> float:
-        """χ² plus the price of all free parameters, for explanations of which one is a special case
-        of the other."""
-        return self.fitted.solved.bic
-
-    @property
     def explains_all(self) -> bool:
         """Whether χ² is that of noise alone, within three standard errors."""
         samples = self.fitted.solved.samples

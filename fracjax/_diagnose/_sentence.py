@@ -22,7 +22,7 @@ if TYPE_CHECKING:
 _CLEARLY = 0.4
 """Excess of χ² per sample above which a residual without a significant effect is not called
 agreement; chosen by judgement."""
-FAR = 2.0
+_FAR = 2.0
 """Ratio of an error to the noise above which the sentence mentions it; chosen by judgement."""
 _MOST_LISTED = 4
 """Recordings whose residual is listed at most; chosen by judgement."""
@@ -145,7 +145,7 @@ def _improvement(findings: Findings) -> str:
         f"{held_out.extended_rmse:.3g} {noise.unit} (noise floor {noise.sigma:.3g} {noise.unit})."
     )
     times = held_out.extended_rmse / noise.sigma
-    if times > FAR:
+    if times > _FAR:
         improvement += (
             f" That is still {times:.2g} times the noise: more is missing, or the training data do "
             "not determine the parameters well enough to predict it."
@@ -165,7 +165,7 @@ def _agreement(findings: Findings, recorded: str) -> str:
             "or a rest."
         )
     # Coloured noise may hide a slow residual that is far above its level.
-    is_far = base.scores.rmse > FAR * noise.sigma
+    is_far = base.scores.rmse > _FAR * noise.sigma
     if is_far or findings.excess > max(findings.doubt, _CLEARLY):
         return (
             f"No effect is significant in the residual of {name}, but the residual is "
@@ -188,7 +188,7 @@ def _agreement(findings: Findings, recorded: str) -> str:
 def _shown_elsewhere(held_out: HeldOut, noise: Noise) -> str:
     """The sentence on a held-out recording that a base without mismatch does not predict, or ""."""
     times = held_out.base_rmse / noise.sigma
-    if held_out.method != "recording" or times <= FAR:
+    if held_out.method != "recording" or times <= _FAR:
         return ""
     return (
         f" But its error on the held-out recording is {held_out.base_rmse:.3g} {noise.unit}, "
@@ -203,7 +203,7 @@ def is_incomplete(findings: Findings) -> bool:
     if findings.doubts or findings.verdict == "none":
         return False
     extended = findings.held_out.extended_rmse
-    remains = extended is not None and extended > FAR * findings.noise.sigma
+    remains = extended is not None and extended > _FAR * findings.noise.sigma
     return findings.verdict == "unexplained" or remains
 
 

@@ -11,7 +11,7 @@ from .._prepare import Preparation
 from ._colour import colour_of
 from ._columns import Group, groups_of
 from ._fitted import Fitted
-from ._folds import FREE, Folds
+from ._folds import Folds
 from ._gram import Gram
 from ._modes import modes_of
 from ._nuisance import loop_shapes
@@ -106,10 +106,8 @@ class View:
         in the response's unit."""
         fitted = self.fitted
         chosen, sizes = hypothesis.columns(self.kinds)
-        tangent = fitted.tangent
-        lengths = np.linalg.norm(fitted.whitened(tangent), axis=0) + 1e-300
         parts = [
-            FREE * tangent / lengths,
+            fitted.free_directions,
             hypothesis.tau * self.columns.shapes,
             self.columns.matrix[:, chosen] * sizes,
         ]

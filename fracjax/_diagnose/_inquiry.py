@@ -14,8 +14,8 @@ from .._solve import Progress, tolerated_error
 from ._fitted import Fitted
 from ._jumps import Jumps, jumps_of
 from ._names import Judge, Name
-from ._refits import Explanation, beside, elsewhere, explained_by, grown
-from ._thresholds import ALIKE, APART, MISFIT, NUMERICS, SURE
+from ._refits import Explanation, beside, elsewhere, enlarged, explained_by
+from ._thresholds import ALIKE, APART, MISFIT, NUMERICS, SHARE, SURE
 from ._view import View, columns_of, view_of, with_misfit_as_noise
 
 _MOST_RIVALS, _MOST_NAMES, _MOST_TRIED = 4, 3, 6
@@ -147,24 +147,24 @@ def _refitted(
         progress(f"refitting with {' and '.join(names)}")
         return explained_by(names, judge, nominal, preparation, tau)
 
-    kept = [name.effect for name in inquiry.names][:_MOST_NAMES]
+    kept = [_simplest(name.effect) for name in inquiry.names][:_MOST_NAMES]
     best = explained(kept)
     if clock.is_over:
         return replace(inquiry, explanation=best)
     names, rivals = [], []
     for k, name in enumerate(inquiry.names[:_MOST_NAMES]):
-        rest = [other for other in kept if other != name.effect]
+        rest = [other for other in best.names if other != best.names[k]]
         gain = _gain(inquiry, best, rest)
-        near, others = [], _related(name.effect)
+        near, others = [], []
         if not judge.is_inexact and len(kept) == 1:
             others += judge.leading(_MOST_TRIED)
-        for other in dict.fromkeys([*others, *name.alike[:_MOST_RIVALS]]):
+        for other in dict.fromkeys(map(_simplest, [*others, *name.alike[:_MOST_RIVALS]])):
             if clock.is_over:
                 break
-            needless = best.explains_all and EFFECTS[other].special_case in kept
-            if other not in kept and not needless:
-                near.append(explained([*kept[:k], other, *kept[k + 1 :]]))
-        best, *near = _nested([best, *near], preparation)
+            if other not in best.names:
+                near.append(explained([*best.names[:k], other, *best.names[k + 1 :]]))
+        *special, best = _with_larger(best, judge, preparation, k)
+        near += special
         margin = max(APART, (ALIKE if judge.is_inexact else _ALIKE_EXACT) * gain)
         leading = min([best, *near], key=lambda e: e.cost)
         near = [e if e is leading else beside(e, leading, preparation) for e in near]
@@ -181,16 +181,8 @@ def _refitted(
 
 
 def _ranked(explanations: Sequence[Explanation], margin: float, judge: Judge) -> list[Explanation]:
-    """The explanations that the best does not exclude, without those of which a special case does
-    as well.  First those that refits cannot distinguish from it, by the evidence of their columns,
-    which counts all shapes of an effect."""
-
-    def is_needless(explanation: Explanation) -> bool:
-        price = explanation.fitted.solved.bic
-        special = (e for e in explanations if _is_special(e, explanation))
-        return any(e.fitted.solved.bic < price for e in special)
-
-    explanations = [e for e in explanations if not is_needless(e)]
+    """The explanations that the best does not exclude.  First those that refits cannot distinguish
+    from it, by the evidence of their columns, which counts all shapes of an effect."""
     least = min(e.standing for e in explanations)
 
     def order(explanation: Explanation) -> tuple[bool, float]:
@@ -212,28 +204,23 @@ def _carried(
     base, first, judge = inquiry.base, inquiry.first, inquiry.judge.without_shapes()
     hopeless = _HOPELESS * first.misfit(first.posterior.best) * first.gram.count
     fits: list[Explanation] = []
-
-    def refit(name: str, limit: float) -> None:
-        tried = {e.names[0]: e for e in fits}
-        special = tried.get(EFFECTS[name].special_case)
-        if name not in tried and not (special and special.explains_all):
-            progress(f"refitting with {name}")
-            fits.append(explained_by([name], judge, nominal, base.preparation, 0.0, limit))
-
-    # Special cases first: where one explains all, nothing is left to the larger effect.
     likely = [n for n in judge.leading(_MOST_TRIED) if judge.fall((n,)) >= _PART * judge.excess]
-    for name in sorted(likely, key=lambda name: bool(EFFECTS[name].special_case)):
+    for name in dict.fromkeys(map(_simplest, likely)):
         if clock.is_over:
             break
-        refit(name, hopeless)
+        progress(f"refitting with {name}")
+        fits.append(explained_by([name], judge, nominal, base.preparation, 0.0, hopeless))
     if not fits:
         return None
     leading = min(fits, key=lambda e: e.cost)
-    if leading.fitted.solved.cost > hopeless:
+    if not leading.explains_all:
+        special = {leading.names[0], *(EFFECTS[name].special_case for name in likely)}
+        tried, fits = fits, []
+        for e in tried:
+            is_special = e.names[0] in special
+            fits += _with_larger(e, judge, base.preparation) if is_special else [e]
+    if min(e.fitted.solved.cost for e in fits) > hopeless:
         return None
-    for name in _related(leading.names[0]):
-        refit(name, np.inf)
-    fits = _nested(fits, base.preparation)
     fall = base.solved.cost - min(e.fitted.solved.cost for e in fits)
     margin = max(APART, _ALIKE_EXACT * fall)
     near = _ranked(fits, margin, judge)
@@ -251,31 +238,25 @@ def _carried(
     )
 
 
-def _is_special(special: Explanation, explanation: Explanation) -> bool:
-    """Whether one explanation has a special case of an effect of another, and else the same."""
-    simpler, larger = (
-        set(a.names) - set(b.names) for a, b in ((special, explanation), (explanation, special))
-    )
-    return bool(simpler) and simpler == {EFFECTS[name].special_case for name in larger}
+def _simplest(name: str) -> str:
+    """The special case of an effect, from whose optimum it is refitted; itself if it has none."""
+    return EFFECTS[name].special_case or name
 
 
-def _nested(explanations: Sequence[Explanation], preparation: Preparation) -> list[Explanation]:
-    """Explanations, each pair of an effect and its special case refitted from each other's
-    optimum."""
-    nested = list(explanations)
-    for special in range(len(nested)):
-        for larger in range(len(nested)):
-            if _is_special(nested[special], nested[larger]):
-                nested[larger] = grown(nested[larger], nested[special], preparation)
-                nested[special] = grown(nested[special], nested[larger], preparation)
-    return nested
-
-
-def _related(name: str) -> list[str]:
-    """The effects of which an effect is a special case, and its own special case."""
-    larger = [effect.name for effect in EFFECTS.values() if effect.special_case == name]
-    special = EFFECTS[name].special_case
-    return [*larger, special] if special else larger
+def _with_larger(
+    explanation: Explanation, judge: Judge, preparation: Preparation, k: int = 0
+) -> list[Explanation]:
+    """An explanation, and those with an effect of which its effect k is a special case, if it
+    leaves more than noise and they explain a sufficient share of that."""
+    kept = [explanation]
+    for effect in EFFECTS.values():
+        if effect.special_case == explanation.names[k] and not kept[0].explains_all:
+            kept[0], larger = enlarged(kept[0], effect.name, judge, preparation)
+            special = kept[0].fitted.solved
+            explained = special.cost - larger.fitted.solved.cost
+            if explained >= SHARE * (special.cost - special.samples):
+                kept.append(larger)
+    return kept
 
 
 def _other_name(explanation: Explanation, rest: Sequence[str]) -> str:

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .._blocks import EFFECTS, AbstractBlock
+from .._blocks import EFFECTS, AbstractBlock, Effect
 from .._parameters import named_parameters, set_values
 from .._prepare import Preparation, Problem
 from .._solve import starts_of
@@ -120,20 +120,34 @@ def beside(other: Explanation, of: Explanation, preparation: Preparation) -> Exp
     return _again(other, [wrapped(_parts(of)[0], _parts(other)[1])], preparation)
 
 
-def grown(explanation: Explanation, other: Explanation, preparation: Preparation) -> Explanation:
-    """An explanation refitted from the optimum of another that has a special case of one of its
-    effects, or of which one is a special case, if that is better."""
-    inside, layers = _parts(other)
-    (k,) = (k for k, n in enumerate(explanation.names) if n not in other.names)
-    effect, trial = explanation.layers[k].effect, explanation.layers[k].trial
-    values = named_parameters(layers[k].trial)
-    shared = named_parameters(trial).keys() & values.keys()
-    own = set_values(trial, {name: values[name].value for name in shared})
-    starts = []
-    for block in (own, *effect.beyond(own)):
-        parts = [*layers[:k], Layer(effect, block), *layers[k + 1 :]]
-        starts.append(wrapped(inside, parts))
-    return _again(explanation, starts, preparation)
+def enlarged(
+    explanation: Explanation, name: str, judge: Judge, preparation: Preparation
+) -> tuple[Explanation, Explanation]:
+    """An explanation of which one effect is a special case of another, `name`: itself, and that
+    with the other in its place.  Each is refitted from the optimum of the other."""
+    (inside, layers), special = _parts(explanation), EFFECTS[name].special_case
+    k = explanation.names.index(special)
+
+    def around(effect: Effect, block: AbstractBlock) -> AbstractBlock:
+        return wrapped(inside, [*layers[:k], Layer(effect, block), *layers[k + 1 :]])
+
+    effect, trials = EFFECTS[name], _trials(name, judge)[0]
+    trial, own = trials[0], _with_values_of(trials[0], layers[k].trial)
+    starts = [around(effect, block) for block in (own, *trials, *effect.beyond(own))]
+    parts = [*explanation.layers[:k], Layer(effect, trial), *explanation.layers[k + 1 :]]
+    price = explanation.price + judge.price(name) - judge.price(special)
+    shapes = explanation.fitted.preparation.shapes
+    larger = Explanation(tuple(parts), fitted(starts, preparation, shapes), price)
+    inside, layers = _parts(larger)
+    back = _with_values_of(explanation.layers[k].trial, layers[k].trial)
+    return _again(explanation, [around(EFFECTS[special], back)], preparation), larger
+
+
+def _with_values_of(block: AbstractBlock, other: AbstractBlock) -> AbstractBlock:
+    """A block with the values of another for the parameters that both have."""
+    values = named_parameters(other)
+    shared = named_parameters(block).keys() & values.keys()
+    return set_values(block, {name: values[name].value for name in shared})
 
 
 def _parts(explanation: Explanation) -> tuple[AbstractBlock, list[Layer]]:

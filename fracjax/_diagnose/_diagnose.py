@@ -149,6 +149,7 @@ def diagnose(
         nearest = None
         if findings.is_far:
             rmse = findings.predicted[0].rmse
+            predict = findings.predict_determined
             nearest = nearest_model(model, rmse, preparation, history, predict, progress, clock)
         limits = limits or recorded_limits(listed)
         return _concluded(findings, nearest, limits, corrected, progress, clock)
@@ -236,4 +237,4 @@ def _warnings(findings: Findings) -> tuple[str, ...]:
     warnings += discretisation_warnings(base.numerics)
     if not base.solved.converged:
         warnings.append("The base fit did not converge; its results are those of its best point.")
-    return (*warnings, *findings.tones, *findings.displaced)
+    return (*warnings, *findings.events, *findings.tones, *findings.displaced)

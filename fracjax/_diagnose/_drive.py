@@ -31,6 +31,8 @@ _HALF = 0.5
 """The share of the response that even curves must explain."""
 _LEAD = 2.0
 """The phase by which a response may lead [degrees]."""
+_OPEN = 0.5
+"""The distance from a drive's end to its start, over its span, from which it makes no loop."""
 _CURVES = 6
 """The order of the polynomials of the drive."""
 
@@ -130,8 +132,11 @@ def is_even(recording: Recording) -> bool:
 
 def lead_of(recording: Recording) -> float:
     """By how many degrees a response leads its drive at the drive's lowest strong lines; 0 where
-    it follows."""
-    lines = np.fft.rfft(recording.drive - recording.drive.mean())
+    it follows, or where the drive makes no loop, such as one step."""
+    drive = recording.drive
+    if abs(drive[-1] - drive[0]) > _OPEN * np.ptp(drive):
+        return 0.0
+    lines = np.fft.rfft(drive - drive.mean())
     answer = np.fft.rfft(recording.response - recording.response.mean())
     strong = np.abs(lines) > _STRONG * np.abs(lines).max()
     strong[0] = False

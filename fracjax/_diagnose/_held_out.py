@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -11,6 +12,8 @@ from .._parameters import named_parameters
 from .._prepare import Preparation, Take, layout_of
 from .._recording import Recording
 from ._fitted import Fitted
+
+_Value = TypeVar("_Value")
 
 FOLDS = 5
 """Folds of held-out data; chosen by judgement."""
@@ -23,11 +26,28 @@ _LEAST_READ = 1e-6
 
 @dataclass(frozen=True)
 class Prediction:
-    """RMSE of one model on data that its fit has not used, in all and per fold, in the response's
-    unit."""
+    """How one model predicts data that its fit has not used.
 
-    rmse: float
+    Per fold: the RMSE in the response's unit, the number of samples, and whether the other folds
+    determine the prediction, with less uncertainty than the error of the whole fit.
+    """
+
     folds: tuple[float, ...]
+    counts: tuple[int, ...]
+    determined: tuple[bool, ...]
+
+    @property
+    def rmse(self) -> float:
+        """RMSE over all folds."""
+        return float(np.sqrt(np.average(np.square(self.folds), weights=self.counts)))
+
+    def of(self, folds: Sequence[int]) -> Prediction:
+        """The prediction of some folds alone."""
+
+        def some(values: tuple[_Value, ...]) -> tuple[_Value, ...]:
+            return tuple(values[k] for k in folds)
+
+        return Prediction(some(self.folds), some(self.counts), some(self.determined))
 
 
 Predict = Callable[[Fitted], Prediction]
@@ -55,7 +75,8 @@ def predict_recording(fitted: Fitted, take: Take) -> Prediction:
         inside, others = folds == k, counted & (folds != k)
         terms = np.linalg.lstsq(white_own[others], white[others], rcond=_LEAST_READ)[0]
         error[inside] -= own[inside] @ terms
-    return _prediction((error - error[take.baseline].mean())[counted], folds[counted])
+    error -= error[take.baseline].mean()
+    return _prediction(error[counted], folds[counted], np.zeros(FOLDS))
 
 
 def predict_stretches(fitted: Fitted) -> Prediction:
@@ -64,7 +85,7 @@ def predict_stretches(fitted: Fitted) -> Prediction:
     With J the whitened Jacobian and r the residual, a fit without the stretch b has
     θ_(b) = θ̂ - (JᵀJ - J_bᵀJ_b)⁻¹ J_bᵀ r_b; the usual range bounds a parameter that the others do
     not determine.  Five folds consist of interleaved stretches, which are whole periods if the
-    drive repeats.
+    drive repeats.  A fold's prediction is as uncertain as its parameters.
     """
     fold, counted = folds_of(fitted), fitted.counted
     white, residual = fitted.whitened(fitted.tangent), fitted.whitened(fitted.error)
@@ -72,7 +93,7 @@ def predict_stretches(fitted: Fitted) -> Prediction:
     parameters = named_parameters(fitted.solved.block)
     ranges = [np.ravel(parameters[p.name].expected_sd)[p.component] for p in free]
     usual = np.eye(len(free), white.shape[1]) / np.array(ranges)[:, None]
-    error = fitted.error.copy()
+    error, uncertainty = fitted.error.copy(), np.zeros(FOLDS)
     for k in range(FOLDS):
         inside, others = counted & (fold == k), counted & (fold != k)
         # As Jᵀr = 0, the sum over the other stretches is minus that over this one.
@@ -80,9 +101,14 @@ def predict_stretches(fitted: Fitted) -> Prediction:
         # A gain that only this fold determines keeps its value.
         scale = np.linalg.norm(rows, axis=0) + 1e-300
         toward = np.concatenate([residual[others], np.zeros(len(usual))])
-        step = np.linalg.lstsq(rows / scale, toward, rcond=None)[0] / scale
-        error[inside] -= fitted.tangent[inside] @ step
-    return _prediction(error[counted], fold[counted])
+        basis, sizes, turned = np.linalg.svd(rows / scale, full_matrices=False)
+        clear = sizes > np.finfo(float).eps * len(rows) * sizes[0]
+        # Of the prediction by coefficients that are uncorrelated and of unit variance.
+        moved = (fitted.tangent[inside] / scale) @ (turned[clear].T / sizes[clear])
+        error[inside] -= moved @ (basis[:, clear].T @ toward)
+        variance = np.mean(np.sum(moved**2, axis=1))
+        uncertainty[k] = np.sqrt(variance / max(np.mean(fitted.error[inside] ** 2), 1e-300))
+    return _prediction(error[counted], fold[counted], uncertainty)
 
 
 def folds_of(fitted: Fitted) -> np.ndarray:
@@ -99,7 +125,13 @@ def fold_of_sample(recording: Recording, size: int) -> np.ndarray:
     return (np.arange(size) / stretch).astype(int) % FOLDS
 
 
-def _prediction(error: np.ndarray, fold: np.ndarray) -> Prediction:
-    """The RMSE of errors (n,) in all and per fold."""
-    folds = tuple(float(np.sqrt(np.mean(error[fold == k] ** 2))) for k in np.unique(fold))
-    return Prediction(float(np.sqrt(np.mean(error**2))), folds)
+def _prediction(error: np.ndarray, fold: np.ndarray, uncertainty: np.ndarray) -> Prediction:
+    """The prediction with errors (n,) in folds (n,), and its uncertainty (FOLDS,) over the fit's
+    error."""
+    present = np.unique(fold)
+    parts = [error[fold == k] for k in present]
+    return Prediction(
+        tuple(float(np.sqrt(np.mean(part**2))) for part in parts),
+        tuple(part.size for part in parts),
+        tuple((uncertainty[present] < 1).tolist()),
+    )

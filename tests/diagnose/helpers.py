@@ -1,6 +1,7 @@
 """Recordings to diagnose, made up."""
 
 import numpy as np
+from scipy.signal import lfilter
 
 import fracjax as fj
 from fracjax._prepare import Noise
@@ -26,3 +27,14 @@ def creeping(noise: np.ndarray) -> Recording:
 def white(sigma: float) -> Noise:
     """White noise of a known size."""
     return Noise(sigma, "um", "specification", np.ones(1), sigma)
+
+
+def relaxing_after_a_step(sigma: float) -> Recording:
+    """A force that relaxes in three exponentials after one step of a displacement."""
+    times = 0.05 * np.arange(1100)
+    drive = 50 * np.clip(times - 1, 0, 1)
+    force, steps = 0.05 * drive, np.diff(drive, prepend=0.0)
+    for constant in (1.0, 6.0, 40.0):
+        force = force + 0.01 * np.asarray(lfilter([1.0], [1.0, -np.exp(-0.05 / constant)], steps))
+    noise = sigma * np.random.default_rng(0).standard_normal(times.size)
+    return Recording(drive, force + noise, 0.05, "mm", "N")

@@ -3,8 +3,9 @@
 import numpy as np
 import pytest
 
-from fracjax._diagnose._drive import shortened, thinned
+from fracjax._diagnose._drive import lead_of, shortened, thinned
 from fracjax._recording import Recording
+from tests.diagnose.helpers import relaxing_after_a_step
 
 
 def swept(samples: int, rate: float, highest: float) -> Recording:
@@ -35,3 +36,10 @@ def test_long_recordings_keep_what_the_drive_needs(rate, highest, used, words):
 def test_a_recording_of_usual_length_stays_whole():
     recording = swept(20_000, 10_000.0, 3000.0)
     assert shortened(recording) == (recording, "")
+
+
+def test_one_step_leads_nothing_and_a_loop_the_wrong_way_round_does():
+    assert lead_of(relaxing_after_a_step(0.002)) == 0
+    phase = 2 * np.pi * np.arange(1000) / 250
+    leading = Recording(np.sin(phase), np.sin(phase + 0.2), 1e-3, "V", "um")
+    assert lead_of(leading) == pytest.approx(np.degrees(0.2), rel=0.01)

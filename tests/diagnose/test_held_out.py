@@ -25,7 +25,7 @@ from fracjax._diagnose._thresholds import CHANCE, SHARE
 from fracjax._operators._grid import History
 from fracjax._parameters import set_values
 from fracjax._prepare import Noise, Preparation, prepare, take_of
-from tests.diagnose.helpers import white
+from tests.diagnose.helpers import relaxing_after_a_step, white
 
 STEP, SAMPLES = 1e-3, 2000
 TIMES = STEP * np.arange(SAMPLES)
@@ -211,3 +211,12 @@ def test_what_is_held_out_of_steady_motion_is_itself_steady_where_it_ends_as_it_
     steady = held_out_take(preparation.takes[0], one_period([1, 3, 4], "periodic"))
     begun = held_out_take(preparation.takes[0], one_period([1, 3, 4], "constant"))
     assert (steady.history, begun.history) == ("periodic", "constant")
+
+
+def test_what_rests_on_one_step_is_named_and_said_to():
+    """Without the stretch with the step the others determine neither the gain nor a relaxation."""
+    diagnosis = fj.diagnose("gain", relaxing_after_a_step(0.002), noise=0.002)
+    assert {"viscoelastic_layer", "creep"} & {e.name for e in diagnosis.effects}
+    assert diagnosis.held_out.extended_rmse == pytest.approx(0.002, rel=0.2)
+    assert len(diagnosis.held_out.extended_folds) < FOLDS
+    assert any("such as a single step" in warning for warning in diagnosis.warnings)

@@ -133,6 +133,35 @@ def test_beside_a_number_at_its_bound_an_interval_is_no_shorter_than_its_error(l
     assert held < 0.7 * np.ptp(told) if stopped else held == pytest.approx(np.ptp(told), rel=0.05)
 
 
+class Cubed(fj.AbstractBlock):
+    """p³ u."""
+
+    root: fj.Parameter
+
+    def __init__(self):
+        self.root = fj.Parameter(1.0, lower=0.1, upper=3.0)
+
+    @property
+    def linear(self) -> bool:
+        return False
+
+    def __call__(self, drive, grid):
+        return self.root.value**3 * drive
+
+
+def test_an_interval_is_the_same_however_its_parameter_is_written():
+    """The profile of p³, a gain, is a parabola: the ends of p are the roots of its ends."""
+    white = 100 * np.random.default_rng(6).standard_normal(SAMPLES)
+    recording = fj.Recording(DRIVE, DRIVE + white, STEP)
+    noise = specified(100)
+    found = fj.fit(fj.Model(Cubed()), recording, noise=noise, starts=1, history="constant")
+    root = by_name(found)["root"]
+    cube, error = root.value**3, 3 * root.value**2 * root.standard_error
+    assert 0.5 < 1.96 * error / cube < 0.8  # far from straight
+    wanted = np.cbrt(cube + 1.96 * error * np.array([-1, 1]))
+    assert intervals(found, "root")["root"] == pytest.approx(wanted, rel=2e-3)
+
+
 LONG = 0.02 * SAMPLES
 DRIFTING = fj.Model(fj.parse_model("creep").block + fj.blocks.ThermalDrift(3.0, longest=LONG))
 DRIFT = {

@@ -299,3 +299,12 @@ def test_frequencies_are_refined_from_the_drive_to_far_below_a_line_s_width():
     together = 50 + 15 * np.sum([np.sin(2 * np.pi * f * times) for f in tones], axis=0)
     found = fj.amplitude_ratios(fj.Recording(together, 0.1 * together, 1 / 2000))
     assert found.frequencies_Hz == pytest.approx(tones, rel=1e-6)
+
+
+@pytest.mark.parametrize("in_turn", [True, False])
+def test_a_parabola_of_time_is_drift_and_no_tone(in_turn):
+    waves = np.sin(2 * np.pi * np.array([[2.0], [7.0]]) * TIMES)
+    drive = np.concatenate(waves) if in_turn else waves.sum(axis=0)
+    drift = (np.arange(drive.size) / drive.size) ** 2
+    found = fj.amplitude_ratios(fj.Recording(drive, 0.1 * drive + drift, STEP))
+    assert found.ratios == pytest.approx([0.1, 0.1], rel=1e-9)

@@ -258,6 +258,21 @@ def test_streaming_is_the_exact_response_to_a_straight_drive(order, settled):
         assert float(response) == pytest.approx(float(found[n]), abs=1e-9)
 
 
+def test_streaming_is_exact_however_slow_its_poles_are():
+    """Over one step of time 1, ∫ e^(-p (1 - τ)) τ dτ and the same of 1 - τ, in 50 digits."""
+    poles = np.array([1e-12, 1e-6, 9e-4, 1.1e-3, 1.0])
+    filtered = ops.PoleZero(2 * poles, poles, 3.0)
+    streamed, residues = ops.streaming(filtered, 1.0), filtered.residues()
+    with mpmath.workdps(50):
+        exact = [
+            ((p - 1 + mpmath.exp(-p)) / p**2, (1 - (1 + p) * mpmath.exp(-p)) / p**2)
+            for p in map(mpmath.mpf, poles)
+        ]
+    now, before = np.array(exact, dtype=float).T
+    np.testing.assert_allclose(streamed.now / residues, now, rtol=1e-9)
+    np.testing.assert_allclose(streamed.before / residues, before, rtol=1e-9)
+
+
 def test_streaming_approaches_the_operator_within_the_band():
     times = np.arange(4000) * 1e-3
     drive = np.sin(2 * np.pi * 5 * times)

@@ -2,6 +2,7 @@
 
 import numpy as np
 import pytest
+from scipy.interpolate import Akima1DInterpolator
 
 from fracjax._operators import interpolate
 from tests.operators.helpers import WALK, triangle
@@ -45,3 +46,12 @@ def test_a_sine_is_smooth():
     fine, method = interpolate(sine(COARSE), 4)
     assert method == "cubic"
     np.testing.assert_allclose(fine, sine(FINE), rtol=0, atol=1e-4)
+
+
+def test_a_clipped_sine_is_interpolated_as_by_scipy_s_akima():
+    """As MATLAB modified it, from the first sample to the last."""
+    clipped = np.clip(30 * sine(COARSE), -20, 20)
+    fine, method = interpolate(clipped, 4)
+    assert method == "akima"
+    wanted = Akima1DInterpolator(COARSE, clipped, method="makima")(FINE)
+    np.testing.assert_allclose(fine, wanted, rtol=0, atol=1e-12)

@@ -1,5 +1,7 @@
 """What a recording tells of the time before it: prior history and periods."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -145,3 +147,16 @@ def test_a_drive_that_begins_at_rest_is_no_period():
     response = np.concatenate([np.full(50, recording.response[0]), recording.response])
     take = take_of(fj.Recording(drive, response, STEP), None, None, None)
     assert alternative_history(take) is None
+
+
+def test_one_period_ends_where_it_began_in_drive_and_response():
+    recording, away = one_period("periodic"), np.linspace(0, 1, 512)
+    drive = recording.drive + np.ptp(recording.drive) * away
+    response = recording.response + np.ptp(recording.response) * away
+    for change, history in (
+        ({}, "periodic"),
+        ({"drive": drive}, None),
+        ({"response": response}, None),
+    ):
+        other = alternative_history(take_of(replace(recording, **change), None, None, None))
+        assert (other and other.history) == history

@@ -340,6 +340,19 @@ def test_several_recordings_are_as_large_as_the_largest_of_each():
         assert getattr(both, name) == min(getattr(s, name) for s in (one, other))
 
 
+def test_a_rest_recorded_beside_is_no_drive():
+    """Its measured drive is noise, the fastest there is; a slight drive is one."""
+    white = np.random.default_rng(3).standard_normal(600)
+    driven = Recording(50 + 40 * np.sin(np.arange(600) / 30), white, STEP)
+    rest, slight = (Recording(50 + size * white, white, STEP) for size in (0.01, 1.0))
+    alone, beside_rest, beside_slight = map(
+        setting_of, ([driven], [driven, rest], [driven, slight])
+    )
+    for name in ("top_frequency", "top_rate", "rms_rate"):
+        assert getattr(beside_rest, name) == getattr(alone, name)
+    assert beside_slight.top_frequency > 10 * alone.top_frequency
+
+
 # Tones --------------------------------------------------------------------------------------------
 
 

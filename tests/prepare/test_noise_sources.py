@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 import fracjax as fj
-from fracjax._prepare import autoregression, measured_noise
+from fracjax._prepare import autoregression, measured_noise, refine_noise, residual_noise
 from fracjax._recording import Recording
 from tests.diagnose.helpers import STEP, TIMES, TONE, creeping
 
@@ -25,6 +25,14 @@ def test_a_mains_line_does_not_enter_the_whitening():
     assert with_line == pytest.approx(autoregression([noise])[1], rel=0.05)
 
 
+def test_an_offset_does_not_colour_noise():
+    noise = np.asarray(lfilter([1], [1, -0.6], np.random.default_rng(3).standard_normal(1000)))
+    taps, innovation = autoregression([noise])
+    beside, of_offset = autoregression([noise + 1000])
+    np.testing.assert_allclose(beside, taps, rtol=1e-6)
+    assert of_offset == pytest.approx(innovation, rel=1e-6)
+
+
 def test_repeats_show_the_noise_under_a_slow_decay():
     generator = np.random.default_rng(2)
     time = np.arange(8000) / 200
@@ -34,6 +42,45 @@ def test_repeats_show_the_noise_under_a_slow_decay():
     assert noise is not None
     assert noise.method == "repeats"
     assert noise.sigma == pytest.approx(0.01, rel=0.05)
+
+
+def test_repeats_of_a_few_samples_show_the_noise_in_full():
+    """Of twenty samples a relaxation, were it fitted, would take a quarter."""
+    generator = np.random.default_rng(4)
+    drive = np.tile(np.sin(2 * np.pi * np.arange(20) / 20), 200)
+    noise = measured_noise(
+        Recording(drive, 5 * drive + 0.01 * generator.standard_normal(4000), 0.005)
+    )
+    assert noise is not None
+    assert noise.method == "repeats"
+    assert noise.sigma == pytest.approx(0.01, rel=0.05)
+
+
+# A drive that neither rests nor repeats within itself.
+PATTERN = np.cumsum(np.random.default_rng(5).standard_normal(600))
+
+
+def test_of_a_drive_given_three_times_the_third_tells_nothing():
+    recording = Recording(np.tile(PATTERN, 3), np.tile(PATTERN, 3), STEP)
+    residual, used = np.random.default_rng(6).standard_normal(1800), np.ones(1800, bool)
+    twice = residual_noise(residual, used, recording)
+    residual[1200:] += 1000
+    assert twice.method == "repeats"
+    assert residual_noise(residual, used, recording).sigma == twice.sigma
+
+
+@pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
+def test_a_drive_given_twice_shows_more_than_rests_unless_it_shows_more_than_noise(unit):
+    """In any unit."""
+    drive, used = np.tile(PATTERN, 2), np.ones(1200, bool)
+    rests = fj.Noise(unit, "um", "static", np.ones(1), unit, effective=50.0)
+    white = unit * np.random.default_rng(7).standard_normal(1200)
+    recording = Recording(drive, 100 * unit * drive, STEP)
+    noise = refine_noise(rests, white, used, recording)
+    assert (noise.method, noise.sigma) == ("repeats", pytest.approx(unit, rel=0.1))
+    # It was measured, and a better fit does not change it.
+    assert not noise.is_leftover
+    assert refine_noise(rests, 3 * white, used, recording) is rests
 
 
 def test_spikes_are_no_noise():

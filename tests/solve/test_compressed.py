@@ -139,6 +139,19 @@ def test_an_error_that_is_too_large_is_found():
     assert search(starts_of(model.block, 4, 0), problems) is None
 
 
+def test_an_error_is_the_same_in_any_unit():
+    """In noise standard deviations, of the response at its best gains."""
+    model, errors = model_of("creep"), []
+    recording, sigma = recording_of(model, DRIVES["tones"])
+    for unit in (1.0, 2.0**-10):
+        noise = fj.Noise(unit * sigma, "um", "specification", WHITE, unit * sigma)
+        scaled = replace(recording, response=unit * recording.response)
+        compact = compress(model.block, prepare([scaled], noise=noise).problems())
+        assert compact is not None
+        errors.append(compact.error)
+    assert errors[1] == pytest.approx(errors[0], rel=1e-3)
+
+
 @pytest.mark.parametrize("name", ["foh", "coupled"])
 def test_recordings_are_compressed_together(name: str):
     """Two of one drive, whose signals they share, and one of another with samples left out and an

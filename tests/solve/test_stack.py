@@ -1,13 +1,19 @@
 """Recordings solved together, compared with each on its full model."""
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
 import fracjax as fj
 from fracjax._computing import computing
 from fracjax._prepare import HistoryOption, Preparation, prepare
-from fracjax._solve import Solved, fit_blocks, simulate, solve_from
-from fracjax._solve._stack import Row, can_compress, is_alone, solve_rows
+from fracjax._prepare._keywords import apply_options
+from fracjax._solve import Solved, compress, fit_blocks, simulate, solve_from
+from fracjax._solve._least_squares import Objective
+from fracjax._solve._lockstep import Stack, dependences, evaluate
+from fracjax._solve._signals import signals_of
+from fracjax._solve._stack import Row, _groups, can_compress, is_alone, solve_rows
 
 STEP, SAMPLES = 2e-3, 600
 SHAPES = {
@@ -64,6 +70,48 @@ def test_a_stack_ends_where_each_full_model_does(name, own):
             step = np.linalg.lstsq(exact, each.whitened[0], rcond=1e-12)[0]
             errors = np.sqrt(np.diag(np.linalg.pinv(exact.T @ exact, rcond=1e-15)))
             assert np.all(np.abs(step[:-1]) < 5e-3 * errors[:-1])
+
+
+@pytest.mark.parametrize("fixed", [{}, {"k_h": 0.04}], ids=["free", "k_h fixed"])
+def test_the_slopes_of_a_descent_are_those_of_differences(fixed):
+    """Of χ² of the full model; with k_h fixed, the response without gains depends on α."""
+    model = fj.parse_model("foh").with_values(SHAPES["foh"])
+    with computing():
+        block = apply_options(model, fixed=fixed, bounds={})[0]
+        problems = preparations(model, True)[0].problems()
+        compressed = compress(block, problems)
+        assert compressed is not None
+        stack, step = Stack.of_one(compressed.problems[0]), 1e-4
+        around = np.array([0.4, 0.6]) + step * np.array([[0, 0], [1, 0], [0, 1], [-1, 0], [0, -1]])
+        rows = np.zeros(len(around), int)
+        found = evaluate(block, dependences(block, stack), [stack], rows, around)
+        assert found.cost[0] == pytest.approx(Objective(block, problems).at(around[0]).cost)
+    differences = (found.cost[1:3] - found.cost[3:5]) / (2 * step)
+    np.testing.assert_allclose(2 * found.slope[0], differences, rtol=1e-5)
+
+
+def test_what_drives_a_second_block_takes_memory_too():
+    """Each signal of the first block drives it, so that fewer rows make a stack."""
+    times, largest = STEP * np.arange(2**15), {}
+    with computing():
+        recording = fj.Recording(np.sin(times), np.sin(times), STEP)
+        (problem,) = prepare([recording], noise=None, history="constant").problems()
+        problems = [replace(problem, drive=k + problem.drive) for k in range(64)]
+        for name in ("foh", "foh >> creep"):
+            stacks = list(_groups([fj.parse_model(name).block] * 64, problems))
+            assert sorted(row for rows, _ in stacks for row in rows) == list(range(64))
+            largest[name] = max(len(rows) for rows, _ in stacks)
+    assert largest["foh >> creep"] < largest["foh"]
+
+
+def test_signals_of_fewer_drives_do_not_serve_more():
+    model = fj.parse_model("foh").with_values(SHAPES["foh"])
+    with computing():
+        problems = [p.problems()[0] for p in preparations(model, True)]
+        few, more = (signals_of(model.block, problems[:count]) for count in (2, 5))
+    assert few is not None
+    assert more is not None
+    assert [np.unique(signals.drives).size for signals in (few, more)] == [2, 5]
 
 
 def test_estimated_histories_are_stacked_too():

@@ -128,8 +128,8 @@ class HeldOut:
         method: what was held out: a recording, or stretches in turn.
         base_rmse: RMSE of the base model [response unit].
         extended_rmse: RMSE of the extended model [response unit]; None without one.
-        base_folds: RMSE of the base model in each fold [response unit].
-        extended_folds: RMSE of the extended model in each fold [response unit].
+        base_folds: RMSE of the base model in each fold that the others determine [response unit].
+        extended_folds: RMSE of the extended model in each of these folds [response unit].
         source: the name of the held-out recording, "" for stretches.
     """
 

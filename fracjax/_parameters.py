@@ -196,8 +196,8 @@ class Parameter:
             A new parameter, all else as in this one.
         """
         traced = isinstance(value, jax.Array)
-        (_, *others), structure = jax.tree_util.tree_flatten(self)
-        return structure.unflatten([value if traced else _array(value), *others])
+        (_, *others), static = self.tree_flatten()
+        return self.tree_unflatten(static, (value if traced else _array(value), *others))
 
     def kept_plausible(self) -> Parameter:
         """The same parameter with its plausible range as bounds.

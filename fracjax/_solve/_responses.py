@@ -16,15 +16,13 @@ from .._operators import Grid, speed
 from .._parameters import named_parameters, set_values
 from .._prepare import Problem
 from ._chains import chains_of, transfer
-from ._transformed import Transformed
+from ._transformed import AT_ONCE, Transformed
 
-_AT_ONCE = 8
-"""Responses computed together: enough that Python takes no time, few enough for the cache."""
-
-
-def speeds(drives: np.ndarray, grid: Grid) -> np.ndarray:
-    """The absolute rates |u̇| (d, M) of drives (M, d) [drive unit/s]."""
-    return np.stack([np.asarray(speed(drive, grid)) for drive in np.ascontiguousarray(drives.T)])
+def speeds(drives: np.ndarray, grid: Grid, every: int = 1) -> np.ndarray:
+    """The absolute rates |u̇| (d, ⌈M/every⌉) of drives (M, d) [drive unit/s]."""
+    rows = np.ascontiguousarray(drives.T)
+    parts = (rows[at : at + AT_ONCE] for at in range(0, len(rows), AT_ONCE))
+    return np.concatenate([np.asarray(speed(part, grid, every)) for part in parts])
 
 
 def respond(block: AbstractBlock, drives: np.ndarray, grid: Grid, every: int = 1) -> np.ndarray:
@@ -41,7 +39,7 @@ def respond(block: AbstractBlock, drives: np.ndarray, grid: Grid, every: int = 1
         signals = transformed.back(values * transformed.drives, fine)
         signals = signals + _held(chain.before, drives, grid)
         if chain.rated:
-            signals = signals * speeds(drives, grid)[:, ::fine]
+            signals = signals * speeds(drives, grid, fine)
         if chain.after is not None:
             between = Transformed.of(signals.T, grid)
             after = between.back(transfer(chain.after, between.zeta, grid) * between.drives, every)
@@ -85,8 +83,8 @@ def respond_all(blocks: Sequence[AbstractBlock], problems: Sequence[Problem]) ->
         groups.setdefault(_kind(block, problem), []).append(row)
     responses: list[np.ndarray] = [np.zeros(0)] * len(blocks)
     for rows in groups.values():
-        for at in range(0, len(rows), _AT_ONCE):
-            some = rows[at : at + _AT_ONCE]
+        for at in range(0, len(rows), AT_ONCE):
+            some = rows[at : at + AT_ONCE]
             like = problems[some[0]]
             drives = np.stack([np.asarray(problems[row].drive) for row in some]).T
             block = blocks[some[0]] if len(some) == 1 else stacked([blocks[row] for row in some])

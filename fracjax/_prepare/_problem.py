@@ -205,8 +205,8 @@ def _extended(drive: np.ndarray, count: int) -> np.ndarray:
     if not count:
         return drive
     longer = np.concatenate([drive, ahead(drive)])[: drive.size + count]
-    padding = (0, drive.size + count - longer.size)
-    return np.pad(longer, padding, mode="reflect", reflect_type="odd")
+    count -= longer.size - drive.size
+    return np.concatenate([longer, 2 * longer[-1] - longer[-2 : -count - 2 : -1]])
 
 
 def own_terms(length: int, remembered: int) -> np.ndarray:

@@ -18,6 +18,7 @@ from .._prepare import Problem
 from ._chains import chains_of, transfer
 from ._transformed import AT_ONCE, Transformed
 
+
 def speeds(drives: np.ndarray, grid: Grid, every: int = 1) -> np.ndarray:
     """The absolute rates |u̇| (d, ⌈M/every⌉) of drives (M, d) [drive unit/s]."""
     rows = np.ascontiguousarray(drives.T)

@@ -223,6 +223,7 @@ def start_positions(block: AbstractBlock, count: int, seed: int) -> np.ndarray:
     ]
     return np.clip([position_of(block), *draws], 0.0, 1.0)
 
+
 def fit_block(block: AbstractBlock, preparation: Preparation, starts: int, seed: int) -> Solved:
     """The optimum of a block from several starts.
 

@@ -193,14 +193,19 @@ class ChainSignals:
 
 
 def span_of_drives(
-    chains: Sequence[Chain], drives: np.ndarray, like: Problem, spanned: float = SPANNED
+    chains: Sequence[Chain],
+    drives: np.ndarray,
+    like: Problem,
+    spanned: float = SPANNED,
+    short: bool = False,
 ) -> tuple[Chosen, list[ChainSignals]] | None:
     """Chains at shapes chosen for all drives (M, d) together, and the signals of each.
 
-    The drives are on the grid of the problem `like`.  None where too many signals would be needed.
+    The drives are on the grid of the problem `like`, and transformed on a `short` circle or a long
+    one.  None where too many signals would be needed.
     """
     grid, every = like.grid, like.oversampling
-    transformed = Transformed.of(drives, grid, spanned)
+    transformed = Transformed.of(drives, grid, short)
     chosen, signals_of_chains = [], []
     for chain in chains:
         first, second = choose_shapes(chain.before, transformed, grid, spanned), None
@@ -214,7 +219,7 @@ def span_of_drives(
             between = np.empty((drives.shape[1], first.size, signals.samples))
             for at, of_drive in enumerate(between):
                 signals.fill(at, of_drive)
-            driven = Transformed.of(between.reshape(-1, between.shape[-1]).T, grid, spanned)
+            driven = Transformed.of(between.reshape(-1, between.shape[-1]).T, grid, short)
             second = choose_shapes(chain.after, driven, grid, spanned)
             if second is None or first.size * second.size > _MOST_SIGNALS:
                 return None

@@ -114,7 +114,7 @@ def _groups(
 def respond_rows(blocks: Sequence[AbstractBlock], problems: Sequence[Problem]) -> list[np.ndarray]:
     """Each block's response (L,) to the drive of its problem.
 
-    Of many alike they are by the signals that span them all, to `SPANNED`.
+    Of many alike they are by the signals that span them all, to `_signals._SPANNED`.
     """
     responses: list[np.ndarray] = [np.zeros(0)] * len(blocks)
     for members, shared in _groups(blocks, problems):

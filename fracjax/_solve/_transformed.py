@@ -15,10 +15,10 @@ from .._operators import Grid, History, circle
 
 AT_ONCE = 8
 """Signals transformed together: enough for the processor's vectors, few enough for its cache."""
-_SHORT, _SHORT_WRAP, _SHORT_ERROR = 1.25, 1e-8, 1e-9
-"""Length of a short circle in signals, its r^L, and the largest error of a response on it, as a
-share of its size.  Terms that wrap round and rounding, which grows as r^-M, are then equal: against
-the compiled programs the errors are 2e-10 to 5e-10 (FOH, orders to ±0.6, 5,000 samples)."""
+_SHORT, _SHORT_WRAP = 1.25, 1e-8
+"""Length of a short circle in signals, and its r^L.  Terms that wrap round and rounding, which
+grows as r^-M, are then equal: against the compiled programs a response's error is 2e-10 to 5e-10 of
+its size (FOH, orders to ±0.6, 5,000 samples), on a circle of twice the length 1e-11."""
 _POINTS = 80
 """Points ζ at which transfer functions are compared.  Chosen by judgement."""
 
@@ -69,11 +69,11 @@ class Transformed:
     short: bool
 
     @classmethod
-    def of(cls, drives: np.ndarray, grid: Grid, error: float = 0.0) -> Transformed:
-        """The transforms of drives (M, d), where responses may have an error, as a share."""
+    def of(cls, drives: np.ndarray, grid: Grid, short: bool = False) -> Transformed:
+        """The transforms of drives (M, d)."""
         rows = np.ascontiguousarray(drives.T)
         moving = rows - rows[:, :1] if grid.history == "constant" else rows
-        return cls(moving, grid.history, error >= _SHORT_ERROR)
+        return cls(moving, grid.history, short)
 
     @property
     def _on(self) -> _Circle:

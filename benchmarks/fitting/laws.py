@@ -12,6 +12,7 @@ import numpy as np
 from scipy.optimize import least_squares
 
 Range = tuple[float, float]
+Shapes = Sequence[float] | np.ndarray
 
 
 class Signals:
@@ -56,7 +57,7 @@ class Law(NamedTuple):
         starts: where its other descents start.
     """
 
-    columns: Callable[[Signals, Sequence[float]], list[np.ndarray]]
+    columns: Callable[[Signals, Shapes], list[np.ndarray]]
     gains: tuple[Range, ...]
     truths: tuple[Range, ...]
     start: tuple[float, ...]
@@ -64,25 +65,25 @@ class Law(NamedTuple):
     starts: tuple[Range, ...]
 
 
-def foh(on: Signals, shapes: Sequence[float]) -> list[np.ndarray]:
+def foh(on: Signals, shapes: Shapes) -> list[np.ndarray]:
     """u, D^α u and |u̇| D^β u."""
     alpha, beta = shapes
     return [on.drive, on.after(on.s**alpha), on.speed * on.after(on.s**beta)]
 
 
-def lfdh(on: Signals, shapes: Sequence[float]) -> list[np.ndarray]:
+def lfdh(on: Signals, shapes: Shapes) -> list[np.ndarray]:
     """1 and s^δ over 1 + χ s^μ, with lg χ, δ and μ."""
     chi, delta, mu = shapes
     low = 1 / (1 + 10**chi * on.s**mu)
     return [on.after(low), on.after(low * on.s**delta)]
 
 
-def creep(on: Signals, shapes: Sequence[float]) -> list[np.ndarray]:
+def creep(on: Signals, shapes: Shapes) -> list[np.ndarray]:
     """s^-μ, with lg μ."""
     return [on.after(on.s ** -(10 ** shapes[0]))]
 
 
-def coupled(on: Signals, shapes: Sequence[float]) -> list[np.ndarray]:
+def coupled(on: Signals, shapes: Shapes) -> list[np.ndarray]:
     """FOH's columns after s^-μ, with α, β and lg μ."""
     alpha, beta, mu = shapes[0], shapes[1], 10 ** shapes[2]
     late = on.s**-mu
@@ -90,7 +91,7 @@ def coupled(on: Signals, shapes: Sequence[float]) -> list[np.ndarray]:
     return [on.after(late), on.after(late * on.s**alpha), on.back(late * rated)]
 
 
-def pea_dynamics(on: Signals, shapes: Sequence[float]) -> list[np.ndarray]:
+def pea_dynamics(on: Signals, shapes: Shapes) -> list[np.ndarray]:
     """1 and s^μ over 1 + 2 ζ x + x², x = s/ω_0, with μ, lg f_0 and lg ζ."""
     mu, frequency, damping = shapes
     x = on.s / (2 * np.pi * 10**frequency)

@@ -128,7 +128,7 @@ def _expected_power(noise: Autoregression, terms: np.ndarray) -> tuple[np.ndarra
 
 def _squared(values: np.ndarray) -> np.ndarray:
     """The squared absolute values of complex numbers, without the root that `abs` takes."""
-    return values.real**2 + values.imag**2
+    return np.real(values) ** 2 + np.imag(values) ** 2
 
 
 def _covariance(noise: Autoregression, size: int) -> np.ndarray:

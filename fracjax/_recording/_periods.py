@@ -45,7 +45,7 @@ def runs_of(mask: np.ndarray) -> np.ndarray:
 def mismatch(u: np.ndarray) -> np.ndarray:
     """Mean of (u[t + lag] - u[t])², lags 0..2N/3, by FFT; unlike autocorrelation free of edges."""
     count, lag = len(u), np.arange(len(u) - len(u) // 3)
-    size = int(next_fast_len(count + lag.size, real=True))
+    size = int(next_fast_len(count + lag.size, real=True))  # type: ignore[arg-type]
     centred = u - u.mean()
     spectrum = np.fft.rfft(centred, size)
     products = np.fft.irfft(spectrum.real**2 + spectrum.imag**2, size)[: lag.size]

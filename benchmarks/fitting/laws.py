@@ -144,11 +144,10 @@ def fit_by_scipy(
         return response - basis @ np.linalg.lstsq(basis, response, rcond=None)[0]
 
     generator = np.random.default_rng(0)
-    starts = [
-        law.start,
-        *generator.uniform(*zip(*law.starts, strict=True), (count - 1, len(law.start))),
-    ]
-    bounds = tuple(zip(*law.bounds, strict=True))
+    low, high = np.transpose(law.starts)
+    shares = generator.uniform(size=(count - 1, len(law.start)))
+    starts = [law.start, *(low + (high - low) * shares)]
+    bounds = tuple(np.transpose(law.bounds))
     ends = [least_squares(residual, start, bounds=bounds) for start in starts]
     best = min(ends, key=lambda result: result.cost)
     return float(np.sqrt(np.mean(best.fun**2))), float(best.x[0])

@@ -16,14 +16,15 @@ from .._parameters import named_parameters
 from .._prepare import Problem, layout_of
 from ._chains import chains_of
 from ._compressed import Part, parts_of
+from ._interpolation import SPANNED
 from ._span import ChainSignals, span_of_drives
 from ._transformed import AT_ONCE
 
-_SPANNED, _SPANNED_MANY = 1e-9, 1e-10
+_SPANNED = 1e-9
 """The shapes of a stack end where all others are in the span to this share of their size: far
 enough below any sensor's noise, in fewer shapes than to rounding.  Where a block has several shapes
-its signals are many and nearly alike, and their combinations raise errors, of LFDH's by two to four
-orders of magnitude: then the second, and no short circle, whose error is 5e-10."""
+they end at rounding, and the circle is a long one: its signals are many and nearly alike, and their
+combinations raised errors by two to four orders of magnitude, measured on LFDH."""
 LARGEST = 2**21
 """Most numbers in all that drives the chains of a stack, which limits memory.  Chosen by
 judgement."""
@@ -141,7 +142,7 @@ def signals_of(block: AbstractBlock, problems: Sequence[Problem]) -> Signals | N
     drives = np.stack([np.frombuffer(content) for content in places])
     blocks = [each for chain in chains for each in (chain.before, chain.after) if each is not None]
     few = all(len(layout_of(each).shapes) < 2 for each in blocks)
-    spanned = _SPANNED if few else _SPANNED_MANY
+    spanned = _SPANNED if few else SPANNED
     span = span_of_drives(chains, drives.T, like, spanned, short=few)
     if span is None:
         return None

@@ -40,7 +40,7 @@ PACKAGES = ("fracjax", "jax", "jaxlib", "numpy", "scipy", "pandas", "pyarrow")
 COLUMNS = ("drive", "samples", "method", "recordings", "per_second", "over_one_start",
            "over_as_many_starts", "peak_MiB", "fitted", "stacked", "fit_apart", "alpha_apart",
            "fracjax_worse", "scipy_worse")  # fmt: skip
-COMPARED = 50
+COMPARED = 200
 
 
 # Recordings ---------------------------------------------------------------------------------------

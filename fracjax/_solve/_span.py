@@ -188,8 +188,11 @@ class ChainSignals:
 
     def _spectra(self, drives: np.ndarray) -> np.ndarray:
         """The transforms (r, k, F) of what drives the block for drives (r,)."""
+        if self.inputs == 1:
+            return self.driven.drives[drives, None]
+        # Of many signals between two blocks they are not kept, which limits memory.
         places = drives[:, None] * self.inputs + np.arange(self.inputs)
-        return self.driven.drives[places]
+        return self.driven.of_rows(places.ravel()).reshape(*places.shape, -1)
 
 
 def span_of_drives(

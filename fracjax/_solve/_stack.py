@@ -42,9 +42,6 @@ _BETWEEN = 16
 judgement."""
 _PANEL = 8
 """Columns that a QR takes at once, which of thirty takes two thirds of LAPACK's usual time."""
-_WORTH_A_SPAN = 16
-"""From so many rows with drives of their own the signals that span their responses take less time
-than the responses themselves.  Chosen by judgement."""
 
 
 class Row(NamedTuple):
@@ -112,17 +109,16 @@ def _groups(
 
 
 def respond_rows(blocks: Sequence[AbstractBlock], problems: Sequence[Problem]) -> list[np.ndarray]:
-    """Each block's response (L,) to the drive of its problem.
+    """Each block's response (L,) to the drive of its problem, to the error of a short circle.
 
-    Of many alike they are by the signals that span them all, to `_signals._SPANNED`.
+    Of many with one drive they are by the signals that span them all, to `_signals._SPANNED`.
     """
     responses: list[np.ndarray] = [np.zeros(0)] * len(blocks)
     for members, shared in _groups(blocks, problems):
         some_blocks, some = [blocks[at] for at in members], [problems[at] for at in members]
-        worth = shared or len(members) >= _WORTH_A_SPAN
-        signals = signals_of(some_blocks[0], some) if worth else None
+        signals = signals_of(some_blocks[0], some) if shared else None
         if signals is None:
-            some_responses = respond_all(some_blocks, some)
+            some_responses = respond_all(some_blocks, some, short=True)
         else:
             block, drives = stacked(some_blocks), np.stack([p.drive for p in some]).T
             chains = zip(signals.parts, chains_of(block) or (), strict=True)

@@ -123,8 +123,8 @@ def test_a_row_that_is_not_accurate_enough_leaves_the_others_in_their_stack(monk
     model = fj.parse_model("foh").with_values(SHAPES["foh"])
     respond_all = _stack.respond_all
 
-    def respond(blocks, problems):
-        responses = respond_all(blocks, problems)
+    def respond(blocks, problems, short=False):
+        responses = respond_all(blocks, problems, short)
         return [
             (1 + 1e-3 * np.sin(np.arange(len(response)))) * response if problem is bad else response
             for response, problem in zip(responses, problems, strict=True)

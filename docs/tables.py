@@ -125,12 +125,12 @@ def peers() -> str:
 
 def batches() -> str:
     """CPU time of a recording of a batch, beside SciPy's fit from one start."""
-    lines = [_line("drives", "samples", "SciPy, one start [ms]", "fracjax, files [ms]", "times",
-                   "fracjax, from memory [ms]", "times")]  # fmt: skip
-    lines.append("|---" * 7 + "|")
+    lines = [_line("model", "drives", "samples", "SciPy, one start [ms]", "fracjax, files [ms]",
+                   "times", "fracjax, from memory [ms]", "times")]  # fmt: skip
+    lines.append("|---" * 8 + "|")
     for row in rows_of("fitting/batch_cpu.csv"):
         drives = {"own": "each its own", "one": "one for all"}[row["drive"]]
-        cells = drives, f"{int(row['samples']):,}", row["scipy_ms"], row["files_ms"]
+        cells = row["model"], drives, f"{int(row['samples']):,}", row["scipy_ms"], row["files_ms"]
         lines.append(_line(*cells, row["over_files"], row["memory_ms"], row["over_memory"]))
     return "\n".join(lines)
 

@@ -128,6 +128,20 @@ class Parameter:
             return x
         return jnp.log(x) if isinstance(x, Array) else np.log(x)
 
+    def component(self, values: ArrayLike, k: int) -> float:
+        """Component k of values that are broadcast to the parameter's shape.
+
+        Args:
+            values: Numbers of the parameter's shape, or one for all.
+            k: The component's place.
+
+        Returns:
+            The number, in the values' unit.
+        """
+        if np.size(values) == 1:
+            return float(np.asarray(values).item())
+        return float(np.ravel(np.broadcast_to(values, np.shape(self.value)))[k])
+
     def to_share(self, value: ArrayLike) -> Array:
         """The position of a value between the bounds, from 0 at `lower` to 1 at `upper`.
 
@@ -196,8 +210,8 @@ class Parameter:
             A new parameter, all else as in this one.
         """
         traced = isinstance(value, jax.Array)
-        (_, *others), structure = jax.tree_util.tree_flatten(self)
-        return structure.unflatten([value if traced else _array(value), *others])
+        (_, *others), static = self.tree_flatten()
+        return self.tree_unflatten(static, (value if traced else _array(value), *others))
 
     def kept_plausible(self) -> Parameter:
         """The same parameter with its plausible range as bounds.

@@ -28,21 +28,19 @@ from pathlib import Path
 
 import numpy as np
 import pandas as pd
-from scipy.optimize import least_squares
-from scipy.signal import fftconvolve
 
+from benchmarks.fitting.laws import LAWS, Law, fit_by_scipy, response_of
 from benchmarks.fitting.tables import HERE, Table
 from fracjax import Recording, fit, fit_batch, read
 
 STEP = 2e-3  # s
 FINER = 8
 STARTS = 4
-ORDERS = 0.6
 PACKAGES = ("fracjax", "jax", "jaxlib", "numpy", "scipy", "pandas", "pyarrow")
 COLUMNS = ("drive", "samples", "method", "recordings", "per_second", "over_one_start",
            "over_as_many_starts", "peak_MiB", "fitted", "stacked", "fit_apart", "alpha_apart",
            "fracjax_worse", "scipy_worse")  # fmt: skip
-COMPARED = 50
+COMPARED = 200
 
 
 # Recordings ---------------------------------------------------------------------------------------
@@ -55,28 +53,16 @@ def several_tones(times: np.ndarray, generator: np.random.Generator) -> np.ndarr
     return 50 + np.sin(2 * np.pi * np.outer(times, frequencies) + phases) @ [14, 10, 7, 5, 3]
 
 
-def derivative(order: float, signal: np.ndarray, step: float) -> np.ndarray:
-    """Grünwald–Letnikov, a plain convolution with its weights."""
-    steps = np.arange(1, signal.size)
-    weights = np.cumprod(np.concatenate([[1.0], (steps - 1 - order) / steps]))
-    return fftconvolve(signal, weights)[: signal.size] / step**order
-
-
-def write_recordings(folder: Path, count: int, samples: int, shared: bool) -> list[Path]:
-    """CSV files of FOH at random orders and gains, with 0.1 % of noise."""
+def write_recordings(
+    folder: Path, count: int, samples: int, shared: bool, law: Law = LAWS["foh"]
+) -> list[Path]:
+    """CSV files of a law at random shapes and gains, with 0.1 % of noise."""
     times = np.arange((samples - 1) * FINER + 1) * STEP / FINER
     files = []
     for k in range(count):
         generator = np.random.default_rng(k)
         drive = several_tones(times, np.random.default_rng(0) if shared else generator)
-        rate = np.gradient(drive, STEP / FINER)
-        alpha, beta = generator.uniform(0.05, 0.3), generator.uniform(-0.3, -0.1)
-        moved = drive - drive[0]
-        response = (
-            generator.uniform(0.05, 0.1) * drive
-            + generator.uniform(0.02, 0.05) * derivative(alpha, moved, STEP / FINER)
-            + 2e-4 * np.abs(rate) * derivative(beta, moved, STEP / FINER)
-        )[::FINER]
+        response = response_of(law, drive, STEP / FINER, generator)[::FINER]
         response += 1e-3 * np.ptp(response) * generator.standard_normal(samples)
         files.append(folder / f"{k:05d}.csv")
         columns = np.stack([STEP * np.arange(samples), drive[::FINER], response], axis=1)
@@ -133,35 +119,15 @@ def distance(recording: Recording, row: dict) -> float:
 # The peer -----------------------------------------------------------------------------------------
 
 
-def fit_by_scipy(file: Path, count: int) -> tuple[float, float]:
-    """RMSE [um] and order alpha of FOH, by variable projection from `count` starts."""
+def fit_file_by_scipy(file: Path, count: int, law: Law = LAWS["foh"]) -> tuple[float, float]:
+    """RMSE [um] and first shape of a law, of FOH the order alpha, from `count` starts."""
     _, drive, response = np.loadtxt(file, delimiter=",", skiprows=1).T
-    length = 2 ** int(np.ceil(np.log2(2 * drive.size)))
-    radius = 1e-10 ** (1 / length)
-    zeta = radius * np.exp(-2j * np.pi * np.arange(length // 2 + 1) / length)
-    slope = ((1 - zeta) + (1 - zeta) ** 2 / 2) / STEP
-    damping = radius ** np.arange(drive.size)
-    transform = np.fft.rfft((drive - drive[0]) * damping, length)
-    speed = np.abs(np.gradient(drive, STEP))
-
-    def fractional(order: float) -> np.ndarray:
-        return np.fft.irfft(slope**order * transform, length)[: drive.size] / damping
-
-    def residual(orders: np.ndarray) -> np.ndarray:
-        columns = [drive, fractional(orders[0]), speed * fractional(orders[1])]
-        basis = np.stack([*columns, np.ones_like(drive)], axis=1)
-        return response - basis @ np.linalg.lstsq(basis, response, rcond=None)[0]
-
-    generator = np.random.default_rng(0)
-    starts = [(0.1, -0.1), *generator.uniform(-ORDERS, ORDERS, (count - 1, 2))]
-    found = [least_squares(residual, start, bounds=(-0.95, 0.95)) for start in starts]
-    best = min(found, key=lambda result: result.cost)
-    return float(np.sqrt(np.mean(best.fun**2))), float(best.x[0])
+    return fit_by_scipy(law, drive, response, STEP, count)
 
 
 def run_scipy(files: list[Path], starts: int) -> tuple[float, np.ndarray]:
     """Recordings per second of two processes, and what each fit found."""
-    one = partial(fit_by_scipy, count=starts)
+    one = partial(fit_file_by_scipy, count=starts)
     with multiprocessing.get_context("spawn").Pool(2) as pool:
         pool.map(one, files[:2])
         began = time.perf_counter()

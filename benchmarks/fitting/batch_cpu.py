@@ -15,17 +15,18 @@ import argparse
 import tempfile
 import time
 from collections.abc import Callable
-from itertools import cycle
+from itertools import cycle, product
 from pathlib import Path
 
-from benchmarks.fitting.batch import PACKAGES, STARTS, fit_by_scipy, write_recordings
+from benchmarks.fitting.batch import PACKAGES, STARTS, fit_file_by_scipy, write_recordings
+from benchmarks.fitting.laws import LAWS
 from benchmarks.fitting.tables import HERE, Table
 from fracjax import Recording, read
 from fracjax._batch._jobs import File, Held
 from fracjax._batch._rows import Work, rows_of
 
 STACK, STACKS, BY_SCIPY = 64, 3, 16
-COLUMNS = ("drive", "samples", "rounds", "files_ms", "memory_ms", "scipy_ms", "over_files",
+COLUMNS = ("model", "drive", "samples", "rounds", "files_ms", "memory_ms", "scipy_ms", "over_files",
            "over_memory")  # fmt: skip
 
 
@@ -41,12 +42,12 @@ def anew(recording: Recording) -> Recording:
     return recording.window(0, len(recording))
 
 
-def compare(kind: str, samples: int, rounds: int, folder: Path) -> dict[str, str]:
-    """The row of one kind of drive and length."""
+def compare(model: str, kind: str, samples: int, rounds: int, folder: Path) -> dict[str, str]:
+    """The row of one model, kind of drive and length."""
     folder.mkdir()
-    files = write_recordings(folder, STACK * STACKS, samples, kind == "one")
+    files = write_recordings(folder, STACK * STACKS, samples, kind == "one", LAWS[model])
     stacks = [files[at : at + STACK] for at in range(0, len(files), STACK)]
-    work = Work("foh", None, None, STARTS, 0)
+    work = Work(model, None, None, STARTS, 0)
     rows_of([File(file) for file in files[:STACK]], work)
     times: dict[str, list[float]] = {"files_ms": [], "memory_ms": [], "scipy_ms": []}
     order = cycle(stacks)
@@ -58,11 +59,15 @@ def compare(kind: str, samples: int, rounds: int, folder: Path) -> dict[str, str
         times["memory_ms"].append(milliseconds(lambda held=held: rows_of(held, work), STACK))
         some = for_scipy[:BY_SCIPY]
         times["scipy_ms"].append(
-            milliseconds(lambda some=some: [fit_by_scipy(each, 1) for each in some], BY_SCIPY)
+            milliseconds(
+                lambda some=some: [fit_file_by_scipy(each, 1, LAWS[model]) for each in some],
+                BY_SCIPY,
+            )
         )
     least = {name: min(values) for name, values in times.items()}
     ratios = {"over_files": "files_ms", "over_memory": "memory_ms"}
     return {
+        "model": model,
         "drive": kind,
         "samples": str(samples),
         "rounds": str(rounds),
@@ -73,17 +78,18 @@ def compare(kind: str, samples: int, rounds: int, folder: Path) -> dict[str, str
 
 def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("--models", nargs="+", choices=LAWS, default=[*LAWS])
     parser.add_argument("--samples", type=int, nargs="+", default=[500, 5000])
     parser.add_argument("--rounds", type=int, default=6)
     parser.add_argument("--out", type=Path, default=HERE / "batch_cpu.csv")
     options = parser.parse_args()
-    table = Table(options.out, COLUMNS, ("drive", "samples"), PACKAGES)
+    table = Table(options.out, COLUMNS, ("model", "drive", "samples"), PACKAGES)
     with tempfile.TemporaryDirectory() as folder:
-        for samples in options.samples:
-            for kind in ("own", "one"):
-                if (kind, str(samples)) not in table.done():
-                    place = Path(folder) / f"{kind}{samples}"
-                    table.add([compare(kind, samples, options.rounds, place)])
+        cases = product(options.models, options.samples, ("own", "one"))
+        for at, (model, samples, kind) in enumerate(cases):
+            if (model, kind, str(samples)) not in table.done():
+                place = Path(folder) / f"{at}"
+                table.add([compare(model, kind, samples, options.rounds, place)])
 
 
 if __name__ == "__main__":

@@ -6,6 +6,7 @@ import glob
 import hashlib
 from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import dataclass
+from functools import cached_property
 from os import PathLike, fspath
 from pathlib import Path
 from typing import Any
@@ -68,6 +69,11 @@ class Held:
 
     def digest(self) -> str:
         """SHA-256 of samples, step and units."""
+        return self._digest
+
+    @cached_property
+    def _digest(self) -> str:
+        """The digest, which the key needs too."""
         recording = self.content
         facts = repr((recording.dt, recording.drive_unit, recording.response_unit)).encode()
         content = recording.drive.tobytes() + recording.response.tobytes() + facts

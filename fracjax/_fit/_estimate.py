@@ -82,9 +82,8 @@ def logarithmic_interval(value: float, half: float) -> tuple[float, float]:
 
 def is_at_bound(parameter: Parameter, k: int) -> bool:
     """Whether component k is within a thousandth of its range of a bound other than zero."""
-    size = np.size(parameter.value)
     bounds = (parameter.lower, parameter.value, parameter.upper)
-    low, value, high = (float(np.broadcast_to(np.ravel(b), (size,))[k]) for b in bounds)
+    low, value, high = (parameter.component(bound, k) for bound in bounds)
     if not np.isfinite(high - low):
         return False
     if parameter.logarithmic:

@@ -72,8 +72,9 @@ def fit_of(model: Model, solved: Solved, loss: Loss = "least_squares") -> Fit:
         residuals=None if is_white else solved.whitened,
         derivative=solved.triangle if is_white and solved.stacked else solved.whitened_derivative(),
     )
+    models = tuple(Model(block, model.name) for block in solved.blocks)
     return Fit(
-        model=Model(solved.block, model.name),
+        model=models[0],
         preparation=preparation,
         estimates=uncertainty.estimates,
         correlated=uncertainty.correlated,
@@ -82,7 +83,7 @@ def fit_of(model: Model, solved: Solved, loss: Loss = "least_squares") -> Fit:
         scores=scores_of(solved),
         converged=solved.converged,
         start_costs=solved.start_costs,
-        models=tuple(Model(block, model.name) for block in solved.blocks),
+        models=models,
         residual_order=uncertainty.order,
         correlation=uncertainty.correlation,
         robust=robust,

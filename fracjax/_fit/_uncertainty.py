@@ -155,10 +155,8 @@ def _estimate(
     """
     recording, k = free_parameter.recording, free_parameter.component
     parameter = named[recording or 0][free_parameter.name]
-    value = float(np.ravel(parameter.value)[k])
-    low, high = (
-        np.ravel(np.broadcast_to(end, np.shape(parameter.value)))[k] for end in parameter.plausible
-    )
+    value = parameter.component(parameter.value, k)
+    low, high = (parameter.component(end, k) for end in parameter.plausible)
     if gain:
         identified = share <= _SHARE_OF_RESPONSE
     elif parameter.logarithmic:

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from math import log, sqrt
 
 import numpy as np
-from scipy.fft import next_fast_len
 from scipy.ndimage import median_filter
+from scipy.signal import lfilter, lfiltic
 
 _LARGEST_ORDER = 12
 """Largest order: the whitening filter of a problem has 13 taps."""
@@ -17,9 +17,6 @@ _PASSES = 8
 """At most so many passes of smoothing, chosen by judgement; most noises converge earlier."""
 _CONVERGED = 0.01
 """The passes end when the autocovariance changes by less than this share of the variance."""
-_MEMORIES = 8
-"""Length, in stretches, after which the response to an impulse has died out: the memory of the
-autoregression is at most one stretch, and e^-8 is negligible."""
 _WHITE_SHARE = 1e-9
 """White noise that is added to every noise, as a share of its variance.  The autocovariance of
 smooth signals is singular without it.  It is the rounding error of the sums, with a margin.
@@ -51,7 +48,7 @@ def autoregression(
     largest = min(_LARGEST_ORDER, shortest // _LEAST_PER_ORDER)
     if terms is None:
         terms = [np.zeros((s.size, 0)) for s in series]
-    periodograms = [np.abs(np.fft.rfft(s)) ** 2 / s.size for s in series]
+    periodograms = [_squared(np.fft.rfft(s)) / s.size for s in series]
     estimate: Autoregression = np.ones(1), 1.0
     previous = np.zeros(largest + 1)
     untouched = not any(t.size for t in terms)
@@ -126,14 +123,31 @@ def _expected_power(noise: Autoregression, terms: np.ndarray) -> tuple[np.ndarra
     of_lag = covariance * (1 - np.arange(size) / size) - _removed(covariance, terms) / size
     # At the periodogram's frequencies a lag of -k equals one of n - k.
     of_lag[1:] += of_lag[:0:-1]
-    return np.fft.rfft(of_lag).real, innovation**2 / np.abs(np.fft.rfft(taps, size)) ** 2
+    return np.fft.rfft(of_lag).real, innovation**2 / _squared(np.fft.rfft(taps, size))
+
+
+def _squared(values: np.ndarray) -> np.ndarray:
+    """The squared absolute values of complex numbers, without the root that `abs` takes."""
+    return np.real(values) ** 2 + np.imag(values) ** 2
 
 
 def _covariance(noise: Autoregression, size: int) -> np.ndarray:
-    """The covariance (n,) of the noise at the lags below n = `size`."""
+    """The covariance c (n,) of the noise at the lags below n = `size`, from Σ_j a_j c_|k-j| = 0.
+
+    At k = 0 the sum is the variance of the innovation.
+    """
     taps, innovation = noise
-    length = next_fast_len(_MEMORIES * size, real=True)
-    return np.fft.irfft(innovation**2 / np.abs(np.fft.rfft(taps, length)) ** 2, length)[:size]
+    order = taps.size - 1
+    lags = np.arange(order + 1)
+    equations = np.zeros((order + 1, order + 1))
+    np.add.at(equations, (lags[:, None], np.abs(lags[:, None] - lags)), taps)
+    first = np.linalg.solve(equations, innovation**2 * (lags == 0))
+    covariance = np.zeros(size)
+    covariance[: order + 1] = first[:size]
+    if 0 < order < size - 1:
+        before = lfiltic([1.0], taps, first[:0:-1])
+        covariance[order + 1 :] = lfilter([1.0], taps, covariance[order + 1 :], zi=before)[0]
+    return covariance
 
 
 def removed_power(noise: Autoregression, terms: np.ndarray) -> float:

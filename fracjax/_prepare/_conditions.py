@@ -169,12 +169,12 @@ class FreeParameters:
 
     def gains_of(self, block: AbstractBlock) -> np.ndarray:
         """The present values (G,) of a block's gains."""
-        return np.array([_component(p.value, p, k) for p, k in _with_components(block, self.gains)])
+        return np.array([p.component(p.value, k) for p, k in _with_components(block, self.gains)])
 
     def position_of(self, block: AbstractBlock) -> np.ndarray:
         """The positions (S,) of a block's shapes, as `_layout.position_of` defines them."""
         members = _with_components(block, self.shapes)
-        return np.array([_component(p.to_share(p.value), p, k) for p, k in members])
+        return np.array([p.component(p.to_share(p.value), k) for p, k in members])
 
     def values_at(self, position: np.ndarray) -> np.ndarray:
         """The shapes' values (S,) at a position (S,), as `Parameter.from_share` computes them."""
@@ -199,7 +199,7 @@ def _scale_of(block: AbstractBlock, shapes: Sequence[FreeParameter]) -> Scale:
     bounded = np.array([p.bounded for p, _ in members], dtype=bool)
     logarithmic = np.array([p.logarithmic for p, _ in members], dtype=bool)
     low, high = (
-        np.array([_component(end(p), p, k) if p.bounded else 0.0 for p, k in members])
+        np.array([p.component(end(p), k) if p.bounded else 0.0 for p, k in members])
         for end in (lambda p: p.lower, lambda p: p.upper)
     )
     low[logarithmic], high[logarithmic] = np.log(low[logarithmic]), np.log(high[logarithmic])
@@ -212,12 +212,6 @@ def _with_components(
     """Each free parameter's `Parameter` in the block, and its component."""
     parameters = named_parameters(block)
     return ((parameters[one.name], one.component) for one in free)
-
-
-def _component(values: object, parameter: Parameter, k: int) -> float:
-    """Component k of values that are broadcast to the parameter's shape."""
-    shape = np.shape(parameter.value)
-    return float(np.ravel(np.broadcast_to(np.asarray(values), shape))[k])
 
 
 def free_parameters_of(

@@ -6,10 +6,9 @@ from collections.abc import Sequence
 from dataclasses import replace
 
 import numpy as np
-from scipy.fft import next_fast_len
 from scipy.signal import lfilter
 
-from .._recording import InputError, Recording, bridged, kept
+from .._recording import InputError, Recording, bridged, kept, mismatch, unit_range
 from ._noise import NONE, Noise, level_from_differences, white_noise
 from ._noise_stretches import (
     PIECES,
@@ -323,8 +322,8 @@ def noise_below(residual: np.ndarray, used: np.ndarray, recording: Recording) ->
 
     It is that of a residual smaller than the measured noise, and elsewhere an upper bound.
     """
-    counted = used & ~recording.spikes
-    centred = residual[counted] - residual[counted].mean()
+    counted = residual[used & ~recording.spikes]
+    centred = counted - counted.mean()
     return noise_in(
         [Stretch.untouched(centred, 0)],
         recording.response_unit,
@@ -340,14 +339,10 @@ def repetition_lag(drive: np.ndarray) -> int | None:
     At least a third of the drive must repeat, to 0.2 % of the drive's standard deviation, and the
     repeated part must vary at least half as much as the whole.
     """
-    centred = drive - drive.mean()
-    spread, size = centred.std(), drive.size
-    lags = np.arange(size // 3, size - size // 3)
-    squares = np.concatenate([[0.0], np.cumsum(centred**2)])
-    length = int(next_fast_len(2 * size - 1, real=True))  # type: ignore[arg-type]
-    products = np.fft.irfft(np.abs(np.fft.rfft(centred, length)) ** 2, length)[:size]
-    differ = squares[size - lags] + squares[-1] - squares[lags] - 2 * products[lags]
-    best = int(lags[np.argmin(differ / (size - lags))])
-    second, first = drive[best:], drive[: size - best]
+    u = unit_range(drive)
+    first_lag, spread = u.size // 3, u.std()
+    values = mismatch(u)
+    lag = first_lag + int(np.argmin(values[first_lag:]))
+    second, first = u[lag:], u[: u.size - lag]
     same = np.sqrt(np.mean((second - first) ** 2)) <= _SAME_DRIVE * spread
-    return best if same and first.std() > 0.5 * spread else None
+    return lag if same and first.std() > 0.5 * spread else None

@@ -15,7 +15,7 @@ from .._recording import MINIMUM_SAMPLES, InputError, Recording, parse_quantity
 from ._conditions import PLAIN, Conditions
 from ._noise import Noise
 from ._noise_sources import repetition_lag
-from ._problem import Problem, make_problem
+from ._problem import Problem, make_problem, with_weighting
 from ._setting import driven_recordings, setting_of, top_frequency
 
 HistoryOption = History | Literal["estimated"]
@@ -86,6 +86,11 @@ class Take:
         return np.prod(factors, axis=0) if factors else None
 
     @property
+    def whitening(self) -> np.ndarray:
+        """The whitening filter (taps,) of its noise, 1 where it is not yet known."""
+        return np.ones(1) if self.noise is None else self.noise.whitening
+
+    @property
     def baseline(self) -> slice:
         """The first samples, from which the zero of a prediction is read.
 
@@ -135,7 +140,7 @@ class Preparation:
                 prior_history=take.history == "estimated",
                 oversampling=oversampling,
                 used=take.used,
-                whitening=np.ones(1) if take.noise is None else take.noise.whitening,
+                whitening=take.whitening,
                 weights=take.roots,
                 jumps=take.jumps,
             )
@@ -143,8 +148,17 @@ class Preparation:
         )
 
     def with_noises(self, noises: Sequence[Noise]) -> Preparation:
-        """The same with another noise for each recording."""
-        return self._with("noise", noises)
+        """The same with another noise for each recording.
+
+        Its problems differ by their weights and whitening alone, and are made from these.
+        """
+        other = self._with("noise", noises)
+        problems = tuple(
+            with_weighting(problem, take.used, take.whitening, take.roots)
+            for problem, take in zip(self.problems(), other.takes, strict=True)
+        )
+        vars(other)["_default_problems"] = problems
+        return other
 
     def with_trust(self, trust: Sequence[np.ndarray | None]) -> Preparation:
         """The same with another `trust` (N,) for each recording."""

@@ -143,18 +143,7 @@ def make_problem(
     """
     samples = len(recording)
     drive, response = recording.drive, recording.response
-    taps = np.zeros(_FILTER_TAPS)
-    taps[: whitening.size] = whitening
     length = samples if history == "periodic" else padded_length(samples)
-    # A whitened sample mixes its predecessors: it counts only if all of them do.
-    counted = np.zeros(length)
-    counted[:samples] = used
-    if whitening.size > 1 and not used.all():
-        uncounted = np.asarray(lfilter(np.ones(whitening.size), 1.0, 1.0 - counted[:samples]))
-        counted[:samples] = uncounted < 0.5
-    counted[: whitening.size - 1] = 0.0
-    if weights is not None:
-        counted[:samples] *= weights
     padded = np.empty(length)
     padded[:samples], padded[samples:] = response, response[-1]
     own = own_terms(length, samples if prior_history else 0)
@@ -165,12 +154,39 @@ def make_problem(
     return _problem_of(
         drive=refined(drive, length - samples, oversampling, history),
         response=padded,
-        weights=counted,
-        whitening=taps,
         own=own,
         grid=_grid(recording.dt / oversampling, history),
         oversampling=oversampling,
+        **_weighting(length, used, whitening, weights),
     )
+
+
+def with_weighting(
+    problem: Problem, used: np.ndarray, whitening: np.ndarray, weights: np.ndarray | None
+) -> Problem:
+    """The problem of the same recording on the same grid with another whitening, as `make_problem`
+    makes it."""
+    weighting = _weighting(len(problem.response), used, whitening, weights)
+    return _problem_of(**(vars(problem) | weighting))
+
+
+def _weighting(
+    length: int, used: np.ndarray, whitening: np.ndarray, weights: np.ndarray | None
+) -> dict[str, np.ndarray]:
+    """The weights and the whitening filter of a problem of a padded length."""
+    samples = used.size
+    taps = np.zeros(_FILTER_TAPS)
+    taps[: whitening.size] = whitening
+    # A whitened sample mixes its predecessors: it counts only if all of them do.
+    counted = np.zeros(length)
+    counted[:samples] = used
+    if whitening.size > 1 and not used.all():
+        uncounted = np.asarray(lfilter(np.ones(whitening.size), 1.0, 1.0 - counted[:samples]))
+        counted[:samples] = uncounted < 0.5
+    counted[: whitening.size - 1] = 0.0
+    if weights is not None:
+        counted[:samples] *= weights
+    return {"weights": counted, "whitening": taps}
 
 
 def _problem_of(**fields: Any) -> Problem:
@@ -205,8 +221,8 @@ def _extended(drive: np.ndarray, count: int) -> np.ndarray:
     if not count:
         return drive
     longer = np.concatenate([drive, ahead(drive)])[: drive.size + count]
-    padding = (0, drive.size + count - longer.size)
-    return np.pad(longer, padding, mode="reflect", reflect_type="odd")
+    count -= longer.size - drive.size
+    return np.concatenate([longer, 2 * longer[-1] - longer[-2 : -count - 2 : -1]])
 
 
 def own_terms(length: int, remembered: int) -> np.ndarray:

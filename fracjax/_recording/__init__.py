@@ -2,7 +2,7 @@
 
 from fracjax._recording._errors import InputError, closest, found_in, item, pair_of, require_kind
 from fracjax._recording._kept import kept
-from fracjax._recording._periods import Repeats, runs_of
+from fracjax._recording._periods import Repeats, mismatch, runs_of, unit_range
 from fracjax._recording._recording import Recording, require_units, require_units_of
 from fracjax._recording._signals import (
     LARGEST,
@@ -26,6 +26,7 @@ __all__ = [
     "found_in",
     "item",
     "kept",
+    "mismatch",
     "pair_of",
     "parse_quantity",
     "require_kind",
@@ -36,5 +37,6 @@ __all__ = [
     "runs_of",
     "spikes",
     "unit",
+    "unit_range",
     "varying",
 ]

@@ -3,6 +3,7 @@
 from typing import NamedTuple
 
 import numpy as np
+from scipy.fft import next_fast_len
 
 from fracjax._recording._kept import kept
 from fracjax._recording._signals import MINIMUM_SAMPLES
@@ -40,18 +41,26 @@ def runs_of(mask: np.ndarray) -> np.ndarray:
     return edges.reshape(-1, 2)
 
 
-def _mismatch(u: np.ndarray) -> np.ndarray:
-    """Mean of (u[t + lag] - u[t])² for lags 0..N/3 by FFT, unlike autocorrelation free of edges.
+@kept
+def mismatch(u: np.ndarray) -> np.ndarray:
+    """Mean of (u[t + lag] - u[t])², lags 0..2N/3, by FFT; unlike autocorrelation free of edges."""
+    count, lag = len(u), np.arange(len(u) - len(u) // 3)
+    size = int(next_fast_len(count + lag.size, real=True))  # type: ignore[arg-type]
+    centred = u - u.mean()
+    spectrum = np.fft.rfft(centred, size)
+    products = np.fft.irfft(spectrum.real**2 + spectrum.imag**2, size)[: lag.size]
+    squares = np.concatenate(([0.0], np.cumsum(centred**2)))
+    return (squares[count - lag] + squares[count] - squares[lag] - 2 * products) / (count - lag)
+
+
+def _likely_periods(u: np.ndarray) -> np.ndarray:
+    """Local minima of the mismatch of u, shape (N,), the deepest first.
 
     Lags beyond N/3 cannot repeat three times.
     """
-    count, lags = len(u), len(u) // 3 + 2
-    size = 1 << (2 * count - 1).bit_length()
-    centred = u - u.mean()
-    products = np.fft.irfft(np.abs(np.fft.rfft(centred, size)) ** 2, size)[:lags]
-    squares = np.concatenate(([0.0], np.cumsum(centred**2)))
-    lag = np.arange(lags)
-    return (squares[count - lag] + squares[count] - squares[lag] - 2 * products) / (count - lag)
+    values = mismatch(u)[: len(u) // 3 + 2]
+    lags = _minima(values)
+    return lags[np.argsort(values[lags], kind="stable")]
 
 
 def _minima(values: np.ndarray) -> np.ndarray:
@@ -90,15 +99,13 @@ def _stretch(u: np.ndarray, period: int) -> Repeats | None:
 @kept
 def repeats_in(u: np.ndarray) -> Repeats | None:
     """Locate the longest periodic stretch of u, shape (N,), then reduce it to its fundamental."""
-    mismatch = _mismatch(u)
-    lags = _minima(mismatch)
-    deepest = lags[np.argsort(mismatch[lags], kind="stable")[:_CANDIDATES]]
+    deepest = _likely_periods(u)[:_CANDIDATES]
     candidates = [repeats for lag in deepest if (repeats := _stretch(u, int(lag)))]
     if not candidates:
         return None
     longest = max(candidates, key=lambda repeats: repeats.stop - repeats.start)
     steady = u[longest.start : longest.stop]
-    whole = (_stretch(steady, int(lag)) for lag in _minima(_mismatch(steady)))
+    whole = (_stretch(steady, int(lag)) for lag in np.sort(_likely_periods(steady)))
     kept = (repeats.period for repeats in whole if repeats and repeats.stop == len(steady))
     return longest._replace(period=next(kept, longest.period))
 

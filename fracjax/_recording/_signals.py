@@ -1,5 +1,7 @@
 """A signal: finite numbers along one axis."""
 
+from functools import cache
+
 import numpy as np
 
 from fracjax._recording._errors import InputError
@@ -83,13 +85,16 @@ _SPIKE = 12.0
 _WIDEST_SPIKE = 3
 _AROUND = 20
 """Samples on both sides that tell what is typical there."""
+_MOST_SPIKES = 0.02, 5
+"""So large a share of the samples, and so many more, would be the signal itself."""
 
 
 def spikes(response: np.ndarray) -> np.ndarray:
     """Which samples of a response (N,) stand alone, far from those before and behind: (N,).
 
-    Far is twelve times what samples around them typically depart from the line between their
-    neighbours, and a hundredth of the range; up to three in a row, where those on both sides agree.
+    Far is twelve times what samples typically depart from the line between their neighbours, in the
+    whole response and around them, and a hundredth of the range; up to three in a row, where those
+    on both sides agree.
     """
     alone = np.zeros(len(response), bool)
     if len(response) < MINIMUM_SAMPLES:
@@ -99,40 +104,46 @@ def spikes(response: np.ndarray) -> np.ndarray:
     median, percentile = (
         (np.median, np.percentile) if complete else (np.nanmedian, np.nanpercentile)
     )
-    bends = np.zeros(len(response))
-    bends[1:-1] = np.abs(response[1:-1] - (response[:-2] + response[2:]) / 2)
-    typical, span = float(median(bends)), np.nan
-    padded = np.pad(bends, _AROUND, constant_values=np.nan)
+    bends = np.full(len(response) + 2 * _AROUND, np.nan)
+    inside = bends[_AROUND:-_AROUND]
+    inside[[0, -1]] = 0.0
+    np.abs(response[1:-1] - (response[:-2] + response[2:]) / 2, out=inside[1:-1])
+    far = _SPIKE * float(median(inside))
+    most = _MOST_SPIKES[0] * len(response) + _MOST_SPIKES[1]
+
+    @cache
+    def large() -> float:
+        """A hundredth of the range, which takes longer to find and is asked of few recordings."""
+        return 0.01 * float(np.ptp(percentile(response, [1, 99])))
+
     for width in range(1, _WIDEST_SPIKE + 1):
-        before, after = response[: -width - 1], response[width + 1 :]
-        middle = (before + after) / 2
-        height = np.abs(response[1 : 1 + len(before)] - middle)
-        for at in range(1, width):
-            height = np.minimum(height, np.abs(response[1 + at : 1 + at + len(before)] - middle))
-        far = (height > _SPIKE * typical) & (np.abs(after - before) < 0.5 * height)
-        # The range takes longer to find, and is asked of few recordings; of few candidates what is
-        # typical around them is looked at.
-        if far.any():
-            span = float(np.ptp(percentile(response, [1, 99]))) if np.isnan(span) else span
-            far &= height > 0.01 * span
-        # So many would be the signal itself.
-        if not 0 < np.count_nonzero(far) < 0.02 * len(far) + 5:
-            continue
-        first = np.flatnonzero(far)
-        around = padded[first[:, None] + np.arange(width + 2 * _AROUND)]
-        # At the ends of the recording there is less around.
-        first = first[height[first] > _SPIKE * _medians(around)]
+        middle = (response[: -width - 1] + response[width + 1 :]) / 2
+        first = np.flatnonzero(np.abs(response[1:-width] - middle) > far)
+        # Few samples are so far from the middle, and only of these the others are looked at.
+        within = response[first + np.arange(1, width + 1)[:, None]]
+        height = np.abs(within - middle[first]).min(axis=0)
+        apart = np.abs(response[first + width + 1] - response[first])
+        stands = (height > far) & (apart < 0.5 * height)
+        first, height = first[stands], height[stands]
+        if first.size >= most:
+            first, height = first[height > large()], height[height > large()]
+            if first.size >= most:
+                continue
+        around = bends[first[:, None] + np.arange(width + 2 * _AROUND)]
+        quiet = _medians_below(around, height / _SPIKE)
+        first, height = first[quiet], height[quiet]
+        first = first[height > large()] if first.size else first
         for at in range(1, width + 1):
             alone[first + at] = True
     return alone
 
 
-def _medians(values: np.ndarray) -> np.ndarray:
-    """The median of the numbers in each row (R, n), faster than NumPy's where some are none."""
-    count = np.count_nonzero(~np.isnan(values), axis=1)
-    middle = np.stack([(count - 1) // 2, count // 2], axis=1)
-    # What is no number comes last; nearly all rows are complete.
-    ordered = np.partition(values, [(values.shape[1] - 1) // 2, values.shape[1] // 2], axis=1)
-    few = count < values.shape[1]
-    ordered[few] = np.sort(values[few], axis=1)
-    return np.take_along_axis(ordered, middle, axis=1).mean(axis=1)
+def _medians_below(values: np.ndarray, limits: np.ndarray) -> np.ndarray:
+    """Whether the median of the numbers in each row (R, n) is below a limit (R,), by counting."""
+    below, above = values < limits[:, None], values >= limits[:, None]
+    more = np.sum(below, axis=1) - np.sum(above, axis=1)
+    tied = np.flatnonzero(more == 0)  # so that the limit is between the two in the middle
+    low = np.max(values[tied], axis=1, initial=-np.inf, where=below[tied])
+    high = np.min(values[tied], axis=1, initial=np.inf, where=above[tied])
+    more[tied] = low + high < 2 * limits[tied]
+    return more > 0

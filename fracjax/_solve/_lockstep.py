@@ -263,10 +263,10 @@ def coefficients_around(
     for k, shape in enumerate(depend.shapes):
         around[:, 1 + 2 * k, shape] += _DIFFERENCE
         around[:, 2 + 2 * k, shape] -= _DIFFERENCE
-    flat = np.repeat(around.reshape(-1, positions.shape[1]), depend.units, axis=0)
+    flat = around.reshape(-1, positions.shape[1])
     values = part.coefficients(_chain_at(block, layout, at, flat, depend), grid)
-    values = np.broadcast_to(values, (len(flat), part.matrix.shape[-2]))
-    values = values.reshape(count, around.shape[1], depend.units, -1)
+    values = np.broadcast_to(values, (depend.units, len(flat), part.matrix.shape[-2]))
+    values = np.moveaxis(values.reshape(depend.units, count, around.shape[1], -1), 0, 2)
     if depend.constant and depend.gains:
         values = np.concatenate([values[:, :, :1], values[:, :, 1:] - values[:, :, :1]], axis=2)
     return values
@@ -275,10 +275,13 @@ def coefficients_around(
 def _chain_at(
     block: AbstractBlock, layout: Layout, at: int, positions: np.ndarray, depend: Dependence
 ) -> Chain:
-    """A chain at positions (K, n), with its units in turn."""
-    columns = np.array(depend.columns)[np.arange(len(positions)) % depend.units]
+    """A chain at positions (K, n), its gains (u, 1, 1) at the units in turn.
+
+    What depends on the shapes alone, such as powers, is so computed once for all units.
+    """
+    columns = np.array(depend.columns)
     values = {
-        name: (columns == 1 + gain).astype(float)[:, None]
+        name: (columns == 1 + gain).astype(float)[:, None, None]
         for gain, (name, _) in enumerate(layout.gains)
     }
     chains = chains_of(set_values(block, shapes_at(block, layout, positions) | values))

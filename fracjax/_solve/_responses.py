@@ -16,34 +16,35 @@ from .._operators import Grid, speed
 from .._parameters import named_parameters, set_values
 from .._prepare import Problem
 from ._chains import chains_of, transfer
-from ._transformed import Transformed
-
-_AT_ONCE = 8
-"""Responses computed together: enough that Python takes no time, few enough for the cache."""
+from ._transformed import AT_ONCE, Transformed
 
 
-def speeds(drives: np.ndarray, grid: Grid) -> np.ndarray:
-    """The absolute rates |u̇| (d, M) of drives (M, d) [drive unit/s]."""
-    return np.stack([np.asarray(speed(drive, grid)) for drive in np.ascontiguousarray(drives.T)])
+def speeds(drives: np.ndarray, grid: Grid, every: int = 1) -> np.ndarray:
+    """The absolute rates |u̇| (d, ⌈M/every⌉) of drives (M, d) [drive unit/s]."""
+    rows = np.ascontiguousarray(drives.T)
+    parts = (rows[at : at + AT_ONCE] for at in range(0, len(rows), AT_ONCE))
+    return np.concatenate([np.asarray(speed(part, grid, every)) for part in parts])
 
 
-def respond(block: AbstractBlock, drives: np.ndarray, grid: Grid, every: int = 1) -> np.ndarray:
+def respond(
+    block: AbstractBlock, drives: np.ndarray, grid: Grid, every: int = 1, short: bool = False
+) -> np.ndarray:
     """Responses (d, ⌈M/every⌉) of a sum of chains to drives (M, d), at each `every`-th sample.
 
     The block's parameters are single numbers, or arrays (d, 1) of one value for each drive.
     """
     chains = chains_of(block)
     assert chains is not None  # the caller has checked it
-    transformed, total = Transformed.of(drives, grid), np.zeros(drives[::every].shape[::-1])
+    transformed, total = Transformed.of(drives, grid, short), np.zeros(drives[::every].shape[::-1])
     for chain in chains:
         fine = every if chain.after is None else 1
         values = transfer(chain.before, transformed.zeta, grid)
         signals = transformed.back(values * transformed.drives, fine)
         signals = signals + _held(chain.before, drives, grid)
         if chain.rated:
-            signals = signals * speeds(drives, grid)[:, ::fine]
+            signals = signals * speeds(drives, grid, fine)
         if chain.after is not None:
-            between = Transformed.of(signals.T, grid)
+            between = Transformed.of(signals.T, grid, short)
             after = between.back(transfer(chain.after, between.zeta, grid) * between.drives, every)
             signals = after + _held(chain.after, signals.T, grid)
         total += signals
@@ -75,22 +76,24 @@ def _static_gain(block: AbstractBlock) -> Any:
     return np.asarray(block.static_gain())
 
 
-def respond_all(blocks: Sequence[AbstractBlock], problems: Sequence[Problem]) -> list[np.ndarray]:
+def respond_all(
+    blocks: Sequence[AbstractBlock], problems: Sequence[Problem], short: bool = False
+) -> list[np.ndarray]:
     """Each block's response (L,) to the drive of its problem.
 
-    Problems of one grid are computed together.
+    Problems of one grid are computed together, on a `short` circle or a long one.
     """
     groups: dict[tuple, list[int]] = {}
     for row, (block, problem) in enumerate(zip(blocks, problems, strict=True)):
         groups.setdefault(_kind(block, problem), []).append(row)
     responses: list[np.ndarray] = [np.zeros(0)] * len(blocks)
     for rows in groups.values():
-        for at in range(0, len(rows), _AT_ONCE):
-            some = rows[at : at + _AT_ONCE]
+        for at in range(0, len(rows), AT_ONCE):
+            some = rows[at : at + AT_ONCE]
             like = problems[some[0]]
             drives = np.stack([np.asarray(problems[row].drive) for row in some]).T
             block = blocks[some[0]] if len(some) == 1 else stacked([blocks[row] for row in some])
-            some_responses = respond(block, drives, like.grid, like.oversampling)
+            some_responses = respond(block, drives, like.grid, like.oversampling, short)
             for row, response in zip(some, some_responses, strict=True):
                 responses[row] = response
     return responses

@@ -215,7 +215,13 @@ def solve_again(solved: Sequence[Solved], preparations: Sequence[Preparation]) -
 
 def start_positions(block: AbstractBlock, count: int, seed: int) -> np.ndarray:
     """The positions (S, n) of `starts_of`, within the bounds."""
-    return np.clip([position_of(start) for start in starts_of(block, count, seed)], 0.0, 1.0)
+    generator, parameters = np.random.default_rng(seed), named_parameters(block)
+    shapes = [parameters[name] for name, _ in layout_of(block).shapes]
+    draws = [
+        np.concatenate([np.ravel(shape.to_share(shape.draw(generator))) for shape in shapes])
+        for _ in range(count - 1)
+    ]
+    return np.clip([position_of(block), *draws], 0.0, 1.0)
 
 
 def fit_block(block: AbstractBlock, preparation: Preparation, starts: int, seed: int) -> Solved:

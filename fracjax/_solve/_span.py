@@ -188,20 +188,27 @@ class ChainSignals:
 
     def _spectra(self, drives: np.ndarray) -> np.ndarray:
         """The transforms (r, k, F) of what drives the block for drives (r,)."""
+        if self.inputs == 1:
+            return self.driven.drives[drives, None]
+        # Of many signals between two blocks they are not kept, which limits memory.
         places = drives[:, None] * self.inputs + np.arange(self.inputs)
         return self.driven.of_rows(places.ravel()).reshape(*places.shape, -1)
 
 
 def span_of_drives(
-    chains: Sequence[Chain], drives: np.ndarray, like: Problem, spanned: float = SPANNED
+    chains: Sequence[Chain],
+    drives: np.ndarray,
+    like: Problem,
+    spanned: float = SPANNED,
+    short: bool = False,
 ) -> tuple[Chosen, list[ChainSignals]] | None:
     """Chains at shapes chosen for all drives (M, d) together, and the signals of each.
 
-    The drives are on the grid of the problem `like`.  None where too many signals would be needed.
+    The drives are on the grid of the problem `like`, and transformed on a `short` circle or a long
+    one.  None where too many signals would be needed.
     """
     grid, every = like.grid, like.oversampling
-    rates = speeds(drives, grid) if any(chain.rated for chain in chains) else None
-    transformed = Transformed.of(drives, grid)
+    transformed = Transformed.of(drives, grid, short)
     chosen, signals_of_chains = [], []
     for chain in chains:
         first, second = choose_shapes(chain.before, transformed, grid, spanned), None
@@ -209,13 +216,13 @@ def span_of_drives(
             return None
         followed = chain.after is not None and first.size > 0
         fine = 1 if followed else every
-        factors = rates[:, ::fine] if chain.rated and rates is not None else None
+        factors = speeds(drives, grid, fine) if chain.rated else None
         signals = ChainSignals(first, transformed, factors, grid, fine)
         if followed and chain.after is not None:
             between = np.empty((drives.shape[1], first.size, signals.samples))
             for at, of_drive in enumerate(between):
                 signals.fill(at, of_drive)
-            driven = Transformed.of(between.reshape(-1, between.shape[-1]).T, grid)
+            driven = Transformed.of(between.reshape(-1, between.shape[-1]).T, grid, short)
             second = choose_shapes(chain.after, driven, grid, spanned)
             if second is None or first.size * second.size > _MOST_SIGNALS:
                 return None

@@ -42,9 +42,6 @@ _BETWEEN = 16
 judgement."""
 _PANEL = 8
 """Columns that a QR takes at once, which of thirty takes two thirds of LAPACK's usual time."""
-_WORTH_A_SPAN = 16
-"""From so many rows with drives of their own the signals that span their responses take less time
-than the responses themselves.  Chosen by judgement."""
 
 
 class Row(NamedTuple):
@@ -112,17 +109,16 @@ def _groups(
 
 
 def respond_rows(blocks: Sequence[AbstractBlock], problems: Sequence[Problem]) -> list[np.ndarray]:
-    """Each block's response (L,) to the drive of its problem.
+    """Each block's response (L,) to the drive of its problem, to the error of a short circle.
 
-    Of many alike they are by the signals that span them all, to `SPANNED`.
+    Of many with one drive they are by the signals that span them all, to `_signals._SPANNED`.
     """
     responses: list[np.ndarray] = [np.zeros(0)] * len(blocks)
     for members, shared in _groups(blocks, problems):
         some_blocks, some = [blocks[at] for at in members], [problems[at] for at in members]
-        worth = shared or len(members) >= _WORTH_A_SPAN
-        signals = signals_of(some_blocks[0], some) if worth else None
+        signals = signals_of(some_blocks[0], some) if shared else None
         if signals is None:
-            some_responses = respond_all(some_blocks, some)
+            some_responses = respond_all(some_blocks, some, short=True)
         else:
             block, drives = stacked(some_blocks), np.stack([p.drive for p in some]).T
             chains = zip(signals.parts, chains_of(block) or (), strict=True)
@@ -254,15 +250,22 @@ def _confirm(
     every = np.concatenate([derivatives, terms], axis=2)
     derivative_triangles = np.asarray(np.linalg.qr(every, mode="r"))
     sizes = np.linalg.norm(inside[:, own:], axis=1)
-    share = _largest_error(blocks, problems, responses)
+    simulations = [
+        response + problem.own @ terms
+        for response, problem, terms in zip(responses, problems, own_terms, strict=True)
+    ]
+    residuals = [
+        problem.whiten(problem.response - simulation)
+        for problem, simulation in zip(problems, simulations, strict=True)
+    ]
+    costs = np.array([float(residual @ residual) for residual in residuals])
+    counted = np.array([int(np.count_nonzero(problem.weights)) for problem in problems])
+    # The noise may be unknown as yet, so that the error is compared with the residual.
+    tolerated = _SHARE_OF_NOISE * np.sqrt(costs / counted) / (sizes + 1e-300)
+    accurate = _are_accurate(blocks, problems, responses, tolerated)
     results: list[Solved | None] = []
-    for at, (row, problem) in enumerate(zip(rows, problems, strict=True)):
-        simulation = responses[at] + problem.own @ own_terms[at]
-        residual = problem.whiten(problem.response - simulation)
-        cost, counted = float(residual @ residual), int(np.count_nonzero(problem.weights))
-        # The noise may be unknown as yet, so that the error is compared with the residual.
-        accurate = share * sizes[at] <= _SHARE_OF_NOISE * np.sqrt(cost / counted)
-        if not (accurate and optima.converged[at]):
+    for at, row in enumerate(rows):
+        if not (accurate[at] and optima.converged[at]):
             results.append(None)
             continue
         results.append(
@@ -270,14 +273,14 @@ def _confirm(
                 preparation=row.preparation,
                 block=blocks[at],
                 own=(own_terms[at],),
-                simulations=(simulation[: len(row.preparation.takes[0].recording)],),
-                cost=cost,
+                simulations=(simulations[at][: len(row.preparation.takes[0].recording)],),
+                cost=float(costs[at]),
                 converged=True,
-                start_costs=tuple(np.maximum(optima.costs[at], cost).tolist()),
-                samples=counted,
+                start_costs=tuple(np.maximum(optima.costs[at], costs[at]).tolist()),
+                samples=int(counted[at]),
                 evaluations=int(optima.evaluations[at]),
                 blocks=(blocks[at],),
-                whitened=(residual,),
+                whitened=(residuals[at],),
                 free=derivative_triangles.shape[2],
                 derivative=partial(
                     _derivative, signals, at, optima.derivative[at], by_parameter[at]
@@ -307,19 +310,41 @@ def _blocks_at(block: AbstractBlock, optima: _Optima) -> list[AbstractBlock]:
     ]
 
 
-def _largest_error(
-    blocks: Sequence[AbstractBlock], problems: Sequence[Problem], responses: Sequence[np.ndarray]
-) -> float:
-    """The largest relative error of the responses (L,) of some rows, by the full model."""
-    largest, some = 0.0, range(0, len(blocks), -(-len(blocks) // _CHECKED))
-    exact = respond_all([blocks[at] for at in some], [problems[at] for at in some])
-    for at, of_full_model in zip(some, exact, strict=True):
+def _are_accurate(
+    blocks: Sequence[AbstractBlock],
+    problems: Sequence[Problem],
+    responses: np.ndarray,
+    tolerated: np.ndarray,
+) -> np.ndarray:
+    """Whether the responses (R, L) of rows are those of the full model to the error that each
+    tolerates (R,), as a share.
+
+    Some of them are compared; where one differs by more than a row tolerates, all are.
+    """
+    every = np.arange(len(blocks))
+    some = every[:: -(-len(blocks) // _CHECKED)]
+    largest = _errors(some, blocks, problems, responses).max()
+    if np.all(largest <= tolerated):
+        return np.ones(len(blocks), bool)
+    return _errors(every, blocks, problems, responses) <= tolerated
+
+
+def _errors(
+    which: np.ndarray,
+    blocks: Sequence[AbstractBlock],
+    problems: Sequence[Problem],
+    responses: np.ndarray,
+) -> np.ndarray:
+    """The relative errors of some responses (L,), by the full model."""
+    errors = []
+    exact = respond_all([blocks[at] for at in which], [problems[at] for at in which])
+    for at, of_full_model in zip(which, exact, strict=True):
         pair = np.stack([of_full_model - responses[at], responses[at]])
         white = problems[at].whiten(np.concatenate([pair, problems[at].own.T]).T)
         basis = eliminate(white[:, 2:], white[:, 0])[2]
         error, size = np.linalg.norm(white[:, :2] - basis @ (basis.T @ white[:, :2]), axis=0)
-        largest = max(largest, float(error) / (float(size) + 1e-300))
-    return largest
+        errors.append(float(error) / (float(size) + 1e-300))
+    return np.array(errors)
 
 
 def _slopes(block: AbstractBlock, positions: np.ndarray) -> np.ndarray:

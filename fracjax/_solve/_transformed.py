@@ -4,15 +4,21 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from functools import cached_property, lru_cache
+from math import ceil
 from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.fft
+from scipy.fft import next_fast_len
 
 from .._operators import Grid, History, circle
 
 AT_ONCE = 8
 """Signals transformed together: enough for the processor's vectors, few enough for its cache."""
+_SHORT, _SHORT_WRAP = 1.25, 1e-8
+"""Length of a short circle in signals, and its r^L.  Terms that wrap round and rounding, which
+grows as r^-M, are then equal: against the compiled programs a response's error is 2e-10 to 5e-10 of
+its size (FOH, orders to ±0.6, 5,000 samples), on a circle of twice the length 1e-11."""
 _POINTS = 80
 """Points ζ at which transfer functions are compared.  Chosen by judgement."""
 
@@ -34,12 +40,15 @@ class _Circle(NamedTuple):
 
 
 @lru_cache(maxsize=4)
-def _circle(samples: int, history: History) -> _Circle:
+def _circle(samples: int, history: History, short: bool) -> _Circle:
     """The circle for signals of a length, kept because all recordings of a stack share it."""
     if history == "periodic":
         zeta = np.exp(-2j * np.pi * np.arange(1, samples // 2 + 1) / samples)
         return _Circle(zeta, samples, np.ones(samples), np.ones(samples))
     length, radius = circle(samples)
+    if short:
+        length = int(next_fast_len(ceil(_SHORT * samples), real=True))  # type: ignore[arg-type]
+        radius = _SHORT_WRAP ** (1 / length)
     zeta = radius * np.exp(-2j * np.pi * np.arange(length // 2 + 1) / length)
     damping = radius ** np.arange(samples)
     return _Circle(zeta, length, damping, 1 / damping)
@@ -52,20 +61,23 @@ class Transformed:
     Attributes:
         moving: (d, M) the drives without the constant part that their history makes known.
         history: the drive before the first sample.
+        short: whether the circle is a short one.
     """
 
     moving: np.ndarray
     history: History
+    short: bool
 
     @classmethod
-    def of(cls, drives: np.ndarray, grid: Grid) -> Transformed:
+    def of(cls, drives: np.ndarray, grid: Grid, short: bool = False) -> Transformed:
         """The transforms of drives (M, d)."""
         rows = np.ascontiguousarray(drives.T)
-        return cls(rows - rows[:, :1] if grid.history == "constant" else rows, grid.history)
+        moving = rows - rows[:, :1] if grid.history == "constant" else rows
+        return cls(moving, grid.history, short)
 
     @property
     def _on(self) -> _Circle:
-        return _circle(self.moving.shape[1], self.history)
+        return _circle(self.moving.shape[1], self.history, self.short)
 
     @property
     def zeta(self) -> np.ndarray:
@@ -86,7 +98,7 @@ class Transformed:
 
     @cached_property
     def drives(self) -> np.ndarray:
-        """The drives' transforms (d, F)."""
+        """The drives' transforms (d, F), which all chains share."""
         return self.of_rows(slice(None))
 
     def back(self, transforms: np.ndarray, every: int = 1) -> np.ndarray:

@@ -76,3 +76,12 @@ def test_rate_of_noise_goes_straight_on():
     found = np.array([rate(jnp.asarray(ramp), Grid(1.0, "constant"))[-1] for ramp in ramps])
     # Straight on it is (7, -8, 1)/6, whose noise is 1.78; through a cubic 3.84.
     assert np.std(found - 1) < 2.0
+
+
+@pytest.mark.parametrize("history", ["constant", "periodic"])
+@pytest.mark.parametrize("every", [1, 2, 4])
+def test_speeds_of_many_signals_at_some_samples_are_those_of_each(history, every):
+    signals, grid = np.random.default_rng(0).standard_normal((3, 41)), Grid(0.5, history)
+    signals[2] = np.abs(np.arange(41) % 8 - 4.0)
+    each = [np.asarray(speed(signal, grid))[::every] for signal in signals]
+    np.testing.assert_allclose(speed(signals, grid, every), each, rtol=1e-12)

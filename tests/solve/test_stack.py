@@ -7,13 +7,13 @@ import pytest
 
 import fracjax as fj
 from fracjax._computing import computing
-from fracjax._prepare import HistoryOption, Preparation, prepare
+from fracjax._prepare import HistoryOption, Preparation, prepare, with_shapes_at
 from fracjax._prepare._keywords import apply_options
-from fracjax._solve import Solved, compress, fit_blocks, simulate, solve_from
+from fracjax._solve import Solved, _stack, compress, fit_blocks, simulate, solve_from
 from fracjax._solve._least_squares import Objective
 from fracjax._solve._lockstep import Stack, dependences, evaluate
 from fracjax._solve._signals import signals_of
-from fracjax._solve._stack import Row, _groups, can_compress, is_alone, solve_rows
+from fracjax._solve._stack import Row, _groups, can_compress, is_alone, respond_rows, solve_rows
 
 STEP, SAMPLES = 2e-3, 600
 SHAPES = {
@@ -164,6 +164,51 @@ def test_a_problem_that_is_not_accurate_enough_is_left_to_the_full_model(monkeyp
         assert isinstance(solved, Solved)
         monkeypatch.setattr("fracjax._solve._stack._SHARE_OF_NOISE", 1e-15)
         assert solve_rows([row]) == [None]
+
+
+def test_a_row_that_is_not_accurate_enough_leaves_the_others_in_their_stack(monkeypatch):
+    """The second, whose response counts as wrong, and no other is left to the full model."""
+    model = fj.parse_model("foh").with_values(SHAPES["foh"])
+    respond_all = _stack.respond_all
+
+    def respond(blocks, problems, short=False):
+        responses = respond_all(blocks, problems, short)
+        return [
+            (1 + 1e-3 * np.sin(np.arange(len(response)))) * response if problem is bad else response
+            for response, problem in zip(responses, problems, strict=True)
+        ]
+
+    with computing():
+        prepared = preparations(model, True)
+        rows = [Row(p, model.block, np.full((1, 2), 0.5)) for p in prepared]
+        bad = rows[2].problem
+        monkeypatch.setattr(_stack, "respond_all", respond)
+        solved = solve_rows(rows)
+    assert [one is None for one in solved] == [False, False, True, False, False]
+
+
+@pytest.mark.parametrize("name", ["foh", "lfdh"])
+def test_what_spans_many_drives_is_accurate_for_each(name):
+    """LFDH's signals are nearly alike, and their combinations raise the errors of each."""
+    model = fj.parse_model(name).with_values(SHAPES[name])
+    times, generator = STEP * np.arange(SAMPLES), np.random.default_rng(1)
+    with computing():
+        problems = []
+        for _ in range(24):
+            frequencies, phases = (
+                generator.uniform([0.5, 3, 9], [2, 8, 15]),
+                generator.uniform(size=3),
+            )
+            angles = 2 * np.pi * (np.outer(times, frequencies) + phases)
+            drive = 40 + np.sin(angles) @ [14, 8, 5]
+            recording = fj.Recording(drive, drive, STEP)
+            problems += prepare([recording], history="constant").problems()
+        positions = generator.uniform(0.1, 0.9, (24, len(SHAPES[name]) - 2 - (name == "foh")))
+        blocks = [with_shapes_at(model.block, position) for position in positions]
+        spanned = respond_rows(blocks, problems)
+        for block, problem, response in zip(blocks, problems, spanned, strict=True):
+            exact = np.asarray(simulate(block, problem))
+            np.testing.assert_allclose(response, exact, atol=1e-7 * np.ptp(exact))
 
 
 @pytest.mark.parametrize("samples", [32, 40, 60])

@@ -127,6 +127,7 @@ def test_a_difference_of_two_cubes_is_no_cube() -> None:
     assert unexplained_by("cubic_nonlinearity", -(x**3), cubes) < 0.01 * np.sum(x**6)
 
 
+@pytest.mark.slow
 def test_quantised_and_double_cases() -> None:
     coarse = build(replace(EASY, effects=("quantisation",), levels=(3.0,)))
     lsb = coarse.label["effects"][0]["parameters"]["lsb"]

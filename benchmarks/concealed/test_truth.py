@@ -122,6 +122,7 @@ def test_noise(kind: str, colour: float, tails: float, swing: float) -> None:
     assert abs(np.mean(white[1:] * white[:-1])) < 0.01
 
 
+@pytest.mark.slow
 def test_case_reaches_its_level() -> None:
     label = make_case("foh", "electrostriction", "steps", 2.0, seed=3).label
     assert label["level"] == pytest.approx(2.0, rel=0.03)

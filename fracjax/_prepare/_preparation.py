@@ -155,7 +155,7 @@ class Preparation:
         other = self._with("noise", noises)
         problems = tuple(
             with_weighting(problem, take.used, take.whitening, take.roots)
-            for problem, take in zip(self.problems(), other.takes, strict=True)
+            for problem, take in zip(self._default_problems, other.takes, strict=True)
         )
         vars(other)["_default_problems"] = problems
         return other

@@ -108,6 +108,7 @@ def test_limits_reach_the_inversion_and_the_verdict_is_no_failure(call, capsys):
     assert "out of reach within the limits" in Path("out/report.html").read_text(encoding="utf-8")
 
 
+@pytest.mark.slow
 def test_the_band_of_a_real_posterior(call, fitted, capsys):
     """From `fracjax posterior` to the band, against the Laplace approximation's own."""
     recorded = fitted.parent / "recording.csv"

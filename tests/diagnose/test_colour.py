@@ -5,6 +5,9 @@ import pytest
 from scipy.signal import lfilter
 
 from fracjax._diagnose._colour import colour_of
+from fracjax._diagnose._fitted import Corrected
+from fracjax._prepare import Preparation, prepare
+from tests.diagnose.helpers import TIMES, creeping, white
 
 
 def test_a_coloured_series_is_whitened_to_unit_variance():
@@ -28,3 +31,14 @@ def test_white_noise_has_none():
     taps = colour_of(2 * np.random.default_rng(2).standard_normal(3000))
     assert taps.size == 1
     assert taps[0] == pytest.approx(0.5, rel=0.05)
+
+
+def test_another_noise_leaves_the_correction_of_the_grid_as_it_is():
+    """Problems of another noise are made from the uncorrected ones, not corrected twice."""
+    prepared = prepare([creeping(np.zeros(TIMES.size))], noise=white(0.01))
+    defect = 1e-3 * np.arange(len(prepared.problems()[0].response))
+    own = {name: getattr(prepared, name) for name in Preparation.__dataclass_fields__}
+    corrected = Corrected(**own, defects=(defect,))
+    (problem,) = corrected.with_noises([white(0.02)]).problems()
+    np.testing.assert_array_equal(problem.response, prepared.problems()[0].response - defect)
+    assert problem.whitening[0] == pytest.approx(corrected.problems()[0].whitening[0] / 2)

@@ -46,6 +46,7 @@ def test_noise_does_not_jump(seed):
     assert jumps_of(view_of(noise(seed)), 0.0)[:3] == ((), (), 0.0)
 
 
+@pytest.mark.slow
 def test_a_jump_is_told_and_no_drift_is_named():
     generator = np.random.default_rng(1)
     steps = 0.03 * (TIMES >= 4.4) + 0.02 * (TIMES >= 9.1)

@@ -33,7 +33,10 @@ def ringing(first_share: float) -> Recording:
     return Recording(drive, response + noise, STEP, "V", "um")
 
 
-@pytest.mark.parametrize(("share", "name"), [(0.6, "second_mode"), (1.0, "resonance")])
+@pytest.mark.parametrize(
+    ("share", "name"),
+    [pytest.param(0.6, "second_mode", marks=pytest.mark.slow), (1.0, "resonance")],
+)
 def test_a_mode_that_rings_is_refitted_to_the_noise_and_two_are_two(share, name):
     diagnosis = fj.diagnose("creep", ringing(share), noise=SIGMA)
     assert [e.name for e in diagnosis.effects] == [name]
@@ -43,6 +46,7 @@ def test_a_mode_that_rings_is_refitted_to_the_noise_and_two_are_two(share, name)
     assert diagnosis.held_out.extended_rmse == pytest.approx(SIGMA, rel=0.1)
 
 
+@pytest.mark.slow
 def test_a_sweep_through_a_mode_finds_it_alone():
     """The mode lies in the band of the drive, where the base fit follows it as well as it can."""
     sweep = 50 + 40 * np.asarray(chirp(FINE, 50, FINE[-1], 900, phi=-90))

@@ -4,6 +4,7 @@ import json
 from dataclasses import replace
 
 import numpy as np
+import pytest
 
 import fracjax as fj
 import fracjax._fit
@@ -11,6 +12,7 @@ from fracjax._cli import run
 from tests.posterior.helpers import TIMES, diagnosis_file
 
 
+@pytest.mark.slow
 def test_the_command_says_when_a_chain_has_not_converged(tmp_path, cubic, capsys, monkeypatch):
     (take,) = cubic.preparation.takes
     recording = take.recording

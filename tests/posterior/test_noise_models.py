@@ -81,6 +81,7 @@ def test_student_noise_is_that_of_scipy(cubic):
     assert float(found) == pytest.approx(wanted, rel=1e-12)
 
 
+@pytest.mark.slow
 def test_outliers_move_a_student_posterior_less():
     recording = recording_of(Cubic(), 0.05)
     response = recording.response.copy()

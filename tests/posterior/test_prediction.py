@@ -39,6 +39,7 @@ def test_a_loaded_posterior_predicts_the_same_if_its_name_builds_the_model(sampl
         fj.load_posterior(tmp_path).predict(OTHER)
 
 
+@pytest.mark.slow
 def test_a_named_model_predicts_the_same_after_loading(tmp_path):
     generator = np.random.default_rng(3)
     recording = fj.Recording(DRIVE, 0.1 * DRIVE + 1 + generator.normal(0, SIGMA, SAMPLES), STEP)

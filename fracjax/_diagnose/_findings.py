@@ -393,9 +393,13 @@ class Findings:
     @property
     def is_refuted(self) -> bool:
         """Whether held-out data are clearly further from the extended model than from the base:
-        then the named effects have followed something else."""
+        then the named effects have followed something else.  What rests on single events must
+        explain a sufficient share of the others' error."""
         before, after = self.predicted
-        return after is not None and after.rmse > REFUTED * before.rmse
+        if after is None:
+            return False
+        limit = np.sqrt(1 - SHARE) if self.events else REFUTED
+        return after.rmse > limit * before.rmse
 
     @property
     def held_out(self) -> HeldOut:

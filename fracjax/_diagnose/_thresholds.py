@@ -10,7 +10,8 @@ judgement."""
 
 SHARE = 0.25
 """If the loop has another shape than the model's: the smallest share of what loop shapes and other
-effects leave that a named effect explains, in training and in half of the held-out parts."""
+effects leave that a named effect explains, in training and in half of the held-out parts.  Of what
+rests on single events: the share of the other stretches' square error that it explains."""
 
 CHANCE = 1e-3
 """The largest p-value of the test that an effect improves held-out parts by chance, if it explains

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from types import SimpleNamespace
 from typing import Any
 
 import jax
@@ -12,11 +13,13 @@ from scipy.signal import lfilter
 import fracjax as fj
 from fracjax._blocks import EFFECTS
 from fracjax._diagnose._diagnose import held_out_take
+from fracjax._diagnose._findings import Findings
 from fracjax._diagnose._fitted import Fitted, fitted
 from fracjax._diagnose._folds import Folds
 from fracjax._diagnose._held_out import (
     FOLDS,
     STRETCHES,
+    Prediction,
     fold_of_sample,
     predict_recording,
     predict_stretches,
@@ -220,3 +223,16 @@ def test_what_rests_on_one_step_is_named_and_said_to():
     assert diagnosis.held_out.extended_rmse == pytest.approx(0.002, rel=0.2)
     assert len(diagnosis.held_out.extended_folds) < FOLDS
     assert any("such as a single step" in warning for warning in diagnosis.warnings)
+
+
+@pytest.mark.parametrize(
+    ("determined", "ratio", "refuted"),
+    [(True, 1.5, False), (True, 2.5, True), (False, 0.99, True), (False, 0.5, False)],
+)
+def test_names_that_rest_on_one_event_must_predict_the_rest(determined, ratio, refuted):
+    """On a recording of an elastomer's step a saturation, a cube and a skew of clocks explained the
+    step alone."""
+    events = () if determined else ("one step",)
+    before, after = (Prediction((e, e), (10, 10), (determined, True)) for e in (1.0, ratio))
+    findings: Any = SimpleNamespace(predicted=(before, after), events=events)
+    assert Findings.is_refuted.__get__(findings) == refuted

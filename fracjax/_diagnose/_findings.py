@@ -10,7 +10,7 @@ import numpy as np
 from scipy.stats import norm
 
 from .._blocks import AbstractBlock
-from .._fit import Estimate, Fit, fit_of
+from .._fit import Estimate, Fit, fit_of, is_useless
 from .._models import Model
 from .._prepare import Conditions, Noise, Normal, Preparation, Take
 from ._fitted import Fitted, fitted
@@ -225,7 +225,14 @@ class Findings:
     @cached_property
     def is_beyond_noise(self) -> bool:
         """Whether the base's residual significantly exceeds the noise."""
-        return self.p_value < SIGNIFICANCE and self.excess > self.doubt
+        return self.p_value < SIGNIFICANCE and (self.excess > self.doubt or self.follows_nothing)
+
+    @property
+    def follows_nothing(self) -> bool:
+        """Whether the base explains too little of a response that moves far more than its noise,
+        even if that noise could only be read from the residual itself."""
+        scores = self.base_fit.scores
+        return is_useless(scores.r_squared) and scores.rmse > FAR * self.noise.sigma
 
     @property
     def excess(self) -> float:

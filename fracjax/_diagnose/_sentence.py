@@ -91,9 +91,13 @@ def sentence_of(findings: Findings, most_like: str | None, nearest: Nearest | No
             place = "along no axis in particular"
         like = f" It is most similar to {most_like}." if most_like is not None else ""
         like = f" {findings.jumps}" if findings.jumps else like
+        useless = ""
+        if findings.follows_nothing:
+            useless = f" Begin with another model: {base.shortcomings[0]}."
         return (
             f"{base.model.name} and {recorded} differ by more than the noise {place.rstrip('.')}, "
             f"and no effect of the catalogue explains it.{shape}{like}{_nearer(findings, nearest)}"
+            f"{useless}"
         )
     smaller = ""
     if most_like is not None:

@@ -6,6 +6,7 @@ from typing import Any
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import fracjax as fj
 from fracjax._diagnose._nearest import Nearest
@@ -99,6 +100,7 @@ def said(verdict, effects=(), most_like=None, nearest=None, **others) -> str:
         doubt=0.1,
         doubts=(),
         jumps="",
+        follows_nothing=False,
     )
     for name, value in others.items():
         setattr(findings, name, value)
@@ -292,3 +294,16 @@ def test_advice_is_found_whichever_effect_holds_it():
     assert advice("creep", "drive_lag") == law
     assert advice("drive_lag", "creep") in {law, fj.EFFECTS["drive_lag"].separated_by.get("creep")}
     assert advice("creep", "creep") is None
+
+
+def test_a_model_that_follows_nothing_is_no_agreement_even_without_a_measured_noise():
+    """Drive and response are smooth, and have nothing to do with each other."""
+    generator = np.random.default_rng(0)
+    drive, response = (
+        lfilter([0.0025], np.convolve([1, -0.95], [1, -0.95]), generator.standard_normal(1500))
+        for _ in range(2)
+    )
+    recording = fj.Recording(50 * np.asarray(drive), 5 * np.asarray(response), 1e-2, "V", "um")
+    diagnosis = fj.diagnose("gain", recording)
+    assert diagnosis.verdict == "unexplained"
+    assert "Begin with another model: it explains only" in diagnosis.sentence

@@ -23,10 +23,8 @@ def test_the_stage_has_the_hysteresis_it_is_said_to_have():
     assert shares[1] < 0.7 * shares[0]
 
 
-@pytest.mark.parametrize(
-    ("drive", "most"),
-    [pytest.param("foh", 0.02, marks=pytest.mark.slow), ("foh, extended", 0.006)],
-)
+@pytest.mark.slow
+@pytest.mark.parametrize(("drive", "most"), [("foh", 0.02), ("foh, extended", 0.006)])
 def test_a_stage_that_shares_nothing_with_the_models_is_tracked(drive, most):
     """Check 1 on the sine: the largest steady error over the stroke, the zero set."""
     used = {one.name: one for one in run_bench.identified(Path(run_bench.__file__).parent / "fits")}

@@ -101,6 +101,7 @@ def test_another_loop_is_no_dynamics(plays):
     assert plays.verdict != "none"
 
 
+@pytest.mark.slow
 def test_a_drift_beside_another_loop_is_named():
     drift = 0.02 * TIMES
     diagnosis = fj.diagnose("bouc_wen", five_plays(TONE, 2, drift))
@@ -133,6 +134,7 @@ def test_what_is_written_follows_the_schema(concealed, null, plays, tmp_path: Pa
             assert len(axis["edges"]) == len(axis["strength"]) + 1
 
 
+@pytest.mark.slow
 def test_a_sum_of_plays_may_be_the_model_whose_loop_has_another_shape():
     """Its own weights and those of the plays beside it are kept apart."""
     law = fj.parse_model("bouc_wen").with_values({"k_u": 0.1, "rho": 0.05, "sigma": 2.0, "n": 2.0})

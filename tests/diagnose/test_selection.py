@@ -81,6 +81,7 @@ def test_a_misfit_of_no_column_counts_as_noise():
     assert drawn.posterior(6 * drawn.noise + 0.3 * drawn.columns[:, 0]).best.names == ()
 
 
+@pytest.mark.slow
 def test_the_probability_is_how_often_it_is_right():
     """Of effects drawn as the prior has them, near the noise."""
     said, true = [], []

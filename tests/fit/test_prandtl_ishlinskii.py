@@ -126,6 +126,7 @@ def held_out_error(name: str, seed: int) -> float:
     return float(np.std(error[DRIVE.size :]))
 
 
+@pytest.mark.slow
 def test_preisach_planes_are_predicted_better_than_by_bouc_wen():
     names = "prandtl_ishlinskii", "bouc_wen"
     errors = np.array([[held_out_error(name, seed) for name in names] for seed in range(4)])
@@ -135,6 +136,7 @@ def test_preisach_planes_are_predicted_better_than_by_bouc_wen():
     assert ratios.max() < 1.2
 
 
+@pytest.mark.slow
 def test_nested_loops_of_a_real_actuator_are_predicted_better_than_by_foh(data_folder):
     steady, nested = (
         fj.read(data_folder / "piezo_dbo" / name, input=0, output=4, rate=200)

@@ -248,6 +248,7 @@ def test_hysteresis_does_not_disturb_the_fundamental():
     np.testing.assert_allclose(found.ratios, amplitudes(foh.linear_part, TONES), rtol=5e-4)
 
 
+@pytest.mark.slow
 def test_creep_and_dynamics_from_a_recording():
     """The whole path, and both methods take the ratios as they come."""
     ratios = fj.amplitude_ratios(record(one_after_another(), sigma=0.5))

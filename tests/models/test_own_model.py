@@ -89,6 +89,7 @@ def test_a_complete_own_law_is_let_alone(fine):
     assert diagnosis.verdict == "none"
 
 
+@pytest.mark.slow
 def test_electrostriction_is_found_on_an_own_law(fine):
     times, drive = fine
     square = drive + 0.02 * (drive - 50) ** 2 / np.ptp(drive)

@@ -23,6 +23,7 @@ def saturating() -> fj.Fit:
     return fit_of(Cubic(), replace(recording, response=response), 0.02)
 
 
+@pytest.mark.slow
 def test_a_discrepancy_is_the_multivariate_normal_of_its_covariance(saturating):
     """Beside σ² of the noise, τ² Z Zᵀ and those of the gains; the offset's variance all but ∞."""
     found = discrepancy_of(saturating)

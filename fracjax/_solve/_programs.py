@@ -11,8 +11,6 @@ import jax
 
 _MAPS, _LIMIT = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count")
 """The memory maps of this process, and the largest number that Linux allows."""
-
-
 _SHARE = 4
 """Programs may fill one in so many of the maps: a process that diagnoses recording after recording
 then stays below 2 GB, where one in two took 4."""

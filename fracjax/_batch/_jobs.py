@@ -41,7 +41,7 @@ class File:
     def digest(self) -> str:
         """SHA-256 of the content, empty where it cannot be read."""
         try:
-            with self.path.open("rb") as file:
+            with self.path.open("rb", buffering=0) as file:
                 return hashlib.file_digest(file, "sha256").hexdigest()
         except OSError:
             return ""

@@ -8,9 +8,9 @@ import numpy as np
 
 from fracjax._io._clocks import filled, is_counter, is_time
 from fracjax._io._table import Table, column_label, enumerated, quoted
-from fracjax._io._units import readable, titled
+from fracjax._io._units import is_compatible, readable, titled
 from fracjax._io._words import is_direction, quantity, role_of, role_of_letter
-from fracjax._recording import InputError, unit
+from fracjax._recording import InputError
 
 _KINDS = {
     "time": ("s",),
@@ -117,7 +117,7 @@ def role(table: Table, column: int) -> str | None:
 def _points_to(text: str, role: str) -> bool:
     """Whether a unit as written is of a kind that points to the role."""
     read = readable(text) if text else None
-    return read is not None and any(unit(read).is_compatible_with(kind) for kind in _KINDS[role])
+    return read is not None and is_compatible(read, *_KINDS[role])
 
 
 def _speaks_of(table: Table, column: int, wanted: str) -> bool:

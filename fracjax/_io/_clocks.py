@@ -124,12 +124,13 @@ def clock_of_time(
     second = parse_quantity(f"1 {readable(written) or written}", "s", label)
     times = table.numbers(column)[rows]
     steps = np.diff(times)
-    even = _even(steps)
-    slope = float(times[-1] - times[0]) / len(steps) if even.all() else _slope(times)
-    stuck = ~(steps > 1e-9 * np.median(np.abs(steps)))
-    if stuck.any() and (slope is None or rate is None):
-        remedy = _mend(times, stuck, slope, second)
-        raise _refusal(table, column, rows, times, stuck, "time to increase", remedy)
+    is_even = _are_even(steps)
+    slope = float(times[-1] - times[0]) / len(steps) if is_even else _slope(times)
+    if not is_even and (slope is None or rate is None):
+        stuck = ~(steps > 1e-9 * np.median(np.abs(steps)))
+        if stuck.any():
+            remedy = _mend(times, stuck, slope, second)
+            raise _refusal(table, column, rows, times, stuck, "time to increase", remedy)
     # Where there are gaps, the step between them.
     step = second * (float(steps[steps < 2 * np.median(steps)].mean()) if slope is None else slope)
     notes = _agreement(label, step, facts, is_assumed)
@@ -140,8 +141,8 @@ def clock_of_time(
         lost = int(np.sum(np.maximum(np.round(second * steps / step) - 1, 0)))
         remedy = f"give --resample {1 / step:.4g}Hz"
         remedy += f", which invents {lost} samples" if lost else ""
-        raise _refusal(table, column, rows, times, ~even, expected, remedy)
-    rounded = slope is not None and not even.all()
+        raise _refusal(table, column, rows, times, ~_even(steps), expected, remedy)
+    rounded = slope is not None and not is_even
     if rate is not None:
         if rounded and _beyond(times, 1 / (rate * second), _rounding(times))[0] <= 0:
             return Clock(
@@ -203,7 +204,7 @@ def is_time(times: np.ndarray) -> bool:
     if not np.isfinite(times).all():
         return False
     return len(steps) > 0 and bool(
-        _even(steps).all() or ((steps > 0).all() and _slope(times) is not None)
+        _are_even(steps) or ((steps > 0).all() and _slope(times) is not None)
     )
 
 
@@ -243,9 +244,17 @@ def _mend(times: np.ndarray, stuck: np.ndarray, slope: float | None, second: flo
     if slope is not None:
         return f"if the stamps are rounded, give --rate {1 / (second * slope):.4g}Hz"
     row = int(stuck.argmax()) + 1
-    if stuck.sum() == 1 and _even(np.diff(np.delete(times, row))).all():
+    if stuck.sum() == 1 and _are_even(np.diff(np.delete(times, row))):
         return "delete that line, which is there twice"
     return "correct that stamp, or record again"
+
+
+def _are_even(steps: np.ndarray) -> bool:
+    """Whether all steps, shape (N - 1,), are positive and agree with their median."""
+    least = steps.min()
+    # The median, which takes longer to find, is between the least and the largest.
+    alike = least > 0 and steps.max() - least <= _UNIFORM * least
+    return bool(alike or _even(steps).all())
 
 
 def _even(steps: np.ndarray) -> np.ndarray:

@@ -41,8 +41,8 @@ def text_of(source: str) -> Text:
 
     Raises InputError for a file that cannot be read, or is no text.
     """
-    with opened(source):
-        raw = Path(source).read_bytes()
+    with opened(source), Path(source).open("rb", buffering=0) as file:
+        raw = file.read()
     head = raw[:_SAMPLE]
     wide = _wide(raw)
     if wide:
@@ -56,7 +56,7 @@ def text_of(source: str) -> Text:
     if b"\r" in raw:
         raw = raw.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
     raw = raw.replace(b"\x0c", b"").rstrip(b"\x1a") if b"\x0c" in raw or b"\x1a" in raw else raw
-    if len(raw.translate(None, _NO_TEXT)) < len(raw):
+    if any(code in raw for code in _NO_TEXT):
         raise _no_text(source, head)
     return Text(raw, encoding)
 

@@ -5,9 +5,9 @@ from collections.abc import Iterable, Sequence
 from typing import NamedTuple
 
 from fracjax._io._table import Fact
-from fracjax._io._units import readable, stripped, titled
+from fracjax._io._units import is_compatible, readable, stripped, titled
 from fracjax._io._words import role_of
-from fracjax._recording import InputError, parse_quantity, unit
+from fracjax._recording import InputError, parse_quantity
 
 _KEYS = {
     "step": "dt ts tinterval wfincrement sampleinterval samplinginterval sampletime samplingtime "
@@ -104,7 +104,7 @@ def fact(
         return None
     try:
         # "500 Hz" for an interval, or "2 ms" for a rate, are understood all the same.
-        flip = unit(read).is_compatible_with("Hz") != (kind == "rate")
+        flip = is_compatible(read, "Hz") != (kind == "rate")
         clock = Fact(name, f"{parts[1]} {read}" if written else parts[1], _other(default, flip))
         return clock if step_of(clock, name) > 0 else None
     except (InputError, ZeroDivisionError):

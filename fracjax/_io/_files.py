@@ -14,6 +14,7 @@ from fracjax._recording import InputError
 EXPORT = "export the recording as CSV"
 _INSTALL = 'run pip install "fracjax[io]"'
 _HEAD = 512
+_COMPOUND = rb"\xd0\xcf\x11\xe0"
 
 # What a file is by its first bytes, and what to do about one of the wrong suffix.
 _SIGNATURES = (
@@ -71,10 +72,15 @@ _SIGNATURES = (
     (rb"(\xef\xbb\xbf)?\s*<\?xml", "an XML file", EXPORT),
     (rb"(\xef\xbb\xbf)?\s*\{\s*(\"|\})", "JSON", "save its arrays as the columns of a CSV"),
     (rb"\{\\rtf", "a text of a word processor", "save it as plain text"),
+    (_COMPOUND, "an Excel file of before 2007", "save it as .xlsx"),
 )
+_SIGNED = re.compile(
+    b"|".join(b"(?P<at%d>%s)" % (at, pattern) for at, (pattern, _, _) in enumerate(_SIGNATURES)),
+    re.DOTALL,
+)
+"""All of them, each a group called by its index."""
 _TEXTS = ("a universal file", "an Igor text", "an HTML", "an XML", "JSON", "a text of a word")
 """Which of these are text, though no table."""
-_COMPOUND = rb"\xd0\xcf\x11\xe0"
 _OF_COMPOUND = {
     ".svd": ("a Polytec scanning file", "export it as ASCII or MAT from the scanning software"),
     ".pvd": ("a Polytec vibrometer file", "export it as ASCII from the vibrometer software"),
@@ -99,12 +105,11 @@ _NO_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
 
 def signature(head: bytes) -> tuple[str, str] | None:
     """What a file is by its first bytes, and the remedy; None where they tell nothing."""
-    for pattern, kind, remedy in _SIGNATURES:
-        if re.match(pattern, head, re.DOTALL):
-            return kind, remedy
-    if re.match(_COMPOUND, head):
-        return "an Excel file of before 2007", "save it as .xlsx"
-    return None
+    signed = _SIGNED.match(head)
+    if signed is None or signed.lastgroup is None:
+        return None
+    _, kind, remedy = _SIGNATURES[int(signed.lastgroup.removeprefix("at"))]
+    return kind, remedy
 
 
 def text_signature(head: bytes) -> tuple[str, str] | None:

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from functools import lru_cache
 from typing import NamedTuple
 
-from fracjax._io._numbers import decimal_of, kind_of_cell
+from fracjax._io._numbers import NUMBER, decimal_of, kind_of_cell
 from fracjax._io._stamps import is_stamp
 from fracjax._recording import MINIMUM_SAMPLES
 
@@ -21,14 +21,22 @@ _STRAY = 2
 """Rows of numbers above the names of a table that are taken for a preamble."""
 
 
+class _Row(NamedTuple):
+    """A line that may be a row of a table: its index, its cells and what each holds."""
+
+    at: int
+    cells: list[str]
+    kinds: list[str]
+
+
 class _Run(NamedTuple):
-    """Rows of one width: one for each number less one for each text, lines, width, and count."""
+    """Rows of one width: one for each number less one for each text, lines, width, and rows."""
 
     score: int
     start: int
     stop: int
     width: int
-    rows: int
+    rows: list[_Row]
 
 
 @dataclass(frozen=True)
@@ -109,25 +117,19 @@ def layout_of(
             best, separator = _first_of_table(runs, top, lines, candidate), candidate
     if best is None:
         return None
-    start, stop, width = best.start, best.stop, best.width
-    rows = [
-        (at, cells_of(lines[at], separator))
-        for at in range(start, stop)
-        if lines[at].strip() and not is_comment(lines[at])
-    ]
+    rows = best.rows
     # The last line may have been cut where the head of the file ends.
     skipped = _BESIDE if len(rows) > 2 * _BESIDE else len(rows) // 3
-    sample = [cells for _, cells in rows[skipped:][:_SAMPLE]]
-    kinds = tuple(_kind_of_column([cells[at] for cells in sample]) for at in range(width))
-    first = _first_row(rows, kinds)
+    sample = rows[skipped:][:_SAMPLE]
+    kinds = tuple(map(_kind_of_column, zip(*(row.kinds for row in sample), strict=True)))
     return Layout(
         separator,
-        width,
-        first,
+        best.width,
+        _first_row(rows, kinds),
         kinds,
         _decimal(sample, kinds),
-        not any('"' in line for line in lines[start:stop]),
-        stop,
+        '"' not in "\n".join(lines[best.start : best.stop]),
+        best.stop,
     )
 
 
@@ -142,30 +144,38 @@ def _separates(separator: str, lines: Sequence[str]) -> bool:
     """Whether a separator stands in any of the lines."""
     if separator.isspace() and separator != "\t":
         return any(len(line.split()) > 1 for line in lines)
-    return any(separator in line for line in lines)
+    return separator in "\n".join(lines)
 
 
 def _runs(lines: Sequence[str], separator: str, skip: int) -> list[_Run]:
     """The runs of rows of one width with numbers in them."""
-    runs = []
-    score = rows = 0
-    start = width = -1
+    is_number = NUMBER.fullmatch
+    runs: list[_Run] = []
+    rows: list[_Row] = []
+    score, start, width = 0, -1, -1
     for at in range(skip, len(lines) + 1):
-        line = lines[at] if at < len(lines) else None
-        named = line is not None and is_comment(line) and _are_names(line, separator, width)
-        if line is not None and (not line.strip() or (is_comment(line) and not named)):
-            continue
-        cells = [] if line is None or named else cells_of(line, separator)
-        kinds = [kind_of(cell) for cell in cells]
-        numbers = sum(kind in ("number", "stamp", "quantity") for kind in kinds)
+        # Names in a comment end a run, as the last line does.
+        cells: list[str] = []
+        if at < len(lines):
+            line = lines[at]
+            if is_comment(line):
+                if not _are_names(line, separator, width):
+                    continue
+            elif line.strip():
+                cells = cells_of(line, separator)
+            else:
+                continue
+        kinds = ["number" if is_number(cell) else kind_of(cell) for cell in cells]
+        codes, texts, empty = kinds.count("code"), kinds.count("text"), kinds.count("empty")
+        numbers = len(kinds) - codes - texts - empty
         if len(cells) != width or not (numbers or not any(cells)):
             if width > 0:
                 runs.append(_Run(score, start, at, width, rows))
-            score = rows = 0
+            score, rows = 0, []
             start, width = (at, len(cells)) if numbers else (-1, -1)
         if width > 0:
-            score += numbers + kinds.count("code") - kinds.count("text")
-            rows += 1
+            score += numbers + codes - texts
+            rows.append(_Row(at, cells, kinds))
     return runs
 
 
@@ -184,11 +194,11 @@ def _first_of_table(runs: Sequence[_Run], top: _Run, lines: Sequence[str], separ
     for run in runs:
         if run.width != top.width or run.start >= top.start:
             continue
-        if run.rows >= MINIMUM_SAMPLES:
+        if len(run.rows) >= MINIMUM_SAMPLES:
             return run
         rows = [cells_of(line, separator) for line in lines[run.start : run.stop] if line.strip()]
         pure = all(kind_of(cell) not in ("text", "empty") for cells in rows for cell in cells)
-        if pure and (is_named(run) or run.rows > _STRAY or not top_is_named):
+        if pure and (is_named(run) or len(run.rows) > _STRAY or not top_is_named):
             return run
     return top
 
@@ -199,8 +209,7 @@ def _are_names(line: str, separator: str, width: int) -> bool:
     return len(cells) == width and all(kind_of(cell) == "text" for cell in cells)
 
 
-def _kind_of_column(cells: Sequence[str]) -> str:
-    kinds = [kind_of(cell) for cell in cells]
+def _kind_of_column(kinds: Sequence[str]) -> str:
     count = {
         kind: kinds.count(kind) for kind in ("number", "stamp", "quantity", "code", "text", "empty")
     }
@@ -213,18 +222,17 @@ def _kind_of_column(cells: Sequence[str]) -> str:
     return "text" if count["text"] > count["empty"] else "empty"
 
 
-def _first_row(rows: Sequence[tuple[int, list[str]]], kinds: Sequence[str]) -> int:
+def _first_row(rows: Sequence[_Row], kinds: Sequence[str]) -> int:
     """The first line of a run that belongs to the table: lines such as `Sample Interval,0.002`
     above one of two columns do not."""
     first = 0
-    for _, cells in rows[:_BESIDE]:
-        number = [at for at, kind in enumerate(kinds) if kind == "number"]
-        if not number or number[0] > 0 or kind_of(cells[0]) != "text":
+    for row in rows[:_BESIDE]:
+        if kinds[0] != "number" or row.kinds[0] != "text":
             break
         first += 1
-    return rows[first][0] if first < len(rows) else rows[0][0]
+    return rows[first if first < len(rows) else 0].at
 
 
-def _decimal(sample: Sequence[Sequence[str]], kinds: Sequence[str]) -> str:
-    cells = [cells[at] for cells in sample for at, kind in enumerate(kinds) if kind == "number"]
-    return decimal_of(cells)
+def _decimal(sample: Sequence[_Row], kinds: Sequence[str]) -> str:
+    numbers = [at for at, kind in enumerate(kinds) if kind == "number"]
+    return decimal_of([row.cells[at] for row in sample for at in numbers])

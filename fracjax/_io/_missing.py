@@ -55,10 +55,10 @@ def require_masked(
 ) -> None:
     """Raise `InputError` at the first sample of a stretch that is no number and not masked."""
     bad = ~np.isfinite(values)
-    open_ = np.flatnonzero(bad & ~allowed)
-    if not open_.size:
+    open_ = bad & ~allowed
+    if not open_.any():
         return
-    row = int(open_[0])
+    row = int(open_.argmax())
     beyond = np.isinf(values[row])
     count = int(np.count_nonzero(np.isinf(values) if beyond else np.isnan(values)))
     shown = table.shown((rows.start or 0) + row, column)
@@ -87,25 +87,17 @@ def _is_code(shown: str) -> bool:
     return bool(inner) and code_of(inner) is not None
 
 
-def notes_on(
-    table: Table, columns: dict[str, int], bad: dict[str, np.ndarray], times: np.ndarray
-) -> list[str]:
-    """The note on samples that are left out."""
-    notes = []
-    for role, column in columns.items():
-        lost = bad[role]
-        if not lost.any():
-            continue
-        at = times[int(lost.argmax())]
-        label = f"{table.source}, {column_label(table.names, column)}"
-        note = f"{label}: {int(lost.sum())} samples are left out, the first at {at:.6g} s."
-        if role == "input":
-            note += (
-                " The drive was bridged by straight lines there: what the actuator remembers of "
-                "it is not known."
-            )
-        notes.append(note)
-    return notes
+def note_on(table: Table, role: str, column: int, lost: np.ndarray, times: np.ndarray) -> str:
+    """The note on samples that are left out, of which there are some."""
+    at = times[int(lost.argmax())]
+    label = f"{table.source}, {column_label(table.names, column)}"
+    note = f"{label}: {int(lost.sum())} samples are left out, the first at {at:.6g} s."
+    if role == "input":
+        note += (
+            " The drive was bridged by straight lines there: what the actuator remembers of "
+            "it is not known."
+        )
+    return note
 
 
 def with_spikes(mask: Mask, response: np.ndarray, bad: np.ndarray) -> np.ndarray:

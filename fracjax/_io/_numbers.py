@@ -13,7 +13,7 @@ from fracjax._recording import LARGEST, unit
 _GROUP = "[  '’  ]"
 _DIGITS = rf"(?:\d+|\d{{1,3}}(?:{_GROUP}\d{{3}})+|\d{{1,3}}(?:[.,]\d{{3}})+)"
 _FORM = rf"[-+−]?(?:{_DIGITS}(?:[.,]\d*)?|[.,]\d+)(?:[eEdD][-+]?\d+)?"
-_NUMBER = re.compile(_FORM, re.ASCII)
+NUMBER = re.compile(_FORM, re.ASCII)
 _QUANTITY = re.compile(rf"({_FORM})\s*([^\d\s.,;+-][^\s,;]*)", re.ASCII)
 _MISSING = frozenset(
     [
@@ -109,7 +109,7 @@ def kind_of_cell(cell: str) -> str:
     """What a cell holds: "number", "code" for none, "quantity" with its unit, "empty" or "text"."""
     if not cell:
         return "empty"
-    if _NUMBER.fullmatch(cell):
+    if NUMBER.fullmatch(cell):
         return "number"
     if code_of(cell) is not None:
         return "code"
@@ -162,7 +162,7 @@ def numbers_of(cells: Sequence[str], decimal: str) -> Parsed:
     for row, cell in enumerate(cells):
         number = cell
         code = code_of(cell)
-        parts = None if code is not None or _NUMBER.fullmatch(cell) else _QUANTITY.fullmatch(cell)
+        parts = None if code is not None or NUMBER.fullmatch(cell) else _QUANTITY.fullmatch(cell)
         if parts and readable(parts[2]):
             number, units[row] = parts[1], parts[2]
         value = code if code is not None else _value(number, decimal, other, parts_thousands)
@@ -175,7 +175,7 @@ def numbers_of(cells: Sequence[str], decimal: str) -> Parsed:
 
 
 def _value(cell: str, decimal: str, other: str, parts_thousands: bool) -> float | None:
-    if not _NUMBER.fullmatch(cell):
+    if not NUMBER.fullmatch(cell):
         return None
     plain = re.sub(_GROUP, "", cell.replace("−", "-"))
     if other in plain:

@@ -58,8 +58,8 @@ def parts_of(
         return _without_time(table, column, values, timing)
     times = table.numbers(time)
     # A channel of fewer samples than its neighbours ends in empty cells.
-    filled = np.flatnonzero(np.isfinite(times) | ~np.isnan(values))
-    count = int(filled[-1]) + 1 if filled.size else 0
+    filled = np.isfinite(times) | ~np.isnan(values)
+    count = len(filled) - int(filled[::-1].argmax()) if filled.any() else 0
     if beside and beside[-1].rows.stop == count:
         return [part._replace(column=column, values=values[part.rows]) for part in beside]
     times, values = times[:count], values[:count]
@@ -165,13 +165,12 @@ def _timed(table: Table, time: int, rows: slice, timing: Timing) -> Clock:
 def _counts(table: Table, time: int, times: np.ndarray, rate: float | None) -> bool:
     """Whether a column given or taken as the time counts samples: it says so, or no unit and the
     call gives a rate."""
-    whole = len(times) > 1 and bool((times == np.round(times)).all())
-    if not whole or table.about(time).stamps:
+    if table.about(time).stamps:
         return False
     spoken = role(table, time)
     if spoken == "counter":
-        return True
-    return rate is not None and is_counter(times) and spoken != "time" and abs(rate - 1) > 1e-3
+        return len(times) > 1 and bool((times == np.round(times)).all())
+    return rate is not None and spoken != "time" and abs(rate - 1) > 1e-3 and is_counter(times)
 
 
 def _counter(table: Table, column: int) -> int | None:

@@ -18,17 +18,29 @@ def segments_of_times(times: np.ndarray) -> list[slice]:
     the recording in parts.
     """
     steps = np.diff(times)
-    if not len(steps) or not np.isfinite(steps).all():
+    if not len(steps) or _are_alike(steps) or not np.isfinite(steps).all():
         return [slice(0, len(times))]
-    restarts = [int(at) + 1 for at in np.flatnonzero(steps < -_usual(steps))]
-    return cut(len(times), sorted({*restarts, *gaps(times)}))
+    usual = _usual(steps)
+    restarts = [int(at) + 1 for at in np.flatnonzero(steps < -usual)]
+    return cut(len(times), sorted({*restarts, *_gaps(steps, usual)}))
+
+
+def _are_alike(steps: np.ndarray) -> bool:
+    """Whether no step goes back and none could be a gap, whatever the usual one is."""
+    least = steps.min()
+    return least > 0 and steps.max() <= LONGEST_GAP * least
 
 
 def gaps(times: np.ndarray) -> list[int]:
     """The samples of times (N,) that follow a gap: more than ten times the steps around it."""
     steps = np.diff(times)
+    return _gaps(steps, _usual(steps))
+
+
+def _gaps(steps: np.ndarray, usual: float) -> list[int]:
+    """The samples behind the steps (N - 1,) that are gaps."""
     starts = []
-    for at in np.flatnonzero(steps > LONGEST_GAP * _usual(steps)):
+    for at in np.flatnonzero(steps > LONGEST_GAP * usual):
         around = steps[max(at - _NEAR, 0) : at], steps[at + 1 : at + 1 + _NEAR]
         local = max((float(np.median(np.abs(side))) for side in around if side.size), default=0.0)
         if steps[at] > LONGEST_GAP * local:

@@ -11,7 +11,7 @@ from fracjax._io._alignment import SIGNALS, aligned, on_one_zero, unequal
 from fracjax._io._assigned_units import Unit, unit_of
 from fracjax._io._choice import choose
 from fracjax._io._clocks import Clock, note_on_facts, rate_of
-from fracjax._io._missing import Mask, notes_on, require_masked, with_spikes, within
+from fracjax._io._missing import Mask, note_on, require_masked, with_spikes, within
 from fracjax._io._parts import Part, Timing, parts_of
 from fracjax._io._resampling import Channel, resampled
 from fracjax._io._segments import in_words
@@ -281,9 +281,10 @@ def _signals(
 
 
 def notes_on_parts(parts: dict[str, Part], bad: dict[str, np.ndarray]) -> list[str]:
-    """The note on samples that are left out."""
+    """The notes on samples that are left out."""
     notes: list[str] = []
     for role, part in parts.items():
-        times = part.clock.times - part.clock.times[0]
-        notes += notes_on(part.table, {role: part.column}, bad, times)
+        if bad[role].any():
+            times = part.clock.times - part.clock.times[0]
+            notes.append(note_on(part.table, role, part.column, bad[role], times))
     return notes

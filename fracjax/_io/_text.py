@@ -23,8 +23,12 @@ from fracjax._recording import InputError
 
 _LONGEST_LINE = 100_000
 _HEADS = (60_000, 2_000_000, None)
-_SHORT_HEAD = (2_000,)
-"""Bytes of a head that suffices where every line after it is read as its last ones are."""
+_SHORT_HEADS = (
+    (600, frozenset(("number",))),
+    (2_000, frozenset(("number", "stamp", "text", "empty"))),
+)
+"""Bytes of heads that suffice where every line after them is read as their last ones are, and what
+their columns may hold: what is no number in a few lines may yet become one."""
 _TEXT_FAULT = {"text": "text", "empty": "next to no numbers"}
 
 
@@ -136,10 +140,14 @@ def _laid_out(
     less than a second for a million rows; None where it refuses them, so that they are read row by
     row.
     """
-    # Most of the time goes into the layout of the head: a short one is tried first.
-    if hints == NO_HINTS and (located := _located(source, text, hints, _SHORT_HEAD)):
-        quick = _quick(text, located[1]) if located[1].is_plain else None
-        if quick is not None:
+    if signature := text_signature(text.raw[: _HEADS[0]]):
+        raise InputError.at(source, "rows of numbers", *signature)
+    # The layout of a long head takes most of the time: short ones are tried first.
+    for size, kinds in _SHORT_HEADS if hints == NO_HINTS else ():
+        located = _located(source, text, hints, (size,)) if b"\n" in text.raw[:size] else None
+        if located is None or not (located[1].is_plain and kinds.issuperset(located[1].kinds)):
+            continue
+        if (quick := _quick(text, located[1])) is not None:
             return *located, quick
     located = _located(source, text, hints, _HEADS)
     assert located is not None  # the last head is all of the text
@@ -152,8 +160,6 @@ def _located(
     """The lines down to where the table has begun, and its layout, from the first head that shows
     it.
     """
-    if signature := text_signature(text.raw[: _HEADS[0]]):
-        raise InputError.at(source, "rows of numbers", *signature)
     for size in heads:
         lines = text.decoded(size).split("\n")
         if max(map(len, lines)) > _LONGEST_LINE:
@@ -161,7 +167,7 @@ def _located(
         # Lines that the call skips stay, so that lines keep their numbers.
         skip = min(hints.skip_rows, len(lines))
         stated = (hints.names_row, hints.units_row)
-        lines = [line if at >= skip or at + 1 in stated else "" for at, line in enumerate(lines)]
+        lines[:skip] = [line if at + 1 in stated else "" for at, line in enumerate(lines[:skip])]
         layout = layout_of(lines, skip)
         complete = size is None or size >= len(text.raw)
         if layout is not None and (complete or layout.stop >= len(lines) - 2):
@@ -204,12 +210,6 @@ def _quick(text: Text, layout: Layout) -> list[_Values | None] | None:
     columns = _by_arrow(text, layout, start, read) or _by_pandas(text, layout, start, read)
     if columns is None:
         return None
-    if layout.separator != " ":
-        ends = text.raw.count(layout.separator.encode(), start)
-        if ends != len(columns[read[0]]) * (layout.width - 1):
-            return None
-    elif len(read) < layout.width:
-        return None
     values: list[_Values | None] = [None] * layout.width
     for at in read:
         if kinds[at] == "stamp":
@@ -232,7 +232,7 @@ def _by_arrow(
         return None
     names = [str(at) for at in range(layout.width)]
     try:
-        table = arrow.read_csv(
+        table = arrow.open_csv(
             pa.py_buffer(text.raw)[start:],
             arrow.ReadOptions(use_threads=False, column_names=names),
             arrow.ParseOptions(delimiter=layout.separator, quote_char=False),
@@ -242,7 +242,7 @@ def _by_arrow(
                 null_values=[],
                 decimal_point=layout.decimal,
             ),
-        )
+        ).read_all()
     except pa.ArrowInvalid:
         return None
     return {at: column.to_numpy() for at, column in zip(read, table.columns, strict=True)}
@@ -252,6 +252,8 @@ def _by_pandas(
     text: Text, layout: Layout, start: int, read: list[int]
 ) -> dict[int, np.ndarray] | None:
     """The columns to read from byte `start` on, stamps as text; None where pandas refuses them."""
+    if layout.separator == " " and len(read) < layout.width:
+        return None
     import pandas as pd  # most files do without, and it takes long to import
 
     body = io.BytesIO(text.raw)
@@ -271,6 +273,10 @@ def _by_pandas(
             encoding=text.encoding,
         )
     except ValueError:
+        return None
+    # Pandas completes rows that are too short, and cuts those that are too long.
+    ends = text.raw.count(layout.separator.encode(), start)
+    if layout.separator != " " and ends != len(frame) * (layout.width - 1):
         return None
     return {at: frame[at].to_numpy() for at in read}
 

@@ -168,15 +168,23 @@ def _respelled(text: str) -> list[str]:
     return [each for each in (word, plain, powers, "/".join(parts)) if each]
 
 
+@lru_cache(maxsize=1024)
+def is_compatible(read: str, *kinds: str) -> bool:
+    """Whether a unit is one of the same quantity as any of some others."""
+    return any(unit(read).is_compatible_with(kind) for kind in kinds)
+
+
+@lru_cache(maxsize=512)
 def is_unit(text: str) -> bool:
     """Whether a cell of its own is a unit of something that is recorded, or says there is none."""
     inner = re.sub(r"^[\[(（【{<]\s*(.*?)\s*[\])）】}>]$", r"\1", text.strip())
     if inner.casefold() in _NOTHING:
         return True
     read = readable(inner)
-    return read is not None and any(unit(read).is_compatible_with(kind) for kind in _SIGNALS)
+    return read is not None and is_compatible(read, *_SIGNALS)
 
 
+@lru_cache(maxsize=512)
 def stripped(text: str) -> str:
     """A cell of a row of units without its brackets; empty where it says that there is none."""
     inner = re.sub(r"^[\[(（【{<]\s*(.*?)\s*[\])）】}>]$", r"\1", text.strip())
@@ -242,9 +250,9 @@ def _suits(name: str, rest: str, *, blank: bool = False) -> bool:
     kinds = _DIMENSIONS.get(spoken or "", _SIGNALS)
     electrical = spoken in ("length", "force", "angle", "charge") and not blank
     kinds = (*kinds, "V") if electrical else kinds
-    if spoken is None and unit(read).is_compatible_with("s"):
+    if spoken is None and is_compatible(read, "s"):
         return not blank and rest not in ("s",)
-    return any(unit(read).is_compatible_with(kind) for kind in kinds)
+    return is_compatible(read, *kinds)
 
 
 def contradicts(name: str, read: str) -> bool:
@@ -253,6 +261,4 @@ def contradicts(name: str, read: str) -> bool:
     Any quantity may be written in volts or amperes, as its sensor gives it, or as a share.
     """
     kinds = _DIMENSIONS.get(quantity(name) or "", ())
-    if not kinds:
-        return False
-    return not any(unit(read).is_compatible_with(kind) for kind in (*kinds, *_ELECTRICAL, "%"))
+    return bool(kinds) and not is_compatible(read, *kinds, *_ELECTRICAL, "%")

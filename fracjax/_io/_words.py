@@ -1,6 +1,7 @@
 """What the words in a column's name speak of, in the languages that instruments write."""
 
 import re
+from functools import lru_cache
 
 _QUANTITIES = {
     "time": "time times t zeit temps tiempo tempo čas czas tid tijd время timestamp datetime date "
@@ -152,12 +153,14 @@ def _spoken(text: str) -> set[str]:
     return kinds
 
 
+@lru_cache(maxsize=1024)
 def quantity(text: str) -> str | None:
     """The one quantity that a name speaks of, such as "voltage"; None of none or of several."""
     kinds = _spoken(text)
     return next(iter(kinds)) if len(kinds) == 1 else None
 
 
+@lru_cache(maxsize=1024)
 def role_of(text: str) -> str | None:
     """The role that a name speaks of: time, input, output, counter or other; None of none.
 
@@ -189,6 +192,7 @@ def role_of(text: str) -> str | None:
     return directions.pop() if len(directions) == 1 else None
 
 
+@lru_cache(maxsize=1024)
 def is_direction(text: str) -> bool:
     """Whether a name says no more than that it is an input or an output: of the actuator, or of the
     instrument at its other end."""
@@ -196,6 +200,7 @@ def is_direction(text: str) -> bool:
     return not _spoken(text) and not _ENDS.isdisjoint(words)
 
 
+@lru_cache(maxsize=1024)
 def role_of_letter(text: str) -> str | None:
     """The role of a name with one letter such as u, which says less than a unit does."""
     singles = {_LETTERS[word] for word in _words(text) if word in _LETTERS}

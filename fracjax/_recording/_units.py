@@ -62,8 +62,11 @@ def parse_quantity(text: str | float, default: str, where: str = "quantity") -> 
     number, name = float(parts[1]), parts[2] or default
     try:
         written, wanted = unit(name, where), unit(default)
-        quantity = pint.get_application_registry().Quantity(number, written)
-        value = float(quantity.to(wanted).magnitude)
+        if written is wanted:
+            value = number
+        else:
+            quantity = pint.get_application_registry().Quantity(number, written)
+            value = float(quantity.to(wanted).magnitude)
     except pint.PintError:
         raise InputError.at(
             where, f"a value in {default} or a multiple of it", f'"{text}"', "correct the unit"

@@ -42,7 +42,7 @@ def text_of(source: str) -> Text:
     Raises InputError for a file that cannot be read, or is no text.
     """
     with opened(source), Path(source).open("rb", buffering=0) as file:
-        raw = file.read()
+        raw = file.read()  # all at once, which needs no buffer
     head = raw[:_SAMPLE]
     wide = _wide(raw)
     if wide:

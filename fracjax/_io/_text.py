@@ -227,7 +227,8 @@ def _by_arrow(
     text: Text, layout: Layout, start: int, read: list[int]
 ) -> dict[int, np.ndarray] | None:
     """The columns to read from byte `start` on, each with its numbers; None where Arrow, which
-    takes half of pandas' time, refuses them."""
+    takes half of pandas' time, refuses them; as a stream, since a reader of the whole starts a
+    thread for each file."""
     if layout.separator == " " or "stamp" in layout.kinds:
         return None
     names = [str(at) for at in range(layout.width)]
@@ -275,8 +276,8 @@ def _by_pandas(
     except ValueError:
         return None
     # Pandas completes rows that are too short, and cuts those that are too long.
-    ends = text.raw.count(layout.separator.encode(), start)
-    if layout.separator != " " and ends != len(frame) * (layout.width - 1):
+    ends = len(frame) * (layout.width - 1)
+    if layout.separator != " " and text.raw.count(layout.separator.encode(), start) != ends:
         return None
     return {at: frame[at].to_numpy() for at in read}
 

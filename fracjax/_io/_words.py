@@ -1,4 +1,7 @@
-"""What the words in a column's name speak of, in the languages that instruments write."""
+"""What the words in a column's name speak of, in the languages that instruments write.
+
+It is kept by name, as files repeat their headers.
+"""
 
 import re
 from functools import lru_cache

@@ -94,6 +94,25 @@ def test_comments_blank_lines_and_quotes(put):
     is_the_loop(read(put(["# made, by, me", "", quoted, *numbers[:3], "% later", *numbers[3:]])))
 
 
+def test_a_column_whose_first_cells_are_empty_is_one_of_numbers(put):
+    """The first lines of a file do not say what its columns hold."""
+    late, times = 25, np.arange(200) * 0.005
+    head, *rows = lines_of(times, np.sin(30 * times), np.cos(30 * times))
+    rows[:late] = [f"{row.rpartition(',')[0]}," for row in rows[:late]]
+    recording = read(put([head, *rows]), mask="bad")
+    np.testing.assert_array_equal(recording.response[late:], np.cos(30 * times)[late:])
+    np.testing.assert_array_equal(np.flatnonzero(recording.masked), np.arange(late))
+
+
+def test_decimal_commas_may_begin_late(put):
+    """Whole numbers in the first lines do not say what the decimal mark is."""
+    count, whole = 400, 100
+    rise = np.arange(count) + np.where(np.arange(count) < whole, 0.0, 0.5)
+    rows = [f"{at};{value:g};{value:g}".replace(".", ",") for at, value in enumerate(rise)]
+    recording = read(put([";".join(NAMES), *rows]))
+    np.testing.assert_array_equal(recording.drive, rise)
+
+
 def test_names_in_the_comment_above_the_numbers(put, tmp_path):
     path = tmp_path / "loop.txt"
     np.savetxt(path, np.c_[TIME, DRIVE, RESPONSE], fmt="%.17g", header="a note\nt u_V y_um")
@@ -365,10 +384,10 @@ def test_files_that_cannot_be_opened(tmp_path, monkeypatch):
     with pytest.raises(InputError, match="null"):
         read("a\0b")
 
-    def deny(path):
+    def deny(path, *args, **options):
         raise PermissionError(13, "Permission denied")
 
-    monkeypatch.setattr(Path, "read_bytes", deny)
+    monkeypatch.setattr(Path, "open", deny)
     with pytest.raises(InputError, match="permission denied"):
         read("loop.csv")
 

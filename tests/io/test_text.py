@@ -101,6 +101,7 @@ def test_a_column_whose_first_cells_are_empty_is_one_of_numbers(put):
     rows[:late] = [f"{row.rpartition(',')[0]}," for row in rows[:late]]
     recording = read(put([head, *rows]), mask="bad")
     np.testing.assert_array_equal(recording.response[late:], np.cos(30 * times)[late:])
+    assert recording.masked is not None
     np.testing.assert_array_equal(np.flatnonzero(recording.masked), np.arange(late))
 
 

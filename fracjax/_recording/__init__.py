@@ -3,7 +3,13 @@
 from fracjax._recording._errors import InputError, closest, found_in, item, pair_of, require_kind
 from fracjax._recording._kept import kept
 from fracjax._recording._periods import Repeats, mismatch, runs_of, unit_range
-from fracjax._recording._recording import Recording, require_units, require_units_of
+from fracjax._recording._recording import (
+    Recording,
+    inspect_together,
+    require_units,
+    require_units_of,
+)
+from fracjax._recording._rows import in_rows, quantiles
 from fracjax._recording._signals import (
     LARGEST,
     MINIMUM_SAMPLES,
@@ -24,11 +30,14 @@ __all__ = [
     "bridged",
     "closest",
     "found_in",
+    "in_rows",
+    "inspect_together",
     "item",
     "kept",
     "mismatch",
     "pair_of",
     "parse_quantity",
+    "quantiles",
     "require_kind",
     "require_samples",
     "require_units",

@@ -1,6 +1,7 @@
 """The recording, validated once at the border."""
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 from pathlib import Path
@@ -10,6 +11,7 @@ import numpy as np
 
 from fracjax._recording._errors import InputError
 from fracjax._recording._periods import Repeats, repeats_in, stretches_at_rest, unit_range
+from fracjax._recording._rows import in_rows
 from fracjax._recording._signals import (
     LARGEST,
     resolution,
@@ -135,7 +137,7 @@ class Recording(Shown):
     @cached_property
     def resolution(self) -> float:
         """The step [response unit] of the grid of the response's values, 0 where there is none."""
-        return resolution(self.response)
+        return float(resolution(self.response))
 
     def static_stretches(self, minimum_seconds: float = 0.0) -> list[tuple[int, int]]:
         """Stretches `[start, stop)` [samples] of constant drive, where the noise can be read.
@@ -195,6 +197,16 @@ class Recording(Shown):
     def checks(self) -> tuple[str, ...]:
         """Plain warnings about the data that a fit would not reveal."""
         return warnings_about(self)
+
+
+def inspect_together(recordings: Sequence[Recording]) -> None:
+    """Find the spikes and resolutions of recordings, for which those of one length take less time
+    together."""
+    for name, function in (("spikes", spikes), ("resolution", resolution)):
+        unknown = [recording for recording in recordings if name not in vars(recording)]
+        values = in_rows(function, [recording.response for recording in unknown])
+        for recording, value in zip(unknown, values, strict=True):
+            vars(recording)[name] = value
 
 
 def require_units_of(first: Recording, other: Recording) -> None:

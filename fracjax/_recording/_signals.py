@@ -1,10 +1,12 @@
 """A signal: finite numbers along one axis."""
 
 from functools import cache
+from typing import Any
 
 import numpy as np
 
 from fracjax._recording._errors import InputError
+from fracjax._recording._rows import quantiles
 
 MINIMUM_SAMPLES = 32
 LARGEST = 1e100
@@ -65,19 +67,23 @@ def varying(samples, where: str) -> np.ndarray:
     return signal
 
 
-def resolution(response: np.ndarray) -> float:
-    """The step [response unit] of the grid of a response's (N,) values, 0 where there is none.
+def resolution(response: np.ndarray) -> Any:
+    """The step [response unit] of the grid of a response's (N,) values, 0 where there is none; of
+    each of several responses (R, N).
 
     Neighbouring values must be whole steps apart, to a tenth of a step, and the smallest gap must
     be one step.  A converter's codes that were scaled and rounded to a few digits still qualify.
     Noise of many digits does not, nor do codes so fine that no code has its neighbour in the
     recording.
     """
-    gaps = np.diff(np.unique(response))
-    gaps = gaps[gaps > 1e-9 * np.ptp(response)]  # smaller gaps are rounding errors
-    codes = np.round(gaps / gaps.min())
-    step = float(gaps.sum() / codes.sum())
-    return step if np.all(np.abs(gaps / step - codes) < 0.1) else 0.0
+    gaps = np.diff(np.sort(response))
+    spans = np.ptp(response, axis=-1, keepdims=True)
+    gaps[gaps <= 1e-9 * spans] = 0.0  # equal values, and rounding errors
+    smallest = np.where(gaps > 0, gaps, np.inf).min(axis=-1, keepdims=True)
+    codes = np.round(gaps / smallest)
+    steps = gaps.sum(axis=-1, keepdims=True) / codes.sum(axis=-1, keepdims=True)
+    even = np.all(np.abs(gaps / steps - codes) < 0.1, axis=-1)
+    return np.where(even, steps[..., 0], 0.0)[()]
 
 
 _SPIKE = 12.0
@@ -90,60 +96,48 @@ _MOST_SPIKES = 0.02, 5
 
 
 def spikes(response: np.ndarray) -> np.ndarray:
-    """Which samples of a response (N,) stand alone, far from those before and behind: (N,).
+    """Which samples of a response (N,) stand alone, far from those before and behind: (N,); of each
+    of several responses (R, N): (R, N).
 
     Far is twelve times what samples typically depart from the line between their neighbours, in the
     whole response and around them, and a hundredth of the range; up to three in a row, where those
     on both sides agree.
     """
-    alone = np.zeros(len(response), bool)
-    if len(response) < MINIMUM_SAMPLES:
-        return alone
-    # Medians that pass over what is no number take four times as long.
-    complete = bool(np.isfinite(response).all())
-    median, percentile = (
-        (np.median, np.percentile) if complete else (np.nanmedian, np.nanpercentile)
-    )
-    bends = np.full(len(response) + 2 * _AROUND, np.nan)
-    inside = bends[_AROUND:-_AROUND]
-    inside[[0, -1]] = 0.0
-    np.abs(response[1:-1] - (response[:-2] + response[2:]) / 2, out=inside[1:-1])
-    far = _SPIKE * float(median(inside))
-    most = _MOST_SPIKES[0] * len(response) + _MOST_SPIKES[1]
+    rows = np.atleast_2d(response)
+    count, size = rows.shape
+    alone = np.zeros(rows.shape, bool)
+    if size < MINIMUM_SAMPLES:
+        return alone.reshape(response.shape)
+    bends = np.full((count, size + 2 * _AROUND), np.nan)
+    inside = bends[:, _AROUND:-_AROUND]
+    inside[:, [0, -1]] = 0.0
+    np.abs(rows[:, 1:-1] - (rows[:, :-2] + rows[:, 2:]) / 2, out=inside[:, 1:-1])
+    far = _SPIKE * quantiles(inside, 0.5)[0]
+    most = _MOST_SPIKES[0] * size + _MOST_SPIKES[1]
 
     @cache
-    def large() -> float:
-        """A hundredth of the range, which takes longer to find and is asked of few recordings."""
-        return 0.01 * float(np.ptp(percentile(response, [1, 99])))
+    def large() -> np.ndarray:
+        """A hundredth of each range, which takes longer to find and is asked of few recordings."""
+        return 0.01 * np.subtract(*quantiles(rows, 0.99, 0.01))
 
     for width in range(1, _WIDEST_SPIKE + 1):
-        middle = (response[: -width - 1] + response[width + 1 :]) / 2
-        first = np.flatnonzero(np.abs(response[1:-width] - middle) > far)
+        middle = (rows[:, : -width - 1] + rows[:, width + 1 :]) / 2
+        distant = np.abs(rows[:, 1:-width] - middle) > far[:, None]
         # Few samples are so far from the middle, and only of these the others are looked at.
-        within = response[first + np.arange(1, width + 1)[:, None]]
-        height = np.abs(within - middle[first]).min(axis=0)
-        apart = np.abs(response[first + width + 1] - response[first])
-        stands = (height > far) & (apart < 0.5 * height)
-        first, height = first[stands], height[stands]
-        if first.size >= most:
-            first, height = first[height > large()], height[height > large()]
-            if first.size >= most:
-                continue
-        around = bends[first[:, None] + np.arange(width + 2 * _AROUND)]
-        quiet = _medians_below(around, height / _SPIKE)
-        first, height = first[quiet], height[quiet]
-        first = first[height > large()] if first.size else first
+        row, first = np.divmod(np.flatnonzero(distant), middle.shape[1])
+        within = rows[row, first + np.arange(1, width + 1)[:, None]]
+        height = np.abs(within - middle[row, first]).min(axis=0)
+        apart = np.abs(rows[row, first + width + 1] - rows[row, first])
+        stands = (height > far[row]) & (apart < 0.5 * height)
+        row, first, height = row[stands], first[stands], height[stands]
+        if not row.size:
+            continue
+        high = height > large()[row]
+        high &= np.bincount(row[high], minlength=count)[row] < most
+        row, first, height = row[high], first[high], height[high]
+        around = bends[row[:, None], first[:, None] + np.arange(width + 2 * _AROUND)]
+        quiet = quantiles(around, 0.5)[0] < height / _SPIKE
+        row, first = row[quiet], first[quiet]
         for at in range(1, width + 1):
-            alone[first + at] = True
-    return alone
-
-
-def _medians_below(values: np.ndarray, limits: np.ndarray) -> np.ndarray:
-    """Whether the median of the numbers in each row (R, n) is below a limit (R,), by counting."""
-    below, above = values < limits[:, None], values >= limits[:, None]
-    more = np.sum(below, axis=1) - np.sum(above, axis=1)
-    tied = np.flatnonzero(more == 0)  # so that the limit is between the two in the middle
-    low = np.max(values[tied], axis=1, initial=-np.inf, where=below[tied])
-    high = np.min(values[tied], axis=1, initial=np.inf, where=above[tied])
-    more[tied] = low + high < 2 * limits[tied]
-    return more > 0
+            alone[row, first + at] = True
+    return alone.reshape(response.shape)

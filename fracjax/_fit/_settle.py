@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import TypeGuard
 
 import numpy as np
 
@@ -12,9 +13,10 @@ from .._prepare import (
     HistoryOption,
     Noise,
     Preparation,
+    Residual,
     alternative_history,
-    noise_below,
-    read_from_residual,
+    noises_below,
+    read_from_residuals,
     refine_noise,
 )
 from .._solve import (
@@ -91,7 +93,7 @@ def settle_all(
             if prefers_other_history(other, solved[at]):
                 solved[at] = other
     for changed in (_with_read_noises, _with_white_noises):
-        changes = {at: p for at, one in enumerate(solved) if (p := changed(one))}
+        changes = {at: p for at, p in enumerate(changed(solved)) if p}
         scales = {at: _scale(solved[at].preparation, p) for at, p in changes.items()}
         other = [at for at, scale in scales.items() if scale is None]
         again = fit_blocks(
@@ -120,12 +122,14 @@ def settle_all_finely(
     while pending:
         shares = [_tolerated_share(solved[at]) for at in pending]
         refined = refine_all([solved[at] for at in pending], progress, shares)
-        reread: dict[int, Preparation] = {}
+        other_grid: list[int] = []
         for at, (finer, error) in zip(pending, refined, strict=True):
             same_grid = finer.preparation is solved[at].preparation
             solved[at], errors[at] = finer, error
-            if not same_grid and any(_is_from_residual(t.noise) for t in finer.preparation.takes):
-                reread[at] = _with_reread_noises(finer)
+            if not same_grid:
+                other_grid.append(at)
+        read = _with_read_noises([solved[at] for at in other_grid], refine_measured=False)
+        reread = {at: p for at, p in zip(other_grid, read, strict=True) if p}
         scaled = {at: _scale(solved[at].preparation, p) for at, p in reread.items()}
         pending = [at for at, scale in scaled.items() if scale is None]
         again = solve_again([solved[at] for at in pending], [reread[at] for at in pending])
@@ -159,49 +163,55 @@ def _other(preparation: Preparation) -> Preparation | None:
     return replace(preparation, takes=tuple(other or take for other, take in takes))
 
 
-def _with_read_noises(solved: Solved) -> Preparation | None:
-    """The preparation with noises read or refined from the residual, None where none changes."""
-    takes, noises = solved.preparation.takes, []
-    for take, whitened, simulation in zip(takes, solved.whitened, solved.simulations, strict=True):
-        residual = take.recording.response - simulation
-        if take.noise is None or take.noise.is_leftover:
-            noises.append(read_from_residual(take.noise, residual, take.used, take.recording))
-        elif _is_too_large(take.noise, whitened):
-            noises.append(noise_below(residual, take.used, take.recording))
-        else:
-            noises.append(refine_noise(take.noise, residual, take.used, take.recording))
-    if all(noise is take.noise for noise, take in zip(noises, takes, strict=True)):
-        return None
-    return solved.preparation.with_noises(noises)
+def _with_read_noises(
+    solved: Sequence[Solved], refine_measured: bool = True
+) -> list[Preparation | None]:
+    """Each preparation with noises read from the residual, None where none changes.
+
+    Measured noises are refined by the residual, or are kept.
+    """
+    pairs = [
+        [
+            (t.noise, Residual(t.recording.response - simulation, t.used, t.recording))
+            for t, simulation in zip(one.preparation.takes, one.simulations, strict=True)
+        ]
+        for one in solved
+    ]
+    # A noise that is None, or was read from another fit's residual, has to be read from this one.
+    read = iter(read_from_residuals([p for its in pairs for p in its if not _is_measured(p[0])]))
+    preparations = []
+    for one, its in zip(solved, pairs, strict=True):
+        noises = []
+        for (noise, residual), whitened in zip(its, one.whitened, strict=True):
+            if not _is_measured(noise):
+                noises.append(next(read))
+            elif not refine_measured:
+                noises.append(noise)
+            elif _is_too_large(noise, whitened):
+                noises += noises_below([residual])
+            else:
+                noises.append(refine_noise(noise, residual))
+        same = all(new is noise for new, (noise, _) in zip(noises, its, strict=True))
+        preparations.append(None if same else one.preparation.with_noises(noises))
+    return preparations
 
 
-def _with_white_noises(solved: Solved) -> Preparation | None:
-    """The preparation with white noises of the same levels where the fit under coloured ones is
+def _with_white_noises(solved: Sequence[Solved]) -> list[Preparation | None]:
+    """Each preparation with white noises of the same levels where the fit under coloured ones is
     worse than a constant; None elsewhere."""
-    noises = [noise for take in solved.preparation.takes if (noise := take.noise)]
-    is_coloured = any(noise.filter.size > 1 for noise in noises)
-    if not (is_coloured and _is_worse_than_constant(solved)):
-        return None
-    return solved.preparation.with_noises([noise.uncoloured() for noise in noises])
+    preparations: list[Preparation | None] = []
+    for one in solved:
+        noises = [noise for take in one.preparation.takes if (noise := take.noise)]
+        is_coloured = any(noise.filter.size > 1 for noise in noises)
+        whiter = is_coloured and _is_worse_than_constant(one)
+        white = [noise.uncoloured() for noise in noises]
+        preparations.append(one.preparation.with_noises(white) if whiter else None)
+    return preparations
 
 
-def _with_reread_noises(solved: Solved) -> Preparation:
-    """The preparation with those noises read again that were read from a residual."""
-    takes, noises = solved.preparation.takes, []
-    for take, simulation in zip(takes, solved.simulations, strict=True):
-        residual = take.recording.response - simulation
-        reread = _is_from_residual(take.noise)
-        noises.append(
-            read_from_residual(take.noise, residual, take.used, take.recording)
-            if reread
-            else take.noise
-        )
-    return solved.preparation.with_noises(noises)
-
-
-def _is_from_residual(noise: Noise | None) -> bool:
-    """Whether a noise was, or has to be, read from the residual of a fit."""
-    return noise is None or noise.is_leftover
+def _is_measured(noise: Noise | None) -> TypeGuard[Noise]:
+    """Whether a noise need not be read from the residual of a fit."""
+    return noise is not None and not noise.is_leftover
 
 
 def _scale(before: Preparation, after: Preparation) -> float | None:

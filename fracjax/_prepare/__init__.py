@@ -24,11 +24,12 @@ from ._layout import with_gains as with_gains
 from ._layout import with_shapes_at as with_shapes_at
 from ._noise import Noise as Noise
 from ._noise import kurtosis_of as kurtosis_of
+from ._noise_sources import Residual as Residual
 from ._noise_sources import measured_noise as measured_noise
-from ._noise_sources import noise_below as noise_below
-from ._noise_sources import read_from_residual as read_from_residual
+from ._noise_sources import noises_below as noises_below
+from ._noise_sources import read_from_residuals as read_from_residuals
 from ._noise_sources import refine_noise as refine_noise
-from ._noise_sources import residual_noise as residual_noise
+from ._noise_sources import residual_noises as residual_noises
 from ._normal import ROOT_TWO_PI as ROOT_TWO_PI
 from ._normal import AbstractPrior as AbstractPrior
 from ._normal import Normal as Normal

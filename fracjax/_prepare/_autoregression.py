@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from math import log, sqrt
 
 import numpy as np
 from scipy.ndimage import median_filter
@@ -43,53 +42,82 @@ def autoregression(
     NeuroImage 15, 2002, correct the same bias in the same way).  The memory is never longer than
     the shortest stretch.
     """
-    sizes = [s.size for s in series]
-    count, shortest = sum(sizes), min(sizes)
-    largest = min(_LARGEST_ORDER, shortest // _LEAST_PER_ORDER)
+    return autoregressions([series], None if terms is None else [terms])[0]
+
+
+def autoregressions(
+    noises: Sequence[Sequence[np.ndarray]], terms: Sequence[Sequence[np.ndarray]] | None = None
+) -> list[Autoregression]:
+    """The `autoregression` of each of many noises, which takes less time together."""
     if terms is None:
-        terms = [np.zeros((s.size, 0)) for s in series]
-    periodograms = [_squared(np.fft.rfft(s)) / s.size for s in series]
-    estimate: Autoregression = np.ones(1), 1.0
-    previous = np.zeros(largest + 1)
-    untouched = not any(t.size for t in terms)
+        terms = [[np.zeros((s.size, 0)) for s in series] for series in noises]
+    counts = np.array([sum(s.size for s in series) for series in noises])
+    shortest = np.array([min(s.size for s in series) for series in noises])
+    largest = np.minimum(_LARGEST_ORDER, shortest // _LEAST_PER_ORDER)
+    periodograms = [[_squared(np.fft.rfft(s)) / s.size for s in series] for series in noises]
+    estimates: list[Autoregression] = [(np.ones(1), 1.0)] * len(noises)
+    previous = np.zeros((len(noises), _LARGEST_ORDER + 1))
+
+    def autocovariance(at: int) -> np.ndarray:
+        """That of one noise (13,), from all of its stretches, 0 beyond its largest order."""
+        pairs, lags = zip(periodograms[at], terms[at], strict=True), int(largest[at])
+        parts = (len(t) * _autocovariance(power, t, estimates[at], lags) for power, t in pairs)
+        padded = np.zeros(_LARGEST_ORDER + 1)
+        padded[: lags + 1] = sum(parts) / counts[at]
+        return padded
+
+    pending = list(range(len(noises)))
     for _ in range(_PASSES):
-        pairs, was_white = zip(periodograms, terms, strict=True), estimate[0].size == 1
-        parts = [_autocovariance(power, t, estimate, largest) for power, t in pairs]
-        autocovariance = np.average(parts, axis=0, weights=sizes)
-        estimate = _yule_walker(autocovariance, count, np.exp(-1 / shortest))
-        # A flat expectation gives the same again, whatever its level.
-        if untouched and was_white and estimate[0].size == 1:
+        if not pending:
             break
-        if np.abs(autocovariance - previous).max() <= _CONVERGED * autocovariance[0]:
-            break
-        previous = autocovariance
-    return estimate
+        present = np.array([autocovariance(at) for at in pending])
+        changes = np.abs(present - previous[pending]).max(axis=1)
+        previous[pending] = present
+        dampings = np.exp(-1 / shortest[pending])
+        solved = _yule_walker(present, largest[pending], counts[pending], dampings)
+        remaining = []
+        for at, estimate, change in zip(pending, solved, changes, strict=True):
+            # A flat expectation gives the same again, whatever its level.
+            flat = estimates[at][0].size == estimate[0].size == 1
+            flat = flat and not any(t.size for t in terms[at])
+            estimates[at] = estimate
+            if not (flat or change <= _CONVERGED * previous[at, 0]):
+                remaining.append(at)
+        pending = remaining
+    return estimates
 
 
-def _yule_walker(autocovariance: np.ndarray, count: int, damping: float) -> Autoregression:
-    """The autoregression of least BIC with this autocovariance (lags+1,) over `count` samples.
+def _yule_walker(
+    autocovariances: np.ndarray, largest: np.ndarray, counts: np.ndarray, dampings: np.ndarray
+) -> list[Autoregression]:
+    """The autoregressions of least BIC with these autocovariances (R, lags+1).
 
-    The coefficient of the sample k steps back is multiplied by `damping`^k.
+    Each is over its count (R,) of samples and at most of its largest order (R,).  The coefficient
+    of the sample k steps back is multiplied by its damping (R,)^k.
 
     Source: Durbin, Rev. Int. Stat. Inst. 28 (1960) 233.
     """
-    if not autocovariance[0] > 0:
-        return np.ones(1), 0.0
-    autocovariance = autocovariance.copy()
-    autocovariance[0] *= 1 + _WHITE_SHARE
-    best = np.ones(1), float(np.sqrt(autocovariance[0]))
-    least = count * log(autocovariance[0])
-    taps, variance = np.eye(1, autocovariance.size)[0], float(autocovariance[0])
-    for order in range(1, autocovariance.size):
+    rows, size = autocovariances.shape
+    silent = ~(autocovariances[:, 0] > 0)
+    autocovariances = np.where(silent[:, None], np.eye(1, size), autocovariances)
+    autocovariances[:, 0] *= 1 + _WHITE_SHARE
+    taps, variances = np.zeros((size, rows, size)), np.empty((size, rows))
+    taps[0, :, 0], variances[0] = 1.0, autocovariances[:, 0]
+    for order in range(1, size):
         # Levinson's recursion: one more coefficient from the autoregression of one order less.
-        reflection = -float(taps[:order] @ autocovariance[order:0:-1]) / variance
-        taps[: order + 1] += reflection * taps[order::-1]
-        variance *= 1 - reflection**2
-        score = count * log(variance) + order * log(count)
-        if score < least:
-            damped = taps[: order + 1] * damping ** np.arange(order + 1)
-            best, least = (damped, sqrt(variance)), score
-    return best
+        before = taps[order - 1, :, : order + 1]
+        forward = np.sum(before[:, :-1] * autocovariances[:, order:0:-1], axis=1)
+        reflection = np.where(order <= largest, -forward / variances[order - 1], 0.0)
+        taps[order, :, : order + 1] = before + reflection[:, None] * before[:, ::-1]
+        variances[order] = variances[order - 1] * (1 - reflection**2)
+    orders, row = np.arange(size), np.arange(rows)
+    best = np.argmin(counts * np.log(variances) + orders[:, None] * np.log(counts), axis=0)
+    innovations = np.where(silent, 0.0, np.sqrt(variances[best, row]))
+    damped = taps[best, row] * dampings[:, None] ** orders
+    return [
+        (coefficients[: order + 1], float(innovation))
+        for coefficients, order, innovation in zip(damped, best, innovations, strict=True)
+    ]
 
 
 def _autocovariance(

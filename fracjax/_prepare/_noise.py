@@ -4,10 +4,11 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field, replace
 from functools import cached_property
-from typing import Literal
+from typing import Any, Literal
 
 import numpy as np
 
+from .._recording import quantiles
 from ._tone import Tone, tone_in
 
 Method = Literal["repeats", "static", "specification", "residual"]
@@ -23,12 +24,13 @@ NONE = np.zeros(0), np.zeros(0)
 """No lines, or no profile over time."""
 
 
-def level_from_differences(differences: np.ndarray) -> float:
-    """The standard deviation of normal noise with such differences, from their median.
+def level_from_differences(differences: np.ndarray) -> Any:
+    """The standard deviation (…) of normal noise with such differences (…, n), from their median.
 
-    The median ignores outliers and oscillations at the beginning of a rest.
+    The median ignores outliers and oscillations at the beginning of a rest.  What is no number does
+    not count.
     """
-    return float(np.median(np.abs(differences)) / (_NORMAL_MEDIAN * np.sqrt(2)))
+    return quantiles(np.abs(differences), 0.5)[0] / (_NORMAL_MEDIAN * np.sqrt(2))
 
 
 def kurtosis_of(samples: np.ndarray) -> float:

@@ -4,11 +4,22 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import lfilter
 
-from .._recording import InputError, Recording, bridged, kept, mismatch, unit_range
+from .._recording import (
+    InputError,
+    Recording,
+    bridged,
+    in_rows,
+    inspect_together,
+    kept,
+    mismatch,
+    unit_range,
+)
+from ._autoregression import autoregressions
 from ._noise import NONE, Noise, level_from_differences, white_noise
 from ._noise_stretches import (
     PIECES,
@@ -16,6 +27,7 @@ from ._noise_stretches import (
     first_settled,
     level_without_motion,
     noise_in,
+    noise_of,
     without_events,
 )
 
@@ -42,18 +54,36 @@ _LARGEST_RATIO = 2.0
 it is more than noise.  Chosen by judgement."""
 
 
-def refine_noise(
-    noise: Noise, residual: np.ndarray, used: np.ndarray, recording: Recording
-) -> Noise:
-    """A measured noise, improved by the residual (N,) of a fit, where samples are `used`.
+class Residual(NamedTuple):
+    """The residual of a fit to a recording.
+
+    Attributes:
+        samples: (N,) measured minus simulated, in the response's unit.
+        used: (N,) whether a sample counts.
+        recording: the recording.
+    """
+
+    samples: np.ndarray
+    used: np.ndarray
+    recording: Recording
+
+    @property
+    def counted(self) -> np.ndarray:
+        """Whether a sample (N,) counts and is no spike."""
+        return self.used & ~self.recording.spikes
+
+
+def refine_noise(noise: Noise, residual: Residual) -> Noise:
+    """A measured noise, improved by the residual of a fit.
 
     Repeats of a residual hold less of the slow decay from the start than repeats of the response.
     If the drive occurs twice, the residual shows the noise over the whole recording, whereas rests
     show it only for a few moments; it is used unless its variance is much larger than that of the
     rests.
     """
+    samples, used, recording = residual
     if noise.method == "repeats":
-        stretches = _from_repeats(recording, used.astype(float), residual)
+        stretches = _from_repeats(recording, used.astype(float), samples)
         if not stretches:
             return noise
         reread = _noise_of_repeats(stretches, recording)
@@ -61,11 +91,11 @@ def refine_noise(
         clearer = min(reread.innovation / noise.innovation, reread.sigma / noise.sigma) < _LOWER
         return reread if clearer and reread.sigma <= noise.sigma else noise
     if noise.method == "static" and repetition_lag(recording.drive) is not None and used.all():
-        reread = residual_noise(residual, used, recording)
+        (reread,) = residual_noises([residual])
         of_noise = reread.innovation**2 < _LARGEST_RATIO * noise.innovation**2
         if of_noise and reread.effective > noise.effective:
             return replace(reread, is_leftover=False)
-    return with_level_profile(noise, residual, used) if noise.course[0].size else noise
+    return with_level_profile(noise, samples, used) if noise.course[0].size else noise
 
 
 def with_level_profile(noise: Noise, residual: np.ndarray, used: np.ndarray) -> Noise:
@@ -281,55 +311,67 @@ def _repeat_error(repeat: Recording, recordings: Sequence[Recording]) -> InputEr
     )
 
 
-def read_from_residual(
-    noise: Noise | None, residual: np.ndarray, used: np.ndarray, recording: Recording
-) -> Noise:
-    """The noise in the residual (N,) of a fit, where samples are `used`.
+def read_from_residuals(pairs: Sequence[tuple[Noise | None, Residual]]) -> list[Noise]:
+    """The noise in each of the residuals of fits, instead of the one that the fit was made with.
 
     The level of a specified noise is kept.  Only its colour is read, and only where the residual
     holds little else.
     """
-    if noise is not None and noise.method == "specification":
-        return noise.coloured_as(noise_below(residual, used, recording))
-    return residual_noise(residual, used, recording)
+    specified = [noise if noise and noise.method == "specification" else None for noise, _ in pairs]
+    residuals = [residual for _, residual in pairs]
+    kept_level = [r for noise, r in zip(specified, residuals, strict=True) if noise]
+    others = [r for noise, r in zip(specified, residuals, strict=True) if not noise]
+    below, read = iter(noises_below(kept_level)), iter(residual_noises(others))
+    return [noise.coloured_as(next(below)) if noise else next(read) for noise in specified]
 
 
-def residual_noise(residual: np.ndarray, used: np.ndarray, recording: Recording) -> Noise:
-    """The noise in the residual (N,) of a fit, where samples are `used`.
+def residual_noises(residuals: Sequence[Residual]) -> list[Noise]:
+    """The noise in each of the residuals of fits.
 
     If the drive occurs twice, the noise is the difference of both times divided by √2: what repeats
     is mismatch, and the fit describes what the start adds to the first time.  Otherwise, as the
     last resort, the residual counts as noise, but no more of it than its second differences show:
     what is smooth from sample to sample may be mismatch, and a noise floor must not conceal it.
     """
-    unit, least = recording.response_unit, _least_level(recording)
-    period = repetition_lag(recording.drive)
-    if period is not None and used.all():
-        # Only the first two of several times: differences that share noise have a comb as spectrum.
-        second = residual[period : 2 * period]
-        difference = (second - residual[: second.size]) / np.sqrt(2)
-        noise = noise_in([Stretch.settled(difference, 0)], unit, "repeats", least=least)
-    else:
-        noise = noise_below(residual, used, recording)
-        level = max(level_without_motion(residual, used & ~recording.spikes), least)
-        if noise.sigma**2 > _BARELY_MORE * level**2:
-            noise = replace(white_noise(level, unit, "residual"), effective=noise.effective)
-    return replace(noise, is_leftover=True)
+    periods = [repetition_lag(r.recording.drive) if r.used.all() else None for r in residuals]
+    single = [r for r, period in zip(residuals, periods, strict=True) if period is None]
+    below = iter(noises_below(single))
+    levels = iter(
+        in_rows(level_without_motion, [r.samples for r in single], [r.counted for r in single])
+    )
+    noises = []
+    for (residual, _, recording), period in zip(residuals, periods, strict=True):
+        unit, least = recording.response_unit, _least_level(recording)
+        if period is not None:
+            # Of several times only the first two: differences that share noise have a comb as
+            # spectrum.
+            second = residual[period : 2 * period]
+            difference = (second - residual[: second.size]) / np.sqrt(2)
+            noise = noise_in([Stretch.settled(difference, 0)], unit, "repeats", least=least)
+        else:
+            noise, level = next(below), max(float(next(levels)), least)
+            if noise.sigma**2 > _BARELY_MORE * level**2:
+                noise = replace(white_noise(level, unit, "residual"), effective=noise.effective)
+        noises.append(replace(noise, is_leftover=True))
+    return noises
 
 
-def noise_below(residual: np.ndarray, used: np.ndarray, recording: Recording) -> Noise:
-    """The whole residual (N,) as noise, where samples are `used`, apart from spikes.
+def noises_below(residuals: Sequence[Residual]) -> list[Noise]:
+    """Each whole residual as noise, apart from spikes.
 
     It is that of a residual smaller than the measured noise, and elsewhere an upper bound.
     """
-    counted = residual[used & ~recording.spikes]
-    centred = counted - counted.mean()
-    return noise_in(
-        [Stretch.untouched(centred, 0)],
-        recording.response_unit,
-        "residual",
-        least=_least_level(recording),
-    )
+    inspect_together([r.recording for r in residuals])
+    counted = [r.samples[r.counted] for r in residuals]
+    stretches = [Stretch.untouched(samples - samples.mean(), 0) for samples in counted]
+    colours = autoregressions([[stretch.samples] for stretch in stretches])
+    return [
+        noise_of(
+            [stretch], colour, r.recording.response_unit, "residual",
+            least=_least_level(r.recording),
+        )
+        for r, stretch, colour in zip(residuals, stretches, colours, strict=True)
+    ]  # fmt: skip
 
 
 @kept

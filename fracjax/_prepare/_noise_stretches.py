@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
+from typing import Any
 
 import numpy as np
-from scipy.signal import lfilter
 from scipy.special import chdtrc
 
-from ._autoregression import autoregression, removed_power
+from ._autoregression import Autoregression, autoregression, removed_power
 from ._noise import NONE, Method, Noise, Whitened, level_from_differences, white_noise
 from ._tone import Tone
 
@@ -132,38 +132,45 @@ def noise_in(
     A tone is deterministic and no noise: each that is significant is taken out, and the strongest
     is reported.
     """
-    noise = _noise_with_tones(stretches, unit, method, shared, resolution, least)
-    if method == "residual" or noise.tone is None:
+
+    def with_tones(stretches: Sequence[Stretch]) -> Noise:
+        colour = autoregression([s.samples for s in stretches], [s.terms for s in stretches])
+        return noise_of(stretches, colour, unit, method, shared, resolution=resolution, least=least)
+
+    noise = with_tones(stretches)
+    if noise.tone is None:
         return noise
     strongest = noise.tone
     for _ in range(_MOST_TONES):
         if noise.tone is None:
             break
         stretches = [s.without_tone(noise.tone) for s in stretches]
-        noise = _noise_with_tones(stretches, unit, method, shared, resolution, least)
+        noise = with_tones(stretches)
     return replace(noise, removed_tone=strongest)
 
 
-def _noise_with_tones(
-    stretches: list[Stretch],
+def noise_of(
+    stretches: Sequence[Stretch],
+    colour: Autoregression,
     unit: str,
     method: Method,
-    shared: float,
-    resolution: float,
-    least: float,
+    shared: float = 1.0,
+    *,
+    resolution: float = np.inf,
+    least: float = 0.0,
 ) -> Noise:
-    """The noise of stretches, with the tones in them."""
+    """The noise of stretches whose autoregression is known, with the tones in them; as `noise_in`
+    elsewhere."""
     if np.sqrt(np.mean(np.concatenate([s.samples for s in stretches]) ** 2)) <= least:
         samples = sum(s.samples.size for s in stretches)
         return replace(white_noise(least, unit, method), effective=samples / shared, shared=shared)
-    colour = autoregression([s.samples for s in stretches], [s.terms for s in stretches])
     coefficients, innovation = colour
     squares = sum(np.sum(s.samples**2) + removed_power(colour, s.terms) for s in stretches)
     sigma = float(np.sqrt(squares / sum(s.samples.size for s in stretches)))
     taps = coefficients / innovation
     series = [s.samples * np.sqrt(s.samples.size / (s.samples.size - s.removed)) for s in stretches]
     skipped = taps.size - 1
-    whitened = [np.asarray(lfilter(taps, 1.0, s))[skipped:] for s in series]
+    whitened = [np.convolve(s, taps, "valid") for s in series]
     starts = [s.start + skipped for s in stretches]
     profile = _level_profile(whitened, starts, shared) if resolution < sigma else NONE
     if profile[0].size:
@@ -213,12 +220,12 @@ def _level_profile(
     return centres, relative
 
 
-def level_without_motion(signal: np.ndarray, used: np.ndarray) -> float:
-    """The standard deviation of the white noise in a signal (N,), from its second differences.
+def level_without_motion(signal: np.ndarray, used: np.ndarray) -> Any:
+    """The standard deviation (…) of the white noise in signals (…, N), from second differences.
 
     A smooth motion has small second differences, and noise has large ones: √6 times its level.
-    Only differences of successive samples that are `used` (N,) count.
+    Only differences of successive samples that are `used` (…, N) count.
     """
-    whole = used[2:] & used[1:-1] & used[:-2]
-    bends = np.diff(signal, 2)[whole]
-    return level_from_differences(bends) / np.sqrt(3) if bends.size else 0.0
+    whole = used[..., 2:] & used[..., 1:-1] & used[..., :-2]
+    bends = np.where(whole, np.diff(signal, 2), np.nan)
+    return np.nan_to_num(level_from_differences(bends) / np.sqrt(3))  # 0 where none counts

@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 from scipy.signal import lfilter
 
 import fracjax as fj
-from fracjax._prepare import measured_noise, residual_noise
+from fracjax._prepare import Residual, measured_noise, residual_noises
 from fracjax._prepare._autoregression import autoregression
 from fracjax._recording import Recording
 
@@ -102,7 +102,7 @@ def test_a_smooth_mismatch_is_no_noise():
     recording = Recording(drive, 0.1 * drive + mismatch, STEP)
     residual = mismatch + white(3000)
     residual[[400, 401, 2000]] += 300 * SIGMA
-    noise = residual_noise(residual, np.ones(3000, bool), recording)
+    (noise,) = residual_noises([Residual(residual, np.ones(3000, bool), recording)])
     assert noise.method == "residual"
     assert noise.sigma == pytest.approx(SIGMA, rel=0.15)
     assert noise.filter.size == 1
@@ -138,6 +138,7 @@ def test_smooth_constant_and_coarse_signals_have_a_colour(shape, decades, code, 
     assert 0 <= innovation <= 1.5 * np.sqrt(np.mean(signal**2)) + 1e-300
     drive = np.linspace(0, 1, size) ** 1.5 * 100
     response = np.arange(size) * 0.1
-    noise = residual_noise(signal, np.ones(size, bool), Recording(drive, response, STEP))
+    recording = Recording(drive, response, STEP)
+    (noise,) = residual_noises([Residual(signal, np.ones(size, bool), recording)])
     assert np.isfinite(noise.sigma)
     assert noise.innovation > 0

@@ -8,9 +8,9 @@ import pytest
 from scipy.signal import lfilter
 
 import fracjax as fj
-from fracjax._prepare import measured_noise, noise_below, residual_noise
+from fracjax._prepare import Residual, measured_noise, noises_below, residual_noises
 from fracjax._prepare._autoregression import autoregression, removed_power
-from fracjax._prepare._noise_sources import measured_noises, read_from_residual
+from fracjax._prepare._noise_sources import measured_noises, read_from_residuals
 from fracjax._prepare._noise_stretches import Stretch, noise_in
 from fracjax._prepare._setting import setting_of
 from fracjax._prepare._tone import tone_in
@@ -103,7 +103,7 @@ def test_noise_of_a_drive_given_twice_is_what_does_not_repeat(steady):
     mismatch = 3 * SIGMA * np.sin(drive / 7)
     residual = mismatch + SIGMA * generator.standard_normal(2000)
     recording = Recording(drive, 0.1 * drive, STEP, "V", "um")
-    found = residual_noise(residual, np.ones(2000, bool), recording)
+    (found,) = residual_noises([Residual(residual, np.ones(2000, bool), recording)])
     assert found.is_leftover
     assert found.method == ("repeats" if steady else "residual")
     # The mismatch, three times as large, is smooth: second differences do not show it.
@@ -116,10 +116,10 @@ def test_a_line_that_the_filter_leaves_out_shows_in_the_whitened_squares(pole):
     noise = np.asarray(lfilter([SIGMA], [1.0, -pole], generator.standard_normal(4000)))
     recording = recorded(100 * np.sin(np.arange(4000) ** 1.5 / 3e3), np.zeros(4000))
     used = np.ones(4000, bool)
-    alone = noise_below(noise, used, recording)
+    (alone,) = noises_below([Residual(noise, used, recording)])
     assert alone.whitened_square == pytest.approx(1.0, abs=0.05)
     tone = 0.4 * np.exp(-np.arange(4000) / 2000) * np.sin(np.arange(4000) / 12)
-    found = noise_below(noise + tone, used, recording)
+    (found,) = noises_below([Residual(noise + tone, used, recording)])
     line = np.mean(np.asarray(lfilter(found.whitening, 1.0, tone)) ** 2)
     assert line > 0.5
     assert found.whitened_square == pytest.approx(1.0 + line, rel=0.1)
@@ -311,12 +311,13 @@ def test_a_specification_is_believed_where_nothing_shows_the_noise():
     white = np.random.default_rng(8).standard_normal(800)
     residual = np.asarray(lfilter([1.0], [1.0, -0.6], white))
     residual *= 0.075 / residual.std()
-    found = read_from_residual(told, residual, np.ones(800, bool), moving)
+    (found,) = read_from_residuals([(told, Residual(residual, np.ones(800, bool), moving))])
     assert (found.sigma, found.method) == (0.07, "specification")
     assert found.filter == pytest.approx([1.0, -0.6], abs=0.08)
     assert found.innovation == pytest.approx(0.07 * np.sqrt(1 - 0.6**2), rel=0.05)
     # In a residual clearly larger than the noise there is a mismatch, with a colour of its own.
-    assert read_from_residual(told, 1.1 * residual, np.ones(800, bool), moving) is told
+    larger = Residual(1.1 * residual, np.ones(800, bool), moving)
+    assert read_from_residuals([(told, larger)])[0] is told
     rest = recorded(staircase(), SIGMA * np.random.default_rng(7).standard_normal(staircase().size))
     (shown,) = measured_noises([rest], [], 0.07, [None])
     assert shown is not None

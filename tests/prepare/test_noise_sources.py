@@ -5,7 +5,7 @@ import pytest
 from scipy.signal import lfilter
 
 import fracjax as fj
-from fracjax._prepare import autoregression, measured_noise, refine_noise, residual_noise
+from fracjax._prepare import Residual, autoregression, measured_noise, refine_noise, residual_noises
 from fracjax._recording import Recording
 from tests.diagnose.helpers import STEP, TIMES, TONE, creeping
 
@@ -63,10 +63,10 @@ PATTERN = np.cumsum(np.random.default_rng(5).standard_normal(600))
 def test_of_a_drive_given_three_times_the_third_tells_nothing():
     recording = Recording(np.tile(PATTERN, 3), np.tile(PATTERN, 3), STEP)
     residual, used = np.random.default_rng(6).standard_normal(1800), np.ones(1800, bool)
-    twice = residual_noise(residual, used, recording)
+    (twice,) = residual_noises([Residual(residual, used, recording)])
     residual[1200:] += 1000
     assert twice.method == "repeats"
-    assert residual_noise(residual, used, recording).sigma == twice.sigma
+    assert residual_noises([Residual(residual, used, recording)])[0].sigma == twice.sigma
 
 
 @pytest.mark.parametrize("unit", [1e-3, 1.0, 1e3])
@@ -76,11 +76,11 @@ def test_a_drive_given_twice_shows_more_than_rests_unless_it_shows_more_than_noi
     rests = fj.Noise(unit, "um", "static", np.ones(1), unit, effective=50.0)
     white = unit * np.random.default_rng(7).standard_normal(1200)
     recording = Recording(drive, 100 * unit * drive, STEP)
-    noise = refine_noise(rests, white, used, recording)
+    noise = refine_noise(rests, Residual(white, used, recording))
     assert (noise.method, noise.sigma) == ("repeats", pytest.approx(unit, rel=0.1))
     # It was measured, and a better fit does not change it.
     assert not noise.is_leftover
-    assert refine_noise(rests, 3 * white, used, recording) is rests
+    assert refine_noise(rests, Residual(3 * white, used, recording)) is rests
 
 
 def test_spikes_are_no_noise():

@@ -82,15 +82,18 @@ def logarithmic_interval(value: float, half: float) -> tuple[float, float]:
 
 def is_at_bound(parameter: Parameter, k: int) -> bool:
     """Whether component k is within a thousandth of its range of a bound other than zero."""
-    bounds = (parameter.lower, parameter.value, parameter.upper)
-    low, value, high = (parameter.component(bound, k) for bound in bounds)
+    return bool(at_bound(parameter, k, np.array(parameter.component(parameter.value, k))))
+
+
+def at_bound(parameter: Parameter, k: int, values: np.ndarray) -> np.ndarray:
+    """Whether values (…) of component k are as `is_at_bound` says."""
+    low, high = (parameter.component(bound, k) for bound in (parameter.lower, parameter.upper))
     if not np.isfinite(high - low):
-        return False
+        return np.zeros(values.shape, bool)
+    eligible = (low != 0) | (values >= high / 2)
     if parameter.logarithmic:
-        low, value, high = np.log(low), np.log(value), np.log(high)
-    elif low == 0 and value < high / 2:
-        return False
-    return bool(min(value - low, high - value) < 1e-3 * (high - low))
+        low, values, high = np.log(low), np.log(values), np.log(high)
+    return eligible & (np.minimum(values - low, high - values) < 1e-3 * (high - low))
 
 
 def physical_unit(unit: str, units: tuple[str, str]) -> str:

@@ -29,9 +29,9 @@ from .._prepare import (
 from .._recording import Recording
 from .._solve import Progress, Solved, discretisation_warnings, silent
 from ._result import Fit, Scores
-from ._robust import Loss, reweight, shape_of
+from ._robust import Loss, Robust, reweight, shape_of
 from ._settle import settle_all_finely, settle_finely, tolerated_numerical_error
-from ._uncertainty import uncertainty_of
+from ._uncertainty import Evidence, Uncertainty, uncertainties_of
 
 
 def scores_of(solved: Solved) -> Scores:
@@ -53,29 +53,53 @@ def scores_of(solved: Solved) -> Scores:
 
 def fit_of(model: Model, solved: Solved, loss: Loss = "least_squares") -> Fit:
     """The result of a fit, with standard errors, from a solved block."""
-    robust = None
-    if loss == "least_squares":
-        inflation = float(np.sqrt(solved.excess_ratio))
-    else:
-        solved, robust, inflation = reweight(solved, loss)
+    return _fits_of([model], [solved], loss)[0]
+
+
+def _fits_of(models: Sequence[Model], solved: Sequence[Solved], loss: Loss) -> list[Fit]:
+    """The result of each of many fits; the standard errors of those alike are found together."""
+    weighted: list[tuple[Solved, Robust | None, float]] = [
+        (one, None, float(np.sqrt(one.excess_ratio)))
+        if loss == "least_squares"
+        else reweight(one, loss)
+        for one in solved
+    ]
+    evidence = [_evidence_of(*each) for each in weighted]
+    alike: dict[tuple, list[int]] = {}
+    for at, (model, one) in enumerate(zip(models, evidence, strict=True)):
+        recording = solved[at].preparation.takes[0].recording
+        units = recording.drive_unit, recording.response_unit
+        key = id(model), one.derivative.shape, one.residuals is None, units
+        alike.setdefault(key, []).append(at)
+    uncertainties: dict[int, Uncertainty] = {}
+    for (*_, units), members in alike.items():
+        conditions = solved[members[0]].preparation.conditions
+        of_members = uncertainties_of([evidence[at] for at in members], conditions, units)
+        uncertainties |= zip(members, of_members, strict=True)
+    return [
+        _fit_with(model, one, uncertainties[at], robust)
+        for at, (model, (one, robust, _)) in enumerate(zip(models, weighted, strict=True))
+    ]
+
+
+def _evidence_of(solved: Solved, robust: Robust | None, inflation: float) -> Evidence:
+    """What the standard errors of a fit follow from."""
     preparation = solved.preparation
-    first = preparation.takes[0].recording
     noises = [take.noise for take in preparation.takes]
     # A noise that is the residual itself has whitened it already.
     is_white = robust is None and all(noise and noise.is_residual for noise in noises)
-    uncertainty = uncertainty_of(
-        solved.blocks,
-        preparation.problems(),
-        preparation.conditions,
-        units=(first.drive_unit, first.response_unit),
-        inflation=inflation,
-        residuals=None if is_white else solved.whitened,
-        derivative=solved.triangle if is_white and solved.stacked else solved.whitened_derivative(),
-    )
+    triangle = solved.triangle if is_white else None
+    derivative = solved.whitened_derivative() if triangle is None else triangle
+    residuals = None if is_white else solved.whitened
+    return Evidence(solved.blocks, preparation.problems(), inflation, derivative, residuals)
+
+
+def _fit_with(model: Model, solved: Solved, uncertainty: Uncertainty, robust: Robust | None) -> Fit:
+    """The result of a fit with this uncertainty."""
     models = tuple(Model(block, model.name) for block in solved.blocks)
     return Fit(
         model=models[0],
-        preparation=preparation,
+        preparation=solved.preparation,
         estimates=uncertainty.estimates,
         correlated=uncertainty.correlated,
         offsets=tuple(float(terms[0]) for terms in solved.own),
@@ -90,10 +114,15 @@ def fit_of(model: Model, solved: Solved, loss: Loss = "least_squares") -> Fit:
     )
 
 
-def _warned_fit_of(model: Model, solved: Solved, error: float, loss: Loss) -> Fit:
-    """The result of a solved problem, with warnings of its numerical error [noise units]."""
-    warnings = discretisation_warnings(error, tolerated_numerical_error(solved))
-    return replace(fit_of(model, solved, loss), warnings=warnings)
+def _warned_fits_of(
+    models: Sequence[Model], settled: Sequence[tuple[Solved, float]], loss: Loss
+) -> list[Fit]:
+    """The results of solved problems, with warnings of their numerical errors [noise units]."""
+    fits = _fits_of(models, [solved for solved, _ in settled], loss)
+    return [
+        replace(fit, warnings=discretisation_warnings(error, tolerated_numerical_error(solved)))
+        for fit, (solved, error) in zip(fits, settled, strict=True)
+    ]
 
 
 class Outcome(NamedTuple):
@@ -149,6 +178,7 @@ def fit_all(
                     [prepared[at][0] for at in group], [prepared[at][1] for at in group],
                     history=history, starts=starts, seed=seed, progress=silent,
                 )  # fmt: skip
+                fits = _warned_fits_of([models[at] for at in group], settled, loss)
             except Exception as error:
                 # One of them is the cause: each is tried alone.
                 if len(group) == 1:
@@ -156,12 +186,8 @@ def fit_all(
                 else:
                     groups += [[at] for at in group]
                 continue
-            for at, (solved, error) in zip(group, settled, strict=True):
-                try:
-                    fitted = _warned_fit_of(models[at], solved, error, loss)
-                    outcomes[at] = Outcome(fitted, solved.stacked)
-                except Exception as error:
-                    outcomes[at] = Outcome(error)
+            for at, (solved, _), fitted in zip(group, settled, fits, strict=True):
+                outcomes[at] = Outcome(fitted, solved.stacked)
     return outcomes
 
 
@@ -222,7 +248,7 @@ def fit(
         block, preparation = prepare_fit(
             model, all_recordings, noise=noise, history=history, settling=settling, **options
         )
-        solved, error = settle_finely(
+        settled = settle_finely(
             block, preparation, history=history, starts=starts, seed=seed, progress=progress
         )
-        return _warned_fit_of(model, solved, error, loss)
+        return _warned_fits_of([model], [settled], loss)[0]

@@ -2,19 +2,19 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
-from itertools import combinations
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import lfilter
 
 from .._blocks import AbstractBlock
 from .._naming import suffix_of
-from .._parameters import Parameter, named_parameters
+from .._parameters import named_parameters
 from .._prepare import Conditions, FreeParameter, autoregression, free_parameters_of, prior_rows
 from .._solve import Linearised, sensitivity
-from ._estimate import Estimate, is_at_bound, physical_unit
+from ._estimate import Estimate, at_bound, physical_unit
 
 _STRONG_CORRELATION = 0.995
 """Correlation from which two parameters are reported as strongly correlated.  Chosen by
@@ -45,6 +45,25 @@ class Uncertainty:
     correlation: np.ndarray
 
 
+class Evidence(NamedTuple):
+    """What the uncertainty of a fit follows from.
+
+    Attributes:
+        blocks: each recording's block.
+        problems: the recordings' problems.
+        inflation: the ratio f of residual to noise, at least 1.
+        derivative: (ΣL, parameters + own), J; its inner products suffice where there are no
+            residuals.
+        residuals: per recording (L,) the whitened residual, None where it is white.
+    """
+
+    blocks: tuple[AbstractBlock, ...]
+    problems: Sequence[Linearised]
+    inflation: float
+    derivative: np.ndarray
+    residuals: Sequence[np.ndarray] | None = None
+
+
 def uncertainty_of(
     blocks: tuple[AbstractBlock, ...],
     problems: Sequence[Linearised],
@@ -52,21 +71,28 @@ def uncertainty_of(
     *,
     units: tuple[str, str],
     inflation: float,
-    residuals: Sequence[np.ndarray] | None = None,
-    derivative: np.ndarray | None = None,
 ) -> Uncertainty:
-    """The uncertainty of all free parameters.
+    """The uncertainty of all free parameters of a fit with a white residual."""
+    parameters = free_parameters_of(blocks[0], len(problems), conditions)
+    derivative = sensitivity(blocks, problems, parameters)[1]
+    evidence = Evidence(blocks, problems, inflation, derivative)
+    return uncertainties_of([evidence], conditions, units)[0]
+
+
+def uncertainties_of(
+    fits: Sequence[Evidence], conditions: Conditions, units: tuple[str, str]
+) -> list[Uncertainty]:
+    """The uncertainty of all free parameters of each of fits alike: of one block with one set of
+    bounds, with derivatives of one shape.
 
     With J the derivative whitened by the noise, P the rows of the priors and A = JᵀJ + PᵀP:
 
         covariance = A⁻¹ (f² JᵀRJ + PᵀP) A⁻¹
 
-    f = `inflation` ≥ 1 is the ratio of residual to noise, so that a model that does not fit gets
-    wider, not narrower, intervals.  R is the autocorrelation of the whitened `residuals`, from
-    their autoregression with its order by BIC.  It is the unit matrix where there are no residuals,
-    or where they are white.  R thus accounts for a noise that was assumed white and is not, and for
-    a persistent mismatch.  `derivative` is J where it is known already; without
-    `residuals` its inner products suffice.
+    f ≥ 1 is the inflation, so that a model that does not fit gets wider, not narrower, intervals.
+    R is the autocorrelation of the whitened residuals, from their autoregression with its order by
+    BIC.  It is the unit matrix where there are no residuals, or where they are white.  R thus
+    accounts for a noise that was assumed white and is not, and for a persistent mismatch.
 
     R comes from an autoregression and not from products of scores (Newey & West), whose truncated
     sums underestimate the errors when tens of samples are correlated.  As the noise is stationary
@@ -75,58 +101,74 @@ def uncertainty_of(
     Sources: Newey & West, Econometrica 55 (1987) 703; Andrews & Monahan, Econometrica 60 (1992)
         953.
     """
-    parameters = free_parameters_of(blocks[0], len(problems), conditions)
-    if derivative is None:
-        derivative = sensitivity(blocks, problems, parameters)[1]
+    parameters = free_parameters_of(fits[0].blocks[0], len(fits[0].problems), conditions)
+    labels, count = parameters.labels, len(parameters.labels)
+    derivatives = np.stack([fit.derivative for fit in fits])
     priors = prior_rows(parameters, conditions)
-    nothing = np.zeros((len(priors.means), derivative.shape[1] - len(parameters.labels)))
-    rows = np.concatenate([priors.shapes, priors.gains, nothing], axis=1)
-    stacked = np.concatenate([derivative, (rows.T / priors.sds).T])
-    lengths = np.maximum(np.linalg.norm(stacked, axis=0), _LEAST_LENGTH)
-    counted = [np.asarray(p.weights) > 0 for p in problems]
-    recursion = np.ones(1)
-    if residuals is not None:
-        used = [r[c] for r, c in zip(residuals, counted, strict=True)]
-        recursion = autoregression(used)[0]
-    if recursion.size == 1 and not len(rows):
-        # R = 1, so that the basis, whose products would be 1, need not be computed.
-        _, singular, right = np.linalg.svd(np.linalg.qr(stacked / lengths, mode="r"))
-        middle = inflation**2 * np.eye(singular.size)
-    else:
+    nothing = np.zeros((len(priors.means), derivatives.shape[2] - count))
+    rows = np.concatenate([priors.shapes, priors.gains, nothing], axis=1) / priors.sds[:, None]
+    repeated = np.broadcast_to(rows, (len(fits), *rows.shape))
+    stacked = np.concatenate([derivatives, repeated], axis=1)
+    lengths = np.maximum(np.linalg.norm(stacked, axis=1, keepdims=True), _LEAST_LENGTH)
+    recursions = [_recursion(fit) for fit in fits]
+    inflations = np.array([fit.inflation for fit in fits])[:, None, None]
+    if len(rows) or any(recursion.size > 1 for recursion in recursions):
         basis, triangle = np.linalg.qr(stacked / lengths)
         turn, singular, right = np.linalg.svd(triangle)
-        ends = np.cumsum([len(c) for c in counted])
-        *parts, prior = np.split(basis @ turn, ends)
-        coloured = [_coloured(part, recursion) for part in parts]
-        middle = inflation**2 * np.sum([c.T @ c for c in coloured], axis=0) + prior.T @ prior
-    spread = right.T / np.maximum(singular, 1e-12)
-    count = len(parameters.labels)
+        of_samples, of_priors = np.split(basis @ turn, [derivatives.shape[1]], axis=1)
+        pairs = zip(of_samples, fits, recursions, strict=True)
+        squares = np.array([_coloured_square(*pair) for pair in pairs])
+        middle = inflations**2 * squares + of_priors.swapaxes(1, 2) @ of_priors
+    else:
+        # R = 1, so that the basis, whose products would be 1, need not be computed.
+        _, singular, right = np.linalg.svd(np.linalg.qr(stacked / lengths, mode="r"))
+        middle = inflations**2 * np.eye(derivatives.shape[2])
+    spread = right.swapaxes(1, 2) / np.maximum(singular, 1e-12)[:, None] / lengths.swapaxes(1, 2)
+    spread = spread[:, :count]
 
-    def physical(inside: np.ndarray) -> np.ndarray:
-        """The covariance (n, n) in the parameters' units, from its middle matrix."""
-        return (spread @ inside @ spread.T / np.outer(lengths, lengths))[:count, :count]
+    def errors_and_covariances(middle: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+        """In the parameters' units, from their middle matrices (R, n, n)."""
+        covariances = spread @ middle @ spread.swapaxes(1, 2)
+        return np.sqrt(np.diagonal(covariances, axis1=1, axis2=2)), covariances
 
-    covariance = physical(middle)
-    response_size = np.linalg.norm([p.size for p in problems])
-    sizes = np.linalg.norm(derivative, axis=0)[:count] / response_size
-    errors = np.sqrt(np.diag(covariance))
-    named = [named_parameters(block) for block in blocks[: 1 if parameters.shared else None]]
-    estimates = tuple(
-        _estimate(parameter, parameter in parameters.gains, named, error, error * size, units)
-        for parameter, error, size in zip(
-            parameters.shapes + parameters.gains, errors, sizes, strict=True
-        )
-    )
-    correlation = covariance / np.outer(errors, errors)
-    labels = parameters.labels
-    pairs = tuple(
-        f"{labels[i]} and {labels[j]} (correlation {correlation[i, j]:+.4f})"
-        for i, j in combinations(range(count), 2)
-        if abs(correlation[i, j]) > _STRONG_CORRELATION
-    )
-    curvature = np.sqrt(np.diag(physical(np.eye(len(lengths)))))
-    order = recursion.size - 1
-    return Uncertainty(estimates, pairs, curvature, order, correlation)
+    errors, covariances = errors_and_covariances(middle)
+    curvatures, _ = errors_and_covariances(np.eye(derivatives.shape[2]))
+    correlations = covariances / (errors[:, :, None] * errors[:, None])
+    response_sizes = [np.linalg.norm([p.size for p in fit.problems]) for fit in fits]
+    sizes = np.linalg.norm(derivatives, axis=1)[:, :count] / np.array(response_sizes)[:, None]
+    free = zip(parameters.shapes + parameters.gains, errors.T, sizes.T, strict=True)
+    columns = [
+        _estimates(one, one in parameters.gains, fits, error, error * size, units)
+        for one, error, size in free
+    ]
+    estimates = list(zip(*columns, strict=True)) if columns else [()] * len(fits)
+    texts: list[list[str]] = [[] for _ in fits]
+    for at, i, j in np.argwhere(np.abs(np.triu(correlations, 1)) > _STRONG_CORRELATION):
+        value = correlations[at, i, j]
+        texts[at].append(f"{labels[i]} and {labels[j]} (correlation {value:+.4f})")
+    orders = [recursion.size - 1 for recursion in recursions]
+    pairs = map(tuple, texts)
+    each = zip(estimates, pairs, curvatures, orders, correlations, strict=True)
+    return [Uncertainty(*values) for values in each]
+
+
+def _counted(fit: Evidence) -> list[np.ndarray]:
+    """Per recording, whether a sample (L,) counts."""
+    return [np.asarray(problem.weights) > 0 for problem in fit.problems]
+
+
+def _recursion(fit: Evidence) -> np.ndarray:
+    """The coefficients (p+1,) of the autoregression of a fit's whitened residuals."""
+    if fit.residuals is None:
+        return np.ones(1)
+    return autoregression([r[c] for r, c in zip(fit.residuals, _counted(fit), strict=True)])[0]
+
+
+def _coloured_square(columns: np.ndarray, fit: Evidence, recursion: np.ndarray) -> np.ndarray:
+    """CᵀRC (n, n) of the columns C (ΣL, n) of a fit's recordings."""
+    ends = np.cumsum([len(problem.weights) for problem in fit.problems])[:-1]
+    coloured = [_coloured(part, recursion) for part in np.split(columns, ends)]
+    return np.sum([c.T @ c for c in coloured], axis=0)
 
 
 def _coloured(columns: np.ndarray, recursion: np.ndarray) -> np.ndarray:
@@ -141,35 +183,33 @@ def _coloured(columns: np.ndarray, recursion: np.ndarray) -> np.ndarray:
     return np.asarray(lfilter([1.0], recursion, reversed_, axis=0)) / np.sqrt(power)
 
 
-def _estimate(
+def _estimates(
     free_parameter: FreeParameter,
     gain: bool,
-    named: Sequence[Mapping[str, Parameter]],
-    error: float,
-    share: float,
+    fits: Sequence[Evidence],
+    errors: np.ndarray,
+    shares: np.ndarray,
     units: tuple[str, str],
-) -> Estimate:
-    """The estimate of a free parameter, from each recording's parameters by name.
+) -> list[Estimate]:
+    """The estimates of a free parameter, one for each of fits alike (R,), with its errors (R,).
 
-    For a gain, `share` is the effect of its error as a share of the response.
+    For a gain, `shares` (R,) are the effects of its errors as shares of the responses.
     """
-    recording, k = free_parameter.recording, free_parameter.component
-    parameter = named[recording or 0][free_parameter.name]
-    value = parameter.component(parameter.value, k)
-    low, high = (parameter.component(end, k) for end in parameter.plausible)
+    recording, k = free_parameter.recording or 0, free_parameter.component
+    members = [named_parameters(fit.blocks[recording])[free_parameter.name] for fit in fits]
+    first = members[0]
+    values = np.array([first.component(member.value, k) for member in members])
+    low, high = (first.component(end, k) for end in first.plausible)
     if gain:
-        identified = share <= _SHARE_OF_RESPONSE
-    elif parameter.logarithmic:
-        identified = error / value <= 0.5 * np.log(high / low)
+        identified = shares <= _SHARE_OF_RESPONSE
+    elif first.logarithmic:
+        identified = errors / values <= 0.5 * np.log(high / low)
     else:
-        identified = error <= 0.5 * (high - low)
-    return Estimate(
-        free_parameter.label,
-        value,
-        float(error),
-        physical_unit(parameter.unit, units),
-        bool(identified),
-        is_at_bound(parameter, k),
-        parameter.logarithmic,
-        path=free_parameter.name + suffix_of(free_parameter.label),
-    )
+        identified = errors <= 0.5 * (high - low)
+    of_each = (values, errors, identified, at_bound(first, k, values))
+    label, unit = free_parameter.label, physical_unit(first.unit, units)
+    path = free_parameter.name + suffix_of(label)
+    return [
+        Estimate(label, value, error, unit, enough, ends, first.logarithmic, path=path)
+        for value, error, enough, ends in zip(*(each.tolist() for each in of_each), strict=True)
+    ]

@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 
 import fracjax as fj
-from fracjax._fit._uncertainty import _coloured, _estimate, uncertainty_of
-from fracjax._parameters import named_parameters
+from fracjax._fit._uncertainty import Evidence, _coloured, _estimates, uncertainty_of
 from fracjax._prepare._conditions import FreeParameter
 from tests.fit.creep import CLEAN, DRIVE, SAMPLES, SIGMA, STEP, TRUE, fit, record
 from tests.helpers import by_name
@@ -75,6 +74,7 @@ def test_a_parameter_between_its_bounds_is_at_none():
 def test_a_gain_is_identified_to_a_twentieth_of_the_response():
     block = fj.parse_model("creep").block
     gain = FreeParameter("k_c", "k_c", 0, None)
-    for share, known in ((0.049, True), (0.051, False)):
-        found = _estimate(gain, True, (named_parameters(block),), 0.01, share, ("V", "um"))
-        assert found.identified == known
+    fits = [Evidence((block,), (), 1.0, np.zeros((0, 1)))] * 2
+    shares = np.array([0.049, 0.051])
+    found = _estimates(gain, True, fits, np.array([0.01, 0.01]), shares, ("V", "um"))
+    assert [estimate.identified for estimate in found] == [True, False]

@@ -4,7 +4,13 @@ import numpy as np
 import pytest
 
 import fracjax as fj
-from fracjax._fit._uncertainty import Evidence, _coloured, _estimates, uncertainty_of
+from fracjax._fit._uncertainty import (
+    Evidence,
+    _coloured,
+    _estimates,
+    uncertainties_of,
+    uncertainty_of,
+)
 from fracjax._prepare._conditions import FreeParameter
 from tests.fit.creep import CLEAN, DRIVE, SAMPLES, SIGMA, STEP, TRUE, fit, record
 from tests.helpers import by_name
@@ -78,3 +84,20 @@ def test_a_gain_is_identified_to_a_twentieth_of_the_response():
     shares = np.array([0.049, 0.051])
     found = _estimates(gain, True, fits, np.array([0.01, 0.01]), shares, ("V", "um"))
     assert [estimate.identified for estimate in found] == [True, False]
+
+
+def test_fits_together_have_the_uncertainty_of_each_alone():
+    found = fit(record(CLEAN))
+    problems, conditions = found.preparation.problems(), found.preparation.conditions
+    generator, size = np.random.default_rng(4), len(problems[0].response)
+    residuals = [np.resize(coloured(seed, phi), size) for seed, phi in ((0, 0.0), (1, 0.8))]
+    blocks, derivatives = (found.model.block,), generator.standard_normal((2, size, 4))
+    fits = [Evidence(blocks, problems, 1.0 + k, derivatives[k], (residuals[k],)) for k in range(2)]
+    together = uncertainties_of(fits, conditions, ("V", "um"))
+    assert [uncertainty.order > 0 for uncertainty in together] == [False, True]
+    for uncertainty, one in zip(together, fits, strict=True):
+        (alone,) = uncertainties_of([one], conditions, ("V", "um"))
+        np.testing.assert_allclose(uncertainty.curvature, alone.curvature, rtol=1e-10)
+        np.testing.assert_allclose(uncertainty.correlation, alone.correlation, atol=1e-10)
+        errors = [[e.standard_error for e in each.estimates] for each in (uncertainty, alone)]
+        np.testing.assert_allclose(*errors, rtol=1e-10)

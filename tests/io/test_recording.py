@@ -8,7 +8,14 @@ import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
-from fracjax._recording import InputError, Recording, Repeats, parse_quantity, unit
+from fracjax._recording import (
+    InputError,
+    Recording,
+    Repeats,
+    inspect_together,
+    parse_quantity,
+    unit,
+)
 
 SAMPLES = np.arange(8000)
 SINE = np.sin(2 * np.pi * SAMPLES / 200)
@@ -270,3 +277,24 @@ def test_few_samples_per_period():
     drive = np.sin(2 * np.pi * SAMPLES / 6)
     (warning,) = record(drive, dt=1e-3).checks()
     assert "near 167 Hz, has only 6.0 samples per period" in warning
+
+
+# Many recordings at once --------------------------------------------------------------------------
+
+
+def test_recordings_show_the_same_together_as_alone():
+    """Spikes and grids, of two lengths; of the longer ones more than are taken at once."""
+    generator = np.random.default_rng(11)
+    spiked, coded, steep = SINE.copy(), np.round(SINE / 0.01) * 0.01, np.sign(SINE) * SINE**2
+    spiked[[500, 2000, 2001, 7000]] += 3.0
+    responses = [spiked, SINE, coded, steep, spiked + 0.01 * NOISE[:8000], coded + spiked - SINE]
+    responses += [each[:900] for each in responses]
+    order = generator.permutation(len(responses))
+    alone = [record(np.arange(len(responses[k])), responses[k]) for k in order]
+    together = [record(np.arange(len(responses[k])), responses[k]) for k in order]
+    inspect_together(together)
+    for one, other in zip(together, alone, strict=True):
+        np.testing.assert_array_equal(one.spikes, other.spikes)
+        assert one.resolution == other.resolution
+    assert [int(each.spikes.sum()) for each in together if len(each) == 8000].count(4) == 3
+    assert sum(each.resolution == pytest.approx(0.01) for each in together) == 4

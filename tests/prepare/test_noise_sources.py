@@ -83,6 +83,26 @@ def test_a_drive_given_twice_shows_more_than_rests_unless_it_shows_more_than_noi
     assert refine_noise(rests, Residual(3 * white, used, recording)) is rests
 
 
+def test_noises_read_together_are_those_read_alone():
+    generator, residuals = np.random.default_rng(9), []
+    for size, memory in ((400, 0.0), (700, -0.6), (400, 0.9), (37, 0.0), (700, 0.0)):
+        drive = np.cumsum(generator.standard_normal(size))
+        noise = np.asarray(lfilter([1], [1, -memory], generator.standard_normal(size)))
+        recording = Recording(drive, drive + 0.1 * noise, STEP)
+        residuals.append(Residual(0.1 * noise, np.arange(size) >= size // 10, recording))
+    recording = Recording(np.tile(PATTERN, 2), np.tile(PATTERN, 2), STEP)
+    residuals.append(Residual(generator.standard_normal(1200), np.ones(1200, bool), recording))
+    residuals.append(Residual(np.zeros(400), residuals[0].used, residuals[0].recording))
+    together = residual_noises(residuals)
+    assert {noise.filter.size > 1 for noise in together} == {True, False}
+    for noise, residual in zip(together, residuals, strict=True):
+        (alone,) = residual_noises([residual])
+        np.testing.assert_allclose(noise.filter, alone.filter, rtol=1e-12)
+        numbers = [(n.sigma, n.innovation, n.effective) for n in (noise, alone)]
+        np.testing.assert_allclose(*numbers, rtol=1e-12)
+        assert noise.method == alone.method
+
+
 def test_spikes_are_no_noise():
     """Five in eight thousand samples would be a floor fifty times as high."""
     generator = np.random.default_rng(2)

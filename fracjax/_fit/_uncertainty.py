@@ -152,16 +152,12 @@ def uncertainties_of(
     return [Uncertainty(*values) for values in each]
 
 
-def _counted(fit: Evidence) -> list[np.ndarray]:
-    """Per recording, whether a sample (L,) counts."""
-    return [np.asarray(problem.weights) > 0 for problem in fit.problems]
-
-
 def _recursion(fit: Evidence) -> np.ndarray:
     """The coefficients (p+1,) of the autoregression of a fit's whitened residuals."""
     if fit.residuals is None:
         return np.ones(1)
-    return autoregression([r[c] for r, c in zip(fit.residuals, _counted(fit), strict=True)])[0]
+    pairs = zip(fit.residuals, fit.problems, strict=True)
+    return autoregression([r[np.asarray(p.weights) > 0] for r, p in pairs])[0]
 
 
 def _coloured_square(columns: np.ndarray, fit: Evidence, recursion: np.ndarray) -> np.ndarray:

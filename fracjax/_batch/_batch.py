@@ -1,10 +1,10 @@
 """Many recordings, each fitted by itself, into one table that survives interruptions.
 
 Recordings alike are fitted together, as stacks (`fit_all`), and the others one by one by `fit`,
-which is a stack of one: both are one path of code.  If there are many recordings, each core runs a
-process of its own, because much of a short fit is Python code, whose lock lets only one thread run.
-If a stack fails, its recordings are fitted one by one, and a recording that cannot be fitted is a
-row with its reason.
+which is a stack of one: both are one path of code.  Stacks are fitted in this process until its
+pace shows that a process for each core is worth its start; threads would not do, because much of a
+short fit is Python code, whose lock lets only one of them run.  If a stack fails, its recordings
+are fitted one by one, and a recording that cannot be fitted is a row with its reason.
 """
 
 from __future__ import annotations
@@ -16,6 +16,8 @@ from concurrent.futures import FIRST_COMPLETED, Future, ThreadPoolExecutor, wait
 from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
+
+import numpy as np
 
 from .._fit import Loss
 from .._models import Model
@@ -32,8 +34,15 @@ if TYPE_CHECKING:
 
 FITS = "fits.parquet"
 _MANY = 96
-"""Number of recordings from which processes are faster than threads: the time that they take to
-start equals what threads lose on so many fits of FOH to 5,000 samples (measured one by one)."""
+"""Number of recordings fitted one by one from which processes are faster than threads: the time
+that they take to start equals what threads lose on so many fits of FOH to 5,000 samples."""
+_FIRST = 16
+"""Recordings of the first stack, from which the pace is known.  Chosen by judgement."""
+_WORTH_PROCESSES = 4.0
+"""Expected time [s] for the rest, from which processes are worth their start: two take 1.6 s, and
+halve it."""
+_ANSWER = 1.0
+"""Longest time [s] between two signs of progress, where the pace allows it."""
 _PATIENCE = 30.0
 """Longest time [s] that finished rows wait to be written, and so the most that a killed run loses;
 chosen by judgement."""
@@ -130,32 +139,42 @@ def fit_batch(
 
 
 def on_this_machine(jobs: list[Job], work: Work) -> Rows:
-    """Rows in the order in which they are finished, from processes or threads.
+    """Rows in the order in which they are finished, from this process and from others.
 
-    Processes take seconds to start and are used for many recordings; threads for few, and where
-    processes cannot do the work.
+    Other processes take over where they save more time than they take to start.
     """
-    cores = os.cpu_count() or 1
-    if len(jobs) >= _MANY and cores > 1:
+    cores, at, size = os.cpu_count() or 1, 0, work.task
+    if work.is_stacked:
+        size, began = _FIRST, time.monotonic()
+        while at < len(jobs):
+            yield rows_of(jobs[at : at + size], work)
+            at = min(at + size, len(jobs))
+            each = (time.monotonic() - began) / at
+            size = int(np.clip(_ANSWER / each, 1, work.task))
+            if cores > 1 and (len(jobs) - at) * each > _WORTH_PROCESSES:
+                break
+    if at == len(jobs):
+        return
+    if cores > 1 and (work.is_stacked or len(jobs) >= _MANY):
         try:
-            yield from in_processes(jobs, work, cores)
+            yield from in_processes(jobs[at:], work, cores, size)
             return
         except CannotStart:
             pass
-    yield from in_threads(jobs, work)
+    yield from in_threads(jobs[at:], work)
 
 
 def in_threads(jobs: list[Job], work: Work) -> Rows:
     """Rows in the order in which they are finished, from as many threads as there are cores.
 
     Compiled programs run without the interpreter's lock; a program that several threads need is
-    compiled once.
+    compiled once.  Stacks are fitted one after the other, for they are NumPy on short arrays, of
+    which two threads do less than one.
     """
-    threads = os.cpu_count() or 1
+    size, threads = (work.task, 1) if work.is_stacked else (1, os.cpu_count() or 1)
     pool = ThreadPoolExecutor(threads)
     pending: set[Future[list[Row]]] = set()
     try:
-        size = max(min(work.task, -(-len(jobs) // threads)), 1) if work.is_stacked else 1
         for at in range(0, len(jobs), size):
             pending.add(pool.submit(rows_of, jobs[at : at + size], work))
             if len(pending) == 2 * threads:

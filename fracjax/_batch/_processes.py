@@ -35,8 +35,8 @@ class CannotStart(Exception):
     """No process can load the work, such as a model from the caller's own script."""
 
 
-def in_processes(jobs: list[Job], work: Work, count: int) -> Rows:
-    """Rows in the order in which they are finished, from `count` processes.
+def in_processes(jobs: list[Job], work: Work, count: int, size: int) -> Rows:
+    """Rows in the order in which they are finished, from `count` processes, `size` at a time.
 
     A recording whose process dies becomes a row with that reason; the other recordings of its task
     are fitted again.
@@ -45,7 +45,7 @@ def in_processes(jobs: list[Job], work: Work, count: int) -> Rows:
         CannotStart: The processes cannot do the work; no recording was fitted.
     """
     workers = [_Worker(work) for _ in range(count)]
-    tasks = iter([jobs[at : at + work.task] for at in range(0, len(jobs), work.task)])
+    tasks = iter([jobs[at : at + size] for at in range(0, len(jobs), size)])
     row_queue: Queue[list[Row] | None] = Queue()
     lock = Lock()
 

@@ -122,9 +122,9 @@ class PEADynamics(AbstractLinearBlock):
         return 3
 
     def symbol(self, s: Array) -> Array:
-        x = s / (2 * np.pi * self.frequency.value)
-        numerator = self.gain.value + self.creep_gain.value * s**self.mu.value
-        return numerator / (1 + 2 * self.damping.value * x + x * x)
+        x = s * (1 / (2 * np.pi * self.frequency.value))
+        mode = 1 / (1 + x * (2 * self.damping.value + x))
+        return self.gain.value * mode + self.creep_gain.value * (s**self.mu.value * mode)
 
     def static_gain(self) -> ArrayLike:
         return self.gain.value

@@ -96,13 +96,18 @@ def settle_all(
         changes = {at: p for at, p in enumerate(changed(solved)) if p}
         scales = {at: _scale(solved[at].preparation, p) for at, p in changes.items()}
         other = [at for at, scale in scales.items() if scale is None]
-        again = fit_blocks(
-            [solved[at].block for at in other], [changes[at] for at in other], starts, seed
-        )
+        moved = [at for at in other if solved[at].stacked]
+        afresh = [at for at in other if not solved[at].stacked]
+        again = [
+            *solve_again([solved[at] for at in moved], [changes[at] for at in moved]),
+            *fit_blocks(
+                [solved[at].block for at in afresh], [changes[at] for at in afresh], starts, seed
+            ),
+        ]
         for at, scale in scales.items():
             if scale is not None:  # the same optimum, as the noises only scale χ²
                 solved[at] = solved[at].scaled(changes[at], scale)
-        for at, one in zip(other, again, strict=True):
+        for at, one in zip([*moved, *afresh], again, strict=True):
             solved[at] = one
     return solved
 

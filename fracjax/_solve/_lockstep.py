@@ -1,13 +1,13 @@
-"""Levenberg–Marquardt on many compressed problems at once, in lock-step.
+"""Levenberg–Marquardt on many problems at once, in lock-step.
 
     (JᵀJ + λ diag JᵀJ) step = -Jᵀr,     J = (1 - QQᵀ) ∂/∂θ (Φ c + y_0)
 
 over the positions of the shapes, gains eliminated, with Kaufman's derivative and steps that end at
-the bounds.  A problem is a row of a stack, and every start of every row is a point.  All points are
-computed together in NumPy arrays, and those that have arrived are left out.  Derivatives are
-central differences: on a problem of fifty rows, analytic in its shapes to 1e-11, they take less
-time than a program takes to compile, which was 1 s for the model and its derivative and 5 s for
-optimistix's solver.  A chain is computed only for the parameters that it depends on.
+the bounds.  A problem is a row, compressed (`Stack`) or in samples (`_direct`), and every start of
+every row is a point.  Points are computed together in NumPy arrays, and those that have arrived are
+left out.  Derivatives are differences: on a problem of fifty rows, analytic in its shapes to 1e-11,
+they take less time than a program takes to compile, which was 1 s for the model and its derivative
+and 5 s for optimistix's solver.  A chain is computed only for the parameters that it depends on.
 
 Sources: Marquardt, J. SIAM 11 (1963) 431; Kaufman, BIT 15 (1975) 49.
 """
@@ -15,7 +15,8 @@ Sources: Marquardt, J. SIAM 11 (1963) 431; Kaufman, BIT 15 (1975) 49.
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import NamedTuple
+from dataclasses import dataclass
+from typing import NamedTuple, Protocol
 
 import jax
 import numpy as np
@@ -24,19 +25,26 @@ from .._blocks import AbstractBlock
 from .._operators import Grid
 from .._parameters import set_values
 from .._prepare import Layout, layout_of
-from ._chains import Chain, chains_of
+from ._chains import Chain, chains_of, transfer
 from ._compressed import CompressedProblem, Part
 from ._elimination import eliminate
 from ._interpolation import shapes_at
 
 _STEPS = 60
 """Most steps of a start.  Chosen by judgement."""
+NEGLIGIBLE = 1e-7
+"""Relative decrease of χ² that a last step is expected to bring, which then ends the descent: it is
+a thirtieth of a standard error at 10⁴ samples, and far less is left after it."""
+_LAST_DAMPING = 1e-10
+"""λ of a last step, which shortens no direction that the data determine."""
 _RELATIVE, _CLOSE = 1e-8, 1e-7
 """Relative decrease of χ², and step of the positions, below which a start has converged."""
 _DIFFERENCE = 1e-4
 """Step of the central differences, whose error of order 1e-8 is near that of rounding."""
 _FIRST_DAMPING = 1e-2
 """The first λ.  Chosen by judgement."""
+_WITHIN = np.array([0.5 + 0.1j])
+"""A point ζ within the circles on which transfer functions are computed."""
 
 
 class Dependence(NamedTuple):
@@ -66,7 +74,54 @@ class Dependence(NamedTuple):
         return [*([0] if self.constant else []), *(1 + gain for gain in self.gains)]
 
 
-class Stack(NamedTuple):
+class ChainColumns(NamedTuple):
+    """What one chain adds to the responses at K points.
+
+    Attributes:
+        depend: what the chain depends on.
+        here: (K, u, m) the responses of its units.
+        moved: per shape, their derivatives (K, u, m) by its position.
+    """
+
+    depend: Dependence
+    here: np.ndarray
+    moved: tuple[np.ndarray, ...]
+
+
+class Rows(Protocol):
+    """R recordings' problems in coordinates (m,) with the inner products of the samples.
+
+    Attributes:
+        response: (R, m), reduced.
+        at_once: the number of points that are computed together.
+    """
+
+    @property
+    def response(self) -> np.ndarray: ...
+
+    @property
+    def at_once(self) -> int: ...
+
+    @property
+    def grid(self) -> Grid: ...
+
+    def columns_around(
+        self,
+        block: AbstractBlock,
+        depends: Sequence[Dependence],
+        rows: np.ndarray,
+        positions: np.ndarray,
+    ) -> list[ChainColumns]:
+        """What each chain adds to the responses at points (K, n), each on its row (K,)."""
+        ...
+
+    def reduced(self, rows: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        """Signals (K, c, m) of rows (K,), whitened, without what the own terms absorb."""
+        ...
+
+
+@dataclass(frozen=True, eq=False)
+class Stack:
     """R recordings' problems in coordinates (m,), without those that the own terms absorb.
 
     Attributes:
@@ -87,6 +142,58 @@ class Stack(NamedTuple):
             Part(p.before, p.after, np.asarray(p.matrix)[None, :, own:]) for p in problem.parts
         ]
         return cls(tuple(parts), np.asarray(problem.response)[None, own:], problem.grid)
+
+    @property
+    def at_once(self) -> int:
+        """All points, whose coordinates are few."""
+        return 2**30
+
+    def columns_around(
+        self,
+        block: AbstractBlock,
+        depends: Sequence[Dependence],
+        rows: np.ndarray,
+        positions: np.ndarray,
+    ) -> list[ChainColumns]:
+        """What each chain adds to the responses at points (K, n), each on its row (K,)."""
+        result = []
+        for at, (depend, part) in enumerate(zip(depends, self.parts, strict=True)):
+            if not depend.units:  # a fixed gain of zero
+                continue
+            coefficients = self._coefficients_around(block, at, depend, positions)
+            count, units = coefficients.shape[1:3]
+            flat = coefficients.reshape(len(rows), count * units, -1)
+            matrix = part.matrix if len(part.matrix) == 1 else part.matrix[rows]
+            values = np.nan_to_num(flat @ matrix, posinf=0.0, neginf=0.0)
+            values = values.reshape(len(rows), count, units, -1)
+            moved = (values[:, 1::2] - values[:, 2::2]) / (2 * _DIFFERENCE)
+            result.append(ChainColumns(depend, values[:, 0], tuple(np.moveaxis(moved, 1, 0))))
+        return result
+
+    def reduced(self, rows: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        """The signals (K, c, m) themselves."""
+        return signals
+
+    def _coefficients_around(
+        self, block: AbstractBlock, at: int, depend: Dependence, positions: np.ndarray
+    ) -> np.ndarray:
+        """A chain's coefficients (K, 1 + 2s, u, J) at points (K, n), and moved along its s shapes.
+
+        The u are the chain's units, the response to zero gains subtracted from those to each gain.
+        """
+        layout, part = layout_of(block), self.parts[at]
+        # Differences stay within the bounds, where alone the compressed problem is valid.
+        middle = np.clip(positions, _DIFFERENCE, 1 - _DIFFERENCE)
+        around = np.repeat(middle[:, None], 1 + 2 * len(depend.shapes), axis=1)
+        around[:, 0] = positions
+        for k, shape in enumerate(depend.shapes):
+            around[:, 1 + 2 * k, shape] += _DIFFERENCE
+            around[:, 2 + 2 * k, shape] -= _DIFFERENCE
+        flat = around.reshape(-1, positions.shape[1])
+        values = part.coefficients(chain_at(block, layout, at, flat, depend), self.grid)
+        values = np.broadcast_to(values, (depend.units, len(flat), part.matrix.shape[-2]))
+        values = values.reshape(depend.units, len(positions), around.shape[1], -1)
+        return np.moveaxis(by_gain(values, depend), 0, 2)
 
 
 class Evaluation(NamedTuple):
@@ -119,7 +226,7 @@ class Arrival(NamedTuple):
     evaluations: np.ndarray
 
 
-def dependences(block: AbstractBlock, stack: Stack) -> tuple[Dependence, ...]:
+def dependences(block: AbstractBlock, grid: Grid) -> tuple[Dependence, ...]:
     """What each chain of a block depends on."""
     layout = layout_of(block)
     shapes, gains = ([name for name, _ in names] for names in layout)
@@ -128,42 +235,59 @@ def dependences(block: AbstractBlock, stack: Stack) -> tuple[Dependence, ...]:
     assert chains is not None  # only sums of chains are compressed
     middle = np.full((1, len(shapes)), 0.5)
     result = []
-    for at, (chain, part) in enumerate(zip(chains, stack.parts, strict=True)):
+    for at, chain in enumerate(chains):
         leaves = {id(leaf) for leaf in jax.tree_util.tree_leaves(chain)}
         of_shapes, of_gains = (
             tuple(k for k, name in enumerate(names) if id(marks[name]) in leaves)
             for names in (shapes, gains)
         )
-        silent = _chain_at(block, layout, at, middle, Dependence((), (), True))
-        constant = bool(np.any(part.coefficients(silent, stack.grid)))
+        silent = chain_at(block, layout, at, middle, Dependence((), (), True))
+        constant = all(
+            np.any(transfer(each, _WITHIN, grid))
+            for each in (silent.before, silent.after)
+            if each is not None
+        )
         result.append(Dependence(of_shapes, of_gains, constant))
     return tuple(result)
 
 
 def descend_together(
-    block: AbstractBlock, stacks: Sequence[Stack], rows: np.ndarray, positions: np.ndarray
+    block: AbstractBlock,
+    stacks: Sequence[Rows],
+    rows: np.ndarray,
+    positions: np.ndarray,
+    steps: int = _STEPS,
+    negligible: float = NEGLIGIBLE,
 ) -> Arrival:
     """The descents of K points from positions (K, n), each on its row (K,) of the stacks.
 
-    Several stacks hold recordings that are fitted jointly, row by row.
+    Several stacks hold recordings that are fitted jointly, row by row.  A descent ends with a step
+    that is expected to decrease χ² by less than the share `negligible`.
     """
-    depends = dependences(block, stacks[0])
+    depends = dependences(block, stacks[0].grid)
     positions, evaluations = positions.copy(), np.ones(len(positions), int)
     current = evaluate(block, depends, stacks, rows, positions)
     damping = np.full(len(positions), _FIRST_DAMPING)
     converged = np.zeros(len(positions), bool)
     active = np.flatnonzero(np.isfinite(current.cost))
-    for _ in range(_STEPS):
+    for _ in range(steps):
+        here = _select(current, active)
+        last = _step(positions[active], here, np.minimum(damping[active], _LAST_DAMPING))
+        ends = _expected_decrease(here, last) < negligible * here.cost
+        ending = active[ends]
+        positions[ending] = np.clip(positions[ending] + last[ends], 0.0, 1.0)
+        converged[ending] = True
+        active = active[~ends]
         if not active.size:
             break
-        here = positions[active]
-        there = np.clip(here + _step(here, _select(current, active), damping[active]), 0.0, 1.0)
+        step = _step(positions[active], _select(current, active), damping[active])
+        there = np.clip(positions[active] + step, 0.0, 1.0)
         trial = evaluate(block, depends, stacks, rows[active], there)
         evaluations[active] += 1
         decrease = current.cost[active] - trial.cost
         better = decrease > 0
         arrived = (better & (decrease < _RELATIVE * trial.cost)) | (
-            np.abs(there - here).max(axis=1) < _CLOSE
+            np.abs(there - positions[active]).max(axis=1) < _CLOSE
         )
         positions[active[better]] = there[better]
         for old, new in zip(current, trial, strict=True):
@@ -172,6 +296,12 @@ def descend_together(
         converged[active[arrived]] = True
         active = active[~arrived]
     return Arrival(positions, current.cost, converged, evaluations)
+
+
+def _expected_decrease(evaluation: Evaluation, step: np.ndarray) -> np.ndarray:
+    """The decrease (K,) of χ² that its second derivative promises for steps (K, n)."""
+    curved = (evaluation.square @ step[:, :, None])[:, :, 0]
+    return -np.sum((2 * evaluation.slope + curved) * step, axis=1)
 
 
 def _select(evaluation: Evaluation, which: np.ndarray) -> Evaluation:
@@ -196,83 +326,77 @@ def _step(position: np.ndarray, evaluation: Evaluation, damping: np.ndarray) -> 
 def evaluate(
     block: AbstractBlock,
     depends: Sequence[Dependence],
-    stacks: Sequence[Stack],
+    stacks: Sequence[Rows],
     rows: np.ndarray,
     positions: np.ndarray,
 ) -> Evaluation:
     """χ² at points (K, n), half its gradient, and half its second derivative by Gauss–Newton."""
-    pieces = [columns_around(block, depends, stack, rows, positions) for stack in stacks]
-    here, moved = (np.concatenate(parts, axis=-1) for parts in zip(*pieces, strict=True))
-    target = np.concatenate([stack.response[rows] for stack in stacks], axis=1) - here[:, 0]
-    gains, residual, basis = eliminate(np.swapaxes(here[:, 1:], 1, 2), target)
-    change = np.einsum("nkgm,kg->kmn", moved, np.pad(gains, ((0, 0), (1, 0)), constant_values=1.0))
-    derivative = basis @ (np.swapaxes(basis, 1, 2) @ change) - change
-    slope = np.einsum("kmn,km->kn", derivative, residual)
-    square = np.swapaxes(derivative, 1, 2) @ derivative
-    return Evaluation(np.sum(residual**2, axis=1), square, slope)
+    at_once = min(stack.at_once for stack in stacks)
+    parts = []
+    for at in range(0, len(rows), at_once):
+        some, there = rows[at : at + at_once], positions[at : at + at_once]
+        pieces = [combine(block, depends, stack, some, there) for stack in stacks]
+        columns = np.concatenate([piece[0] for piece in pieces], axis=-1)
+        target = np.concatenate([piece[1] for piece in pieces], axis=-1)
+        gains, residual, basis = eliminate(np.swapaxes(columns, 1, 2), target)
+        change = np.concatenate(
+            [
+                stack.reduced(some, change_by_shapes(piece[2], gains, there.shape[1]))
+                for stack, piece in zip(stacks, pieces, strict=True)
+            ],
+            axis=-1,
+        )
+        derivative = (change @ basis) @ np.swapaxes(basis, 1, 2) - change
+        slope = (derivative @ residual[..., None])[..., 0]
+        square = derivative @ np.swapaxes(derivative, 1, 2)
+        parts.append(Evaluation(np.sum(residual**2, axis=1), square, slope))
+    return Evaluation(*map(np.concatenate, zip(*parts, strict=True)))
 
 
-def columns_around(
+def combine(
     block: AbstractBlock,
     depends: Sequence[Dependence],
-    stack: Stack,
+    stack: Rows,
     rows: np.ndarray,
     positions: np.ndarray,
-) -> tuple[np.ndarray, np.ndarray]:
-    """Compressed responses (K, 1 + g, m) at points (K, n), and their derivatives (n, K, 1 + g, m).
-
-    The first of 1 + g is the response with gains of zero, the others are the derivatives by each
-    gain.
+) -> tuple[np.ndarray, np.ndarray, list[ChainColumns]]:
+    """At points (K, n): the reduced columns of the gains (K, g, m), the reduced response minus that
+    with gains of zero (K, m), and the chains' columns.
     """
-    layout = layout_of(block)
-    here = np.zeros((len(rows), 1 + len(layout.gains), stack.response.shape[1]))
-    moved = np.zeros((len(layout.shapes), *here.shape))
-    for at, (depend, part) in enumerate(zip(depends, stack.parts, strict=True)):
-        if not depend.units:  # a fixed gain of zero
-            continue
-        coefficients = coefficients_around(block, at, depend, part, stack.grid, positions)
-        count, units = coefficients.shape[1:3]
-        flat = coefficients.reshape(len(rows), count * units, -1)
-        matrix = part.matrix if len(part.matrix) == 1 else part.matrix[rows]
-        values = np.nan_to_num(flat @ matrix, posinf=0.0, neginf=0.0)
-        values = values.reshape(len(rows), count, units, -1)
-        here[:, depend.columns] += values[:, 0]
-        for k, shape in enumerate(depend.shapes):
-            change = values[:, 1 + 2 * k] - values[:, 2 + 2 * k]
-            moved[shape][:, depend.columns] += change / (2 * _DIFFERENCE)
-    return here, moved
+    chains = stack.columns_around(block, depends, rows, positions)
+    columns = stack.reduced(rows, total_of(chains, len(layout_of(block).gains)))
+    return columns[:, 1:], stack.response[rows] - columns[:, 0], chains
 
 
-def coefficients_around(
-    block: AbstractBlock,
-    at: int,
-    depend: Dependence,
-    part: Part,
-    grid: Grid,
-    positions: np.ndarray,
-) -> np.ndarray:
-    """A chain's coefficients (K, 1 + 2s, u, J) at points (K, n), and moved along its s shapes.
+def total_of(chains: Sequence[ChainColumns], gains: int) -> np.ndarray:
+    """The responses (K, 1 + g, m) with gains of zero and by each gain, from those of the chains."""
+    first = chains[0].here
+    total = np.zeros((len(first), 1 + gains, first.shape[-1]))
+    for chain in chains:
+        total[:, chain.depend.columns] += chain.here
+    return total
 
-    The u are the chain's units, the response to zero gains subtracted from those to each gain.
-    """
-    layout, count = layout_of(block), len(positions)
-    # Differences stay within the bounds, where alone the compressed problem is valid.
-    middle = np.clip(positions, _DIFFERENCE, 1 - _DIFFERENCE)
-    around = np.repeat(middle[:, None], 1 + 2 * len(depend.shapes), axis=1)
-    around[:, 0] = positions
-    for k, shape in enumerate(depend.shapes):
-        around[:, 1 + 2 * k, shape] += _DIFFERENCE
-        around[:, 2 + 2 * k, shape] -= _DIFFERENCE
-    flat = around.reshape(-1, positions.shape[1])
-    values = part.coefficients(_chain_at(block, layout, at, flat, depend), grid)
-    values = np.broadcast_to(values, (depend.units, len(flat), part.matrix.shape[-2]))
-    values = np.moveaxis(values.reshape(depend.units, count, around.shape[1], -1), 0, 2)
+
+def change_by_shapes(chains: Sequence[ChainColumns], gains: np.ndarray, shapes: int) -> np.ndarray:
+    """The derivatives (K, n, m) of the responses by the shapes' positions at gains (K, g)."""
+    with_one = np.pad(gains, ((0, 0), (1, 0)), constant_values=1.0)
+    first = chains[0].here
+    change = np.zeros((len(first), shapes, first.shape[-1]))
+    for depend, _, moved in chains:
+        factors = with_one[:, None, depend.columns]
+        for shape, by_shape in zip(depend.shapes, moved, strict=True):
+            change[:, shape] += (factors @ by_shape)[:, 0]
+    return change
+
+
+def by_gain(values: np.ndarray, depend: Dependence) -> np.ndarray:
+    """Values (u, …) of a chain's units, that with gains of zero subtracted from the others."""
     if depend.constant and depend.gains:
-        values = np.concatenate([values[:, :, :1], values[:, :, 1:] - values[:, :, :1]], axis=2)
+        values = np.concatenate([values[:1], values[1:] - values[:1]])
     return values
 
 
-def _chain_at(
+def chain_at(
     block: AbstractBlock, layout: Layout, at: int, positions: np.ndarray, depend: Dependence
 ) -> Chain:
     """A chain at positions (K, n), its gains (u, 1, 1) at the units in turn.

@@ -10,13 +10,16 @@ from operator import iadd
 
 import jax
 import numpy as np
+from scipy.linalg import get_lapack_funcs
 
 from .._blocks import AbstractBlock
+from .._operators import Grid
 from .._parameters import named_parameters
 from .._prepare import Problem, layout_of
 from ._chains import chains_of
 from ._compressed import Part, parts_of
 from ._interpolation import SPANNED
+from ._lockstep import Stack
 from ._span import ChainSignals, span_of_drives
 from ._transformed import AT_ONCE
 
@@ -25,9 +28,14 @@ _SPANNED = 1e-9
 enough below any sensor's noise, in fewer shapes than to rounding.  Where a block has several shapes
 they end at rounding, and the circle is a long one: its signals are many and nearly alike, and their
 combinations raised errors by two to four orders of magnitude, measured on LFDH."""
+_ROUGHLY_SPANNED = 1e-6
+"""The same where the signals only serve a search, whose end is the start of a descent on the full
+model: less than a standard error, in half the shapes.  Chosen by judgement."""
 LARGEST = 2**21
 """Most numbers in all that drives the chains of a stack, which limits memory.  Chosen by
 judgement."""
+_PANEL = 8
+"""Columns that a QR takes at once, which of thirty takes two thirds of LAPACK's usual time."""
 _KEPT = 4
 """Spans that are kept: those of two histories, and of two finer grids."""
 
@@ -124,14 +132,17 @@ class Signals:
 _spans: deque[DriveSignals] = deque(maxlen=_KEPT)
 
 
-def signals_of(block: AbstractBlock, problems: Sequence[Problem]) -> Signals | None:
-    """The signals of a stack's rows; None where too many would be needed.
+def signals_of(
+    block: AbstractBlock, problems: Sequence[Problem], roughly: bool = False
+) -> Signals | None:
+    """The signals of a stack's rows, that only a search needs or not; None where too many would be
+    needed.
 
     Those of the last few stacks are kept: of their rows some are solved again under another noise,
     or on a grid on which they were compared, and the next stack may have the same drive.
     """
     like, contents = problems[0], [np.asarray(problem.drive).tobytes() for problem in problems]
-    key = (*kind_of(block), like.grid.history, float(like.grid.step), like.oversampling)
+    key = (*kind_of(block), roughly, like.grid.history, float(like.grid.step), like.oversampling)
     sizes = like.drive.size, like.response.size
     for kept in tuple(_spans):
         if kept.key == (*key, *sizes) and kept.places.keys() >= set(contents):
@@ -142,8 +153,8 @@ def signals_of(block: AbstractBlock, problems: Sequence[Problem]) -> Signals | N
     drives = np.stack([np.frombuffer(content) for content in places])
     blocks = [each for chain in chains for each in (chain.before, chain.after) if each is not None]
     few = all(len(layout_of(each).shapes) < 2 for each in blocks)
-    spanned = _SPANNED if few else SPANNED
-    span = span_of_drives(chains, drives.T, like, spanned, short=few)
+    spanned = _ROUGHLY_SPANNED if roughly else _SPANNED if few else SPANNED
+    span = span_of_drives(chains, drives.T, like, spanned, short=few or roughly)
     if span is None:
         return None
     chosen, signals = span
@@ -161,3 +172,46 @@ def kind_of(block: AbstractBlock) -> tuple:
     for parameter in named_parameters(block).values():
         fixed += [parameter.lower, parameter.upper, *([parameter.value] * parameter.fixed)]
     return jax.tree_util.tree_structure(block), tuple(map(float, fixed))
+
+
+def triangles_of(problems: Sequence[Problem], signals: Signals) -> np.ndarray:
+    """The triangles (R, K, K) of whitened own terms, signals and response of each row.
+
+    Rows that share drive and whitening share one QR, followed by a projection each.
+    """
+    (geqrt,) = get_lapack_funcs(("geqrt",), dtype=np.float64)
+    groups: dict[tuple, list[int]] = {}
+    for row, problem in enumerate(problems):
+        filters = (np.asarray(problem.weights).tobytes(), np.asarray(problem.whitening).tobytes())
+        groups.setdefault(filters if signals.shared else (row,), []).append(row)
+    first = problems[0]
+    count = first.own.shape[1] + signals.total + 1
+    triangles = np.zeros((len(problems), count, count))
+    for rows in groups.values():
+        problem = problems[rows[0]]
+        own = problem.own.shape[1]
+        terms = np.empty((own + signals.total + len(rows), len(problem.response)))
+        terms[:own] = np.asarray(problem.own).T
+        signals.fill(rows[0], terms[own : own + signals.total])
+        for response, row in zip(terms[own + signals.total :], rows, strict=True):
+            response[:] = problems[row].response
+        columns = problem.whiten(terms.T)
+        if len(rows) == 1:
+            panel = min(_PANEL, *columns.shape)
+            upper = np.triu(geqrt(panel, columns, overwrite_a=1)[0][:count])
+            triangles[rows[0], : len(upper)] = upper  # fewer rows where samples are fewer
+            continue
+        basis, triangle = np.linalg.qr(columns[:, : count - 1])
+        along = basis.T @ columns[:, count - 1 :]
+        outside = np.linalg.norm(columns[:, count - 1 :] - basis @ along, axis=0)
+        size = len(triangle)
+        triangles[rows, :size, : count - 1] = triangle
+        triangles[rows, :size, -1], triangles[rows, -1, -1] = along.T, outside
+    return triangles
+
+
+def stack_of(signals: Signals, triangles: np.ndarray, own: int, grid: Grid) -> Stack:
+    """The rows' problems from their triangles (R, K, K), of which `own` columns are own terms."""
+    columns = triangles[:, own:, own:-1].swapaxes(1, 2)  # (R, n, m)
+    parts = (Part(p.before, p.after, p.matrix @ columns) for p in signals.parts)
+    return Stack(tuple(parts), triangles[:, own:, -1], grid)

@@ -9,7 +9,7 @@ import fracjax as fj
 from fracjax._computing import computing
 from fracjax._prepare import HistoryOption, Preparation, prepare, with_shapes_at
 from fracjax._prepare._keywords import apply_options
-from fracjax._solve import Solved, _stack, compress, fit_blocks, simulate, solve_from
+from fracjax._solve import Solved, _by_signals, compress, fit_blocks, simulate, solve_from
 from fracjax._solve._least_squares import Objective
 from fracjax._solve._lockstep import Stack, dependences, evaluate
 from fracjax._solve._signals import signals_of
@@ -84,7 +84,7 @@ def test_the_slopes_of_a_descent_are_those_of_differences(fixed):
         stack, step = Stack.of_one(compressed.problems[0]), 1e-4
         around = np.array([0.4, 0.6]) + step * np.array([[0, 0], [1, 0], [0, 1], [-1, 0], [0, -1]])
         rows = np.zeros(len(around), int)
-        found = evaluate(block, dependences(block, stack), [stack], rows, around)
+        found = evaluate(block, dependences(block, stack.grid), [stack], rows, around)
         assert found.cost[0] == pytest.approx(Objective(block, problems).at(around[0]).cost)
     differences = (found.cost[1:3] - found.cost[3:5]) / (2 * step)
     np.testing.assert_allclose(2 * found.slope[0], differences, rtol=1e-5)
@@ -162,14 +162,14 @@ def test_a_problem_that_is_not_accurate_enough_is_left_to_the_full_model(monkeyp
         row = Row(prepared, model.block, np.full((1, 2), 0.5))
         (solved,) = solve_rows([row])
         assert isinstance(solved, Solved)
-        monkeypatch.setattr("fracjax._solve._stack._SHARE_OF_NOISE", 1e-15)
+        monkeypatch.setattr("fracjax._solve._by_signals._SHARE_OF_NOISE", 1e-15)
         assert solve_rows([row]) == [None]
 
 
 def test_a_row_that_is_not_accurate_enough_leaves_the_others_in_their_stack(monkeypatch):
     """The second, whose response counts as wrong, and no other is left to the full model."""
     model = fj.parse_model("foh").with_values(SHAPES["foh"])
-    respond_all = _stack.respond_all
+    respond_all = _by_signals.respond_all
 
     def respond(blocks, problems, short=False):
         responses = respond_all(blocks, problems, short)
@@ -182,7 +182,7 @@ def test_a_row_that_is_not_accurate_enough_leaves_the_others_in_their_stack(monk
         prepared = preparations(model, True)
         rows = [Row(p, model.block, np.full((1, 2), 0.5)) for p in prepared]
         bad = rows[2].problem
-        monkeypatch.setattr(_stack, "respond_all", respond)
+        monkeypatch.setattr(_by_signals, "respond_all", respond)
         solved = solve_rows(rows)
     assert [one is None for one in solved] == [False, False, True, False, False]
 

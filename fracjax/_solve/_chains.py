@@ -22,6 +22,8 @@ from .._parameters import Parameter, replace_parameters
 
 # Made once, because a search separates a block into chains thousands of times.
 _LINEAR, _OPERATOR = FOHLinear(), SingleOperator()
+_OF_MODES = 3
+"""Order of the quadrature of lightly damped modes (`_convolution_quadrature`)."""
 
 
 class Chain(NamedTuple):
@@ -77,6 +79,14 @@ def _append(chain: Chain, block: AbstractBlock) -> Chain:
     if not chain.rated:
         return chain._replace(before=Series(chain.before, block))
     return chain._replace(after=block if chain.after is None else Series(chain.after, block))
+
+
+def oscillates(block: AbstractBlock) -> bool:
+    """Whether a linear block has a lightly damped mode, by the quadrature that it asks for."""
+    if isinstance(block, Series):
+        return oscillates(block.first) or oscillates(block.second)
+    assert isinstance(block, AbstractLinearBlock)
+    return block.accuracy == _OF_MODES
 
 
 def transfer(block: AbstractBlock, zeta: Any, grid: Grid) -> Any:

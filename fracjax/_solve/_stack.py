@@ -17,7 +17,7 @@ from .._blocks import AbstractBlock
 from .._parameters import named_parameters
 from .._prepare import Preparation, Problem, layout_of, top_frequency
 from ._by_signals import optima_by_signals
-from ._chains import chains_of
+from ._chains import chains_of, oscillates
 from ._direct import Direct, thinned
 from ._lockstep import descend_together
 from ._responses import held, respond_all, stacked
@@ -109,7 +109,7 @@ def respond_rows(blocks: Sequence[AbstractBlock], problems: Sequence[Problem]) -
 def _solve(rows: Sequence[Row]) -> list[Solved | None]:
     """The optimum of each row of one stack; None where it was not found."""
     block, problems = rows[0].block, [row.problem for row in rows]
-    if not _is_followed(block):
+    if not (_is_followed(block) or _has_mode(block)):
         signals = signals_of(block, problems)
         if signals is not None:
             return solved_rows(rows, optima_by_signals(rows, signals))
@@ -128,10 +128,18 @@ def _is_followed(block: AbstractBlock) -> bool:
     return any(chain.after is not None for chain in chains_of(block) or ())
 
 
+def _has_mode(block: AbstractBlock) -> bool:
+    """Whether a block oscillates, which makes its signals as many as the frequencies that a
+    recording tells apart.
+    """
+    linear = [each for chain in chains_of(block) or () for each in (chain.before, chain.after)]
+    return any(each is not None and oscillates(each) for each in linear)
+
+
 def _search(rows: Sequence[Row], starts: np.ndarray) -> BestArrivals:
     """Where the descents of rows from starts (R, S, n) end on smaller problems."""
     block, problems = rows[0].block, [row.problem for row in rows]
-    signals = signals_of(block, problems, roughly=True)
+    signals = None if _has_mode(block) else signals_of(block, problems, roughly=True)
     if signals is not None:
         triangles, own = triangles_of(problems, signals), problems[0].own.shape[1]
         return descend_rows(block, stack_of(signals, triangles, own, problems[0].grid), starts)

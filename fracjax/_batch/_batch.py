@@ -37,7 +37,7 @@ _MANY = 96
 """Number of recordings fitted one by one from which processes are faster than threads: the time
 that they take to start equals what threads lose on so many fits of FOH to 5,000 samples."""
 _FIRST = 16
-"""Recordings of the first stack, from which the pace is known.  Chosen by judgement."""
+"""Recordings of the first stack.  Chosen by judgement."""
 _WORTH_PROCESSES = 4.0
 """Expected time [s] for the rest, from which processes are worth their start: two take 1.6 s, and
 halve it."""
@@ -145,13 +145,15 @@ def on_this_machine(jobs: list[Job], work: Work) -> Rows:
     """
     cores, at, size = os.cpu_count() or 1, 0, work.task
     if work.is_stacked:
-        size, began = _FIRST, time.monotonic()
+        size = _FIRST
         while at < len(jobs):
+            began, first = time.monotonic(), at == 0
             yield rows_of(jobs[at : at + size], work)
+            each = (time.monotonic() - began) / size
             at = min(at + size, len(jobs))
-            each = (time.monotonic() - began) / at
             size = int(np.clip(_ANSWER / each, 1, work.task))
-            if cores > 1 and (len(jobs) - at) * each > _WORTH_PROCESSES:
+            # The first ones also load and compile what the others need.
+            if cores > 1 and not first and (len(jobs) - at) * each > _WORTH_PROCESSES:
                 break
     if at == len(jobs):
         return

@@ -49,7 +49,7 @@ def test_processes_end_with_what_asked_for_them():
 
 
 def test_processes_take_over_where_they_are_worth_their_start(tmp_path, monkeypatch):
-    """Of forty stacked recordings the first stack is fitted here, and the rest by processes."""
+    """Of a hundred stacked recordings two stacks are fitted here, and the rest by processes."""
     taken = []
 
     def took(jobs, work, count, size):
@@ -58,10 +58,10 @@ def test_processes_take_over_where_they_are_worth_their_start(tmp_path, monkeypa
 
     monkeypatch.setattr("fracjax._batch._batch.in_processes", took)
     monkeypatch.setattr("fracjax._batch._batch.os.cpu_count", lambda: 2)
-    recordings = [recording(k, source=f"{k}") for k in range(40)]
+    recordings = [recording(k, source=f"{k}") for k in range(100)]
     for name, worth in (("here", 1e9), ("there", 0.0)):
         monkeypatch.setattr("fracjax._batch._batch._WORTH_PROCESSES", worth)
         rows = fj.fit_batch("creep", recordings, out=tmp_path / name, starts=4)
         assert list(rows["source"]) == [each.source for each in recordings]
         assert set(rows["status"]) == {"fitted"}
-    assert taken == [24]
+    assert taken == [20]

@@ -38,7 +38,7 @@ _MANY = 96
 that they take to start equals what threads lose on so many fits of FOH to 5,000 samples."""
 _FIRST = 16
 """Recordings of the first stack.  Chosen by judgement."""
-_WORTH_PROCESSES = 4.0
+_WORTH_PROCESSES = 3.2
 """Expected time [s] for the rest, from which processes are worth their start: two take 1.6 s, and
 halve it."""
 _ANSWER = 1.0

@@ -101,7 +101,7 @@ def spikes(response: np.ndarray) -> np.ndarray:
 
     Far is twelve times what samples typically depart from the line between their neighbours, in the
     whole response and around them, and a hundredth of the range; up to three in a row, where those
-    on both sides agree.
+    on both sides agree.  The tip of a cusp, to which both sides lead, is none.
     """
     rows = np.atleast_2d(response)
     count, size = rows.shape
@@ -137,7 +137,28 @@ def spikes(response: np.ndarray) -> np.ndarray:
         row, first, height = row[high], first[high], height[high]
         around = bends[row[:, None], first[:, None] + np.arange(width + 2 * _AROUND)]
         quiet = quantiles(around, 0.5)[0] < height / _SPIKE
-        row, first = row[quiet], first[quiet]
+        row, first, height = row[quiet], first[quiet], height[quiet]
+        surprising = ~_is_led_to(rows, row, first, width, height)
+        row, first = row[surprising], first[surprising]
         for at in range(1, width + 1):
             alone[row, first + at] = True
     return alone.reshape(response.shape)
+
+
+def _is_led_to(
+    rows: np.ndarray, row: np.ndarray, first: np.ndarray, width: int, height: np.ndarray
+) -> np.ndarray:
+    """Whether the straight line of the two samples before or behind leads to one of `width` samples
+    after `first`, in responses (R, N): closer to it than half the height (K,).
+
+    At a response's ends, where one of the two is missing, no line leads anywhere.
+    """
+    last = rows.shape[1] - 1
+    led = np.zeros(row.size, bool)
+    for near, far, side in ((first, first - 1, 1), (first + width + 1, first + width + 2, -1)):
+        slope = rows[row, near] - rows[row, np.clip(far, 0, last)]
+        steps = np.arange(1, width + 1)[:, None]
+        course = rows[row, near] + steps * slope
+        away = np.abs(rows[row, near + side * steps] - course).min(axis=0)
+        led |= (away < height / 2) & (far >= 0) & (far <= last)
+    return led

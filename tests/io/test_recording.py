@@ -298,3 +298,15 @@ def test_recordings_show_the_same_together_as_alone():
         assert one.resolution == other.resolution
     assert [int(each.spikes.sum()) for each in together if len(each) == 8000].count(4) == 3
     assert sum(each.resolution == pytest.approx(0.01) for each in together) == 4
+
+
+def test_cusps_are_no_spikes():
+    """|u̇| of a fast drive returns from each of its tips within a few samples."""
+    times = 2e-3 * np.arange(4000)
+    cusps = np.abs(np.cos(2 * np.pi * 11 * times)) + 0.2 * np.sin(2 * np.pi * 0.7 * times)
+    cusps += 1e-3 * np.random.default_rng(3).standard_normal(times.size)
+    assert not record(times, cusps, dt=2e-3).spikes.any()
+    spiked = cusps.copy()
+    spiked[[700, 1501, 1502, 3110]] += [0.4, -0.3, -0.3, 0.4]
+    found = np.flatnonzero(record(times, spiked, dt=2e-3).spikes)
+    assert found.tolist() == [700, 1501, 1502, 3110]

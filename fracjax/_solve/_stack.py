@@ -35,9 +35,9 @@ _PER_PERIOD = 8
 """Samples per period of the drive's top frequency in a thinned recording.  Chosen by judgement."""
 _LEAST_THINNED = 256
 """Fewest samples of a thinned recording.  Chosen by judgement."""
-_FIRST_STEPS, _KEPT_STARTS, _SEARCHED = 4, 2, 1e-3
-"""On thinned recordings: steps of all starts, the starts that go on, and the relative decrease of
-χ² that their last step is expected to bring.  Chosen by judgement."""
+_FIRST_STEPS, _SEARCHED = 4, 1e-3
+"""On thinned recordings: steps after which half of the starts go on, and the relative decrease of
+χ² that a last step is expected to bring.  Chosen by judgement."""
 
 
 def can_compress(block: AbstractBlock) -> bool:
@@ -144,19 +144,34 @@ def _search(rows: Sequence[Row], starts: np.ndarray) -> BestArrivals:
         triangles, own = triangles_of(problems, signals), problems[0].own.shape[1]
         return descend_rows(block, stack_of(signals, triangles, own, problems[0].grid), starts)
     every = min(_thinning(row) for row in rows)
-    smaller = Direct([thinned(problem, every) for problem in problems])
-    count, shapes = starts.shape[1:]
-    owners = np.repeat(np.arange(len(rows)), count)
-    first = descend_together(
-        block, [smaller], owners, starts.reshape(-1, shapes), _FIRST_STEPS, _SEARCHED
-    )
-    costs = np.nan_to_num(first.costs.reshape(-1, count), nan=np.inf)
-    best = np.argsort(costs, axis=1)[:, :_KEPT_STARTS]
-    ahead = np.take_along_axis(first.positions.reshape(starts.shape), best[:, :, None], axis=1)
-    arrivals = descend_rows(block, smaller, ahead, negligible=_SEARCHED)
-    np.put_along_axis(costs, best, arrivals.costs, axis=1)
-    evaluations = arrivals.evaluations + first.evaluations.reshape(-1, count).sum(axis=1)
-    return arrivals._replace(costs=every * costs, evaluations=evaluations)
+    arrivals = _halving_search(block, Direct([thinned(p, every) for p in problems]), starts)
+    return arrivals._replace(costs=every * arrivals.costs)
+
+
+def _halving_search(block: AbstractBlock, problems: Direct, starts: np.ndarray) -> BestArrivals:
+    """The descents of rows from starts (R, S, n), of which the better half goes on after a few
+    steps, until one is left.
+
+    Source: Jamieson & Talwalkar, AISTATS 51 (2016) 240.
+    """
+    rows, count, _ = starts.shape
+    costs, evaluations = np.full((rows, count), np.inf), np.zeros(rows, int)
+    remaining = np.tile(np.arange(count), (rows, 1))
+    while remaining.shape[1] > 1:
+        size = remaining.shape[1]
+        owners = np.repeat(np.arange(rows), size)
+        flat = starts.reshape(rows * size, -1)
+        arrival = descend_together(block, [problems], owners, flat, _FIRST_STEPS, _SEARCHED)
+        ended = np.nan_to_num(arrival.costs.reshape(rows, size), nan=np.inf)
+        np.put_along_axis(costs, remaining, ended, axis=1)
+        evaluations += arrival.evaluations.reshape(rows, size).sum(axis=1)
+        best = np.argsort(ended, axis=1)[:, : size // 2]
+        remaining = np.take_along_axis(remaining, best, axis=1)
+        positions = arrival.positions.reshape(rows, size, -1)
+        starts = np.take_along_axis(positions, best[:, :, None], axis=1)
+    arrivals = descend_rows(block, problems, starts, negligible=_SEARCHED)
+    np.put_along_axis(costs, remaining, arrivals.costs, axis=1)
+    return arrivals._replace(costs=costs, evaluations=evaluations + arrivals.evaluations)
 
 
 def _thinning(row: Row) -> int:

@@ -123,8 +123,8 @@ class PEADynamics(AbstractLinearBlock):
 
     def symbol(self, s: Array) -> Array:
         x = s * (1 / (2 * np.pi * self.frequency.value))
-        mode = 1 / (1 + x * (2 * self.damping.value + x))
-        return self.gain.value * mode + self.creep_gain.value * (s**self.mu.value * mode)
+        numerator = self.gain.value + self.creep_gain.value * s**self.mu.value
+        return numerator * (1 / (1 + x * (2 * self.damping.value + x)))
 
     def static_gain(self) -> ArrayLike:
         return self.gain.value

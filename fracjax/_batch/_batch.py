@@ -17,8 +17,6 @@ from contextlib import closing
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, Unpack
 
-import numpy as np
-
 from .._fit import Loss
 from .._models import Model
 from .._prepare import HistoryOption, Mask, ModelOptions, history_of, require_whole_number
@@ -143,42 +141,50 @@ def on_this_machine(jobs: list[Job], work: Work) -> Rows:
 
     Other processes take over where they save more time than they take to start.
     """
-    cores, at, size = os.cpu_count() or 1, 0, work.task
     if work.is_stacked:
-        size = _FIRST
-        while at < len(jobs):
-            began, first = time.monotonic(), at == 0
-            yield rows_of(jobs[at : at + size], work)
-            each = (time.monotonic() - began) / size
-            at = min(at + size, len(jobs))
-            size = int(np.clip(_ANSWER / each, 1, work.task))
-            # The first ones also load and compile what the others need.
-            if cores > 1 and not first and (len(jobs) - at) * each > _WORTH_PROCESSES:
-                break
-    if at == len(jobs):
+        yield from in_stacks(jobs, work)
         return
-    if cores > 1 and (work.is_stacked or len(jobs) >= _MANY):
+    cores = os.cpu_count() or 1
+    if len(jobs) >= _MANY and cores > 1:
         try:
-            yield from in_processes(jobs[at:], work, cores, size)
+            yield from in_processes(jobs, work, cores, work.task)
             return
         except CannotStart:
             pass
-    yield from in_threads(jobs[at:], work)
+    yield from in_threads(jobs, work)
+
+
+def in_stacks(jobs: list[Job], work: Work) -> Rows:
+    """Rows in the order in which they are finished, by stacks in this process, until others are
+    worth their start."""
+    cores, at, size = os.cpu_count() or 1, 0, _FIRST
+    while at < len(jobs):
+        began, first = time.monotonic(), at == 0
+        yield rows_of(jobs[at : at + size], work)
+        each = (time.monotonic() - began) / size
+        at += size
+        size = min(max(int(_ANSWER / each), 1), work.task)
+        # The first ones also load and compile what the others need.
+        if cores > 1 and not first and (len(jobs) - at) * each > _WORTH_PROCESSES:
+            try:
+                yield from in_processes(jobs[at:], work, cores, size)
+                return
+            except CannotStart:
+                cores = 1
 
 
 def in_threads(jobs: list[Job], work: Work) -> Rows:
     """Rows in the order in which they are finished, from as many threads as there are cores.
 
     Compiled programs run without the interpreter's lock; a program that several threads need is
-    compiled once.  Stacks are fitted one after the other, for they are NumPy on short arrays, of
-    which two threads do less than one.
+    compiled once.
     """
-    size, threads = (work.task, 1) if work.is_stacked else (1, os.cpu_count() or 1)
+    threads = os.cpu_count() or 1
     pool = ThreadPoolExecutor(threads)
     pending: set[Future[list[Row]]] = set()
     try:
-        for at in range(0, len(jobs), size):
-            pending.add(pool.submit(rows_of, jobs[at : at + size], work))
+        for job in jobs:
+            pending.add(pool.submit(rows_of, [job], work))
             if len(pending) == 2 * threads:
                 done, pending = wait(pending, return_when=FIRST_COMPLETED)
                 yield [row for future in done for row in future.result()]

@@ -19,7 +19,7 @@ from .._fit import Fit, Outcome, fit, fit_all, shape_of
 from .._models import MODELS, SIZED, Model, as_model
 from .._prepare import HistoryOption, ModelOptions, apply_options, free_parameters_of, model_of
 from .._recording import InputError, Recording
-from .._solve import LEAST_STARTS, can_compress
+from .._solve import LEAST_STARTS, can_stack
 from ._jobs import Job
 
 SCHEMA = "fracjax.batch/2"
@@ -75,8 +75,8 @@ class Work:
 
     @cached_property
     def is_stacked(self) -> bool:
-        """Whether recordings alike are fitted together: where `fit` compresses its problem."""
-        return self.starts >= LEAST_STARTS and can_compress(self.typical.block)
+        """Whether recordings alike are fitted together: where `fit` solves a stack of one."""
+        return self.starts >= LEAST_STARTS and can_stack(self.typical.block)
 
     def settings(self) -> dict[str, str]:
         """Everything but the recording that a row depends on, as text, by name."""

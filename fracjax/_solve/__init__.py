@@ -30,4 +30,4 @@ from ._solve import solve_again as solve_again
 from ._solve import solve_from as solve_from
 from ._solve import solved_at as solved_at
 from ._solve import starts_of as starts_of
-from ._stack import can_compress as can_compress
+from ._stack import can_stack as can_stack

@@ -15,7 +15,7 @@ import numpy as np
 from .._blocks import AbstractBlock
 from .._prepare import Problem
 from ._elimination import eliminate
-from ._lockstep import Stack, change_by_shapes, dependences, total_of
+from ._lockstep import Stack, change_by_shapes, dependences, total_of, with_one
 from ._responses import respond_all
 from ._row import Optima, Row, blocks_at, constants_of, descend_rows, slopes_at
 from ._signals import Signals, stack_of, triangles_of
@@ -42,8 +42,8 @@ def optima_by_signals(rows: Sequence[Row], signals: Signals) -> Optima:
     here = total_of(chains, constants.shape[1] - 1)
     columns = here @ of_signals[:, own:].swapaxes(1, 2)
     gains = eliminate(columns[:, 1:].swapaxes(1, 2), stack.response - columns[:, 0])[0]
-    with_one = np.pad(gains, ((0, 0), (1, 0)), constant_values=1.0)[:, None]
-    mixed, constant = (with_one @ here)[:, 0], (with_one @ constants[:, :, None])[:, 0]
+    weights = with_one(gains)[:, None]
+    mixed, constant = (weights @ here)[:, 0], (weights @ constants[:, :, None])[:, 0]
     changes = change_by_shapes(chains, gains, arrivals.positions.shape[1])
     changes /= slopes_at(block, arrivals.positions)
     factors = np.concatenate([changes, here[:, 1:]], axis=1)

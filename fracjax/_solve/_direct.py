@@ -22,11 +22,14 @@ from ._elimination import eliminate
 from ._lockstep import (
     ChainColumns,
     Dependence,
+    Rows,
     by_gain,
     chain_at,
     change_by_shapes,
+    combine,
     dependences,
     total_of,
+    with_one,
 )
 from ._responses import speeds
 from ._row import BestArrivals, Optima, constants_of, slopes_at
@@ -39,24 +42,34 @@ _LARGEST = 20_480
 
 
 @dataclass(frozen=True, eq=False)
-class Direct:
+class Direct(Rows):
     """R recordings' problems in samples (L,), all on one grid.
 
     Attributes:
         problems: the recordings.
+        own: per recording, orthonormal rows (q, L) that span its whitened own terms.
+        response: (R, L), reduced.
+        grid: step [s] and history of the simulation.
+        at_once: few points, so that what is computed for them stays in the processor's cache.
     """
 
     problems: Sequence[Problem]
+    own: Sequence[np.ndarray]
+    response: np.ndarray
+    grid: Grid
+    at_once: int
 
-    @property
-    def at_once(self) -> int:
-        """Few points, so that what is computed for them stays in the processor's cache."""
-        return max(_LARGEST // len(self._drives), 1)
-
-    @property
-    def grid(self) -> Grid:
-        """Step [s] and history of the simulation."""
-        return self.problems[0].grid
+    @classmethod
+    def of(cls, problems: Sequence[Problem]) -> Direct:
+        """The rows of recordings."""
+        own = [
+            np.ascontiguousarray(np.linalg.qr(problem.whiten(np.asarray(problem.own)))[0].T)
+            for problem in problems
+        ]
+        responses = np.stack([np.asarray(problem.response) for problem in problems])[:, None]
+        reduced = _reduced(problems, own, responses)[:, 0]
+        first = problems[0]
+        return cls(problems, own, reduced, first.grid, max(_LARGEST // len(first.drive), 1))
 
     @property
     def _every(self) -> int:
@@ -80,64 +93,33 @@ class Direct:
             self._speeds[every] = speeds(self._drives, self.grid, every)
         return self._speeds[every]
 
-    @cached_property
-    def _own(self) -> list[np.ndarray]:
-        """Orthonormal rows (q, L) that span each recording's whitened own terms."""
-        return [
-            np.ascontiguousarray(np.linalg.qr(problem.whiten(np.asarray(problem.own)))[0].T)
-            for problem in self.problems
-        ]
-
-    @property
-    def response(self) -> np.ndarray:
-        """The responses (R, L), reduced."""
-        return self._response
-
-    @cached_property
-    def _response(self) -> np.ndarray:
-        """The responses that `response` returns."""
-        every = np.arange(len(self.problems))
-        responses = np.stack([np.asarray(problem.response) for problem in self.problems])
-        return self.reduced(every, responses[:, None])[:, 0]
-
     def reduced(self, rows: np.ndarray, signals: np.ndarray) -> np.ndarray:
         """Signals (K, c, L) of rows (K,), whitened, without what the own terms absorb."""
-        result = np.empty_like(signals)
-        for at, row in enumerate(rows):
-            own, white = self._own[row], self.problems[row].whiten(signals[at].T).T
-            np.subtract(white, (white @ own.T) @ own, out=result[at])
-        return result
+        return _reduced([self.problems[at] for at in rows], [self.own[at] for at in rows], signals)
 
-    def columns_around(
+    def chain_around(
         self,
         block: AbstractBlock,
-        depends: Sequence[Dependence],
+        at: int,
+        depend: Dependence,
         rows: np.ndarray,
         positions: np.ndarray,
-    ) -> list[ChainColumns]:
-        """What each chain adds to the responses at points (K, n), each on its row (K,).
-
-        Constant responses are left out, and nothing is whitened.
-        """
-        layout = layout_of(block)
+    ) -> ChainColumns:
+        """What chain `at` adds to the responses at points (K, n), up to constants, not whitened."""
         # Inwards, so that both ends of the differences are within the bounds.
         steps = np.where(positions < 0.5, _DIFFERENCE, -_DIFFERENCE)
-        result = []
-        for at, depend in enumerate(depends):
-            if not depend.units:  # a fixed gain of zero
-                continue
-            around = np.repeat(positions[:, None], 1 + len(depend.shapes), axis=1)
-            for k, shape in enumerate(depend.shapes):
-                around[:, 1 + k, shape] += steps[:, shape]
-            chain = chain_at(block, layout, at, around.reshape(-1, positions.shape[1]), depend)
-            size = depend.units, len(rows), around.shape[1]
-            values = by_gain(self._respond(chain, rows, size), depend)
-            moved = tuple(
-                np.swapaxes(values[:, :, 1 + k] - values[:, :, 0], 0, 1) / steps[:, None, [shape]]
-                for k, shape in enumerate(depend.shapes)
-            )
-            result.append(ChainColumns(depend, np.swapaxes(values[:, :, 0], 0, 1), moved))
-        return result
+        around = np.repeat(positions[:, None], 1 + len(depend.shapes), axis=1)
+        for k, shape in enumerate(depend.shapes):
+            around[:, 1 + k, shape] += steps[:, shape]
+        flat = around.reshape(-1, positions.shape[1])
+        chain = chain_at(block, layout_of(block), at, flat, depend)
+        size = depend.units, len(rows), around.shape[1]
+        values = by_gain(self._respond(chain, rows, size), depend)
+        moved = tuple(
+            np.swapaxes(values[:, :, 1 + k] - values[:, :, 0], 0, 1) / steps[:, None, [shape]]
+            for k, shape in enumerate(depend.shapes)
+        )
+        return ChainColumns(depend, np.swapaxes(values[:, :, 0], 0, 1), moved)
 
     def _respond(self, chain: Chain, rows: np.ndarray, size: tuple[int, int, int]) -> np.ndarray:
         """The responses (u, K, c, L) of a chain, at K c shapes and u gains, to the drives of rows
@@ -169,15 +151,12 @@ class Direct:
         for at in range(0, len(self.problems), self.at_once):
             rows = np.arange(at, min(at + self.at_once, len(self.problems)))
             positions = arrivals.positions[rows]
-            chains = self.columns_around(block, depends, rows, positions)
-            here = total_of(chains, len(layout.gains))
-            columns = self.reduced(rows, here)
-            some = eliminate(columns[:, 1:].swapaxes(1, 2), self.response[rows] - columns[:, 0])[0]
-            here += constants[rows, :, None]
-            with_one = np.pad(some, ((0, 0), (1, 0)), constant_values=1.0)[:, None]
+            columns, target, chains = combine(block, depends, self, rows, positions)
+            some = eliminate(columns.swapaxes(1, 2), target)[0]
+            here = total_of(chains, len(layout.gains)) + constants[rows, :, None]
             changes = change_by_shapes(chains, some, len(layout.shapes)) / slopes[rows]
             gains.append(some)
-            responses.append((with_one @ here)[:, 0])
+            responses.append((with_one(some)[:, None] @ here)[:, 0])
             for row, *parts in zip(rows, changes, here[:, 1:], strict=True):
                 problem, derivative = self.problems[int(row)], np.concatenate(parts)
                 every = problem.whiten(np.concatenate([derivative, problem.own.T]).T)
@@ -191,6 +170,17 @@ class Direct:
             triangles=np.stack(triangles),
             accurate=np.ones(len(self.problems), bool),
         )
+
+
+def _reduced(
+    problems: Sequence[Problem], own: Sequence[np.ndarray], signals: np.ndarray
+) -> np.ndarray:
+    """Signals (K, c, L) of K problems, whitened, without what their own terms (q, L) absorb."""
+    result = np.empty_like(signals)
+    for at, (problem, terms) in enumerate(zip(problems, own, strict=True)):
+        white = problem.whiten(signals[at].T).T
+        np.subtract(white, (white @ terms.T) @ terms, out=result[at])
+    return result
 
 
 def thinned(problem: Problem, every: int) -> Problem:

@@ -14,9 +14,10 @@ Sources: Marquardt, J. SIAM 11 (1963) 431; Kaufman, BIT 15 (1975) 49.
 
 from __future__ import annotations
 
+import abc
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import NamedTuple, Protocol
+from typing import NamedTuple
 
 import jax
 import numpy as np
@@ -88,22 +89,33 @@ class ChainColumns(NamedTuple):
     moved: tuple[np.ndarray, ...]
 
 
-class Rows(Protocol):
+class Rows(abc.ABC):
     """R recordings' problems in coordinates (m,) with the inner products of the samples.
 
     Attributes:
+        grid: step [s] and history of the simulation.
         response: (R, m), reduced.
         at_once: the number of points that are computed together.
     """
 
-    @property
-    def response(self) -> np.ndarray: ...
+    grid: Grid
+    response: np.ndarray
+    at_once: int
 
-    @property
-    def at_once(self) -> int: ...
+    @abc.abstractmethod
+    def reduced(self, rows: np.ndarray, signals: np.ndarray) -> np.ndarray:
+        """Signals (K, c, m) of rows (K,), whitened, without what the own terms absorb."""
 
-    @property
-    def grid(self) -> Grid: ...
+    @abc.abstractmethod
+    def chain_around(
+        self,
+        block: AbstractBlock,
+        at: int,
+        depend: Dependence,
+        rows: np.ndarray,
+        positions: np.ndarray,
+    ) -> ChainColumns:
+        """What chain `at` adds to the responses at points (K, n), up to constants, not whitened."""
 
     def columns_around(
         self,
@@ -113,26 +125,28 @@ class Rows(Protocol):
         positions: np.ndarray,
     ) -> list[ChainColumns]:
         """What each chain adds to the responses at points (K, n), each on its row (K,)."""
-        ...
-
-    def reduced(self, rows: np.ndarray, signals: np.ndarray) -> np.ndarray:
-        """Signals (K, c, m) of rows (K,), whitened, without what the own terms absorb."""
-        ...
+        return [
+            self.chain_around(block, at, depend, rows, positions)
+            for at, depend in enumerate(depends)
+            if depend.units  # others have a fixed gain of zero
+        ]
 
 
 @dataclass(frozen=True, eq=False)
-class Stack:
+class Stack(Rows):
     """R recordings' problems in coordinates (m,), without those that the own terms absorb.
 
     Attributes:
         parts: per chain, the coefficients (J,) that all rows share, and matrices (R, J, m).
         response: (R, m).
         grid: step [s] and history of the simulation.
+        at_once: all points, whose coordinates are few.
     """
 
     parts: tuple[Part, ...]
     response: np.ndarray
     grid: Grid
+    at_once: int = 2**30
 
     @classmethod
     def of_one(cls, problem: CompressedProblem) -> Stack:
@@ -143,32 +157,23 @@ class Stack:
         ]
         return cls(tuple(parts), np.asarray(problem.response)[None, own:], problem.grid)
 
-    @property
-    def at_once(self) -> int:
-        """All points, whose coordinates are few."""
-        return 2**30
-
-    def columns_around(
+    def chain_around(
         self,
         block: AbstractBlock,
-        depends: Sequence[Dependence],
+        at: int,
+        depend: Dependence,
         rows: np.ndarray,
         positions: np.ndarray,
-    ) -> list[ChainColumns]:
-        """What each chain adds to the responses at points (K, n), each on its row (K,)."""
-        result = []
-        for at, (depend, part) in enumerate(zip(depends, self.parts, strict=True)):
-            if not depend.units:  # a fixed gain of zero
-                continue
-            coefficients = self._coefficients_around(block, at, depend, positions)
-            count, units = coefficients.shape[1:3]
-            flat = coefficients.reshape(len(rows), count * units, -1)
-            matrix = part.matrix if len(part.matrix) == 1 else part.matrix[rows]
-            values = np.nan_to_num(flat @ matrix, posinf=0.0, neginf=0.0)
-            values = values.reshape(len(rows), count, units, -1)
-            moved = (values[:, 1::2] - values[:, 2::2]) / (2 * _DIFFERENCE)
-            result.append(ChainColumns(depend, values[:, 0], tuple(np.moveaxis(moved, 1, 0))))
-        return result
+    ) -> ChainColumns:
+        """What chain `at` adds to the responses at points (K, n), each on its row (K,)."""
+        part, coefficients = self.parts[at], self._coefficients_around(block, at, depend, positions)
+        count, units = coefficients.shape[1:3]
+        flat = coefficients.reshape(len(rows), count * units, -1)
+        matrix = part.matrix if len(part.matrix) == 1 else part.matrix[rows]
+        values = np.nan_to_num(flat @ matrix, posinf=0.0, neginf=0.0)
+        values = values.reshape(len(rows), count, units, -1)
+        moved = (values[:, 1::2] - values[:, 2::2]) / (2 * _DIFFERENCE)
+        return ChainColumns(depend, values[:, 0], tuple(np.moveaxis(moved, 1, 0)))
 
     def reduced(self, rows: np.ndarray, signals: np.ndarray) -> np.ndarray:
         """The signals (K, c, m) themselves."""
@@ -377,13 +382,17 @@ def total_of(chains: Sequence[ChainColumns], gains: int) -> np.ndarray:
     return total
 
 
+def with_one(gains: np.ndarray) -> np.ndarray:
+    """The weights (K, 1 + g) of the response with gains of zero and of those by gains (K, g)."""
+    return np.pad(gains, ((0, 0), (1, 0)), constant_values=1.0)
+
+
 def change_by_shapes(chains: Sequence[ChainColumns], gains: np.ndarray, shapes: int) -> np.ndarray:
     """The derivatives (K, n, m) of the responses by the shapes' positions at gains (K, g)."""
-    with_one = np.pad(gains, ((0, 0), (1, 0)), constant_values=1.0)
-    first = chains[0].here
+    weights, first = with_one(gains), chains[0].here
     change = np.zeros((len(first), shapes, first.shape[-1]))
     for depend, _, moved in chains:
-        factors = with_one[:, None, depend.columns]
+        factors = weights[:, None, depend.columns]
         for shape, by_shape in zip(depend.shapes, moved, strict=True):
             change[:, shape] += (factors @ by_shape)[:, 0]
     return change

@@ -149,7 +149,7 @@ def signals_of(
             return Signals(kept, np.array([kept.places[content] for content in contents]))
     places = {content: at for at, content in enumerate(dict.fromkeys(contents))}
     chains = chains_of(block)
-    assert chains is not None  # can_compress has checked it
+    assert chains is not None  # can_stack has checked it
     drives = np.stack([np.frombuffer(content) for content in places])
     blocks = [each for chain in chains for each in (chain.before, chain.after) if each is not None]
     few = all(len(layout_of(each).shapes) < 2 for each in blocks)

@@ -16,7 +16,7 @@ from ._least_squares import Descent, Objective, begin, descend, simulate
 from ._programs import limit_compiled_programs
 from ._result import Solved
 from ._search import LEAST_STARTS, search
-from ._stack import Row, can_compress, is_alone, solve_rows
+from ._stack import Row, can_stack, is_alone, solve_rows
 
 _ROUNDS = 20
 """Most rounds of further descents.  Chosen by judgement."""
@@ -184,7 +184,7 @@ def fit_blocks(
     positions = {
         key: start_positions(block, starts, seed)
         for key, block in {id(block): block for block in blocks}.items()
-        if starts >= LEAST_STARTS and can_compress(block)
+        if starts >= LEAST_STARTS and can_stack(block)
     }
     alike = [id(block) in positions and is_alone(preparation) for block, preparation in pairs]
     rows = [

@@ -35,12 +35,12 @@ _PER_PERIOD = 8
 """Samples per period of the drive's top frequency in a thinned recording.  Chosen by judgement."""
 _LEAST_THINNED = 256
 """Fewest samples of a thinned recording.  Chosen by judgement."""
-_FIRST_STEPS, _SEARCHED = 4, 1e-3
+_STEPS_A_ROUND, _SEARCHED = 4, 1e-3
 """On thinned recordings: steps after which half of the starts go on, and the relative decrease of
 χ² that a last step is expected to bring.  Chosen by judgement."""
 
 
-def can_compress(block: AbstractBlock) -> bool:
+def can_stack(block: AbstractBlock) -> bool:
     """Whether a block is one that stacks are solved for: chains with bounded shapes."""
     chains = chains_of(block)
     single = all(np.size(p.value) == 1 for p in named_parameters(block).values())
@@ -113,7 +113,7 @@ def _solve(rows: Sequence[Row]) -> list[Solved | None]:
         signals = signals_of(block, problems)
         if signals is not None:
             return solved_rows(rows, optima_by_signals(rows, signals))
-    starts, direct = np.stack([row.positions for row in rows]), Direct(problems)
+    starts, direct = np.stack([row.positions for row in rows]), Direct.of(problems)
     if starts.shape[1] == 1:
         return solved_rows(rows, direct.optima(block, descend_rows(block, direct, starts)))
     searched = _search(rows, starts)
@@ -144,7 +144,7 @@ def _search(rows: Sequence[Row], starts: np.ndarray) -> BestArrivals:
         triangles, own = triangles_of(problems, signals), problems[0].own.shape[1]
         return descend_rows(block, stack_of(signals, triangles, own, problems[0].grid), starts)
     every = min(_thinning(row) for row in rows)
-    arrivals = _halving_search(block, Direct([thinned(p, every) for p in problems]), starts)
+    arrivals = _halving_search(block, Direct.of([thinned(p, every) for p in problems]), starts)
     return arrivals._replace(costs=every * arrivals.costs)
 
 
@@ -161,7 +161,7 @@ def _halving_search(block: AbstractBlock, problems: Direct, starts: np.ndarray) 
         size = remaining.shape[1]
         owners = np.repeat(np.arange(rows), size)
         flat = starts.reshape(rows * size, -1)
-        arrival = descend_together(block, [problems], owners, flat, _FIRST_STEPS, _SEARCHED)
+        arrival = descend_together(block, [problems], owners, flat, _STEPS_A_ROUND, _SEARCHED)
         ended = np.nan_to_num(arrival.costs.reshape(rows, size), nan=np.inf)
         np.put_along_axis(costs, remaining, ended, axis=1)
         evaluations += arrival.evaluations.reshape(rows, size).sum(axis=1)

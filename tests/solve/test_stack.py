@@ -14,7 +14,7 @@ from fracjax._solve._direct import Direct, thinned
 from fracjax._solve._least_squares import Objective
 from fracjax._solve._lockstep import Stack, dependences, evaluate
 from fracjax._solve._signals import signals_of
-from fracjax._solve._stack import Row, _groups, can_compress, is_alone, respond_rows, solve_rows
+from fracjax._solve._stack import Row, _groups, can_stack, is_alone, respond_rows, solve_rows
 
 STEP, SAMPLES = 2e-3, 600
 SHAPES = {
@@ -89,7 +89,7 @@ def test_the_slopes_in_samples_are_those_of_the_full_model(name, history):
     with computing():
         rows = np.array([0, 4, 4])
         problems = [p.problems()[0] for p in preparations(model, True, history)]
-        direct = Direct(problems)
+        direct = Direct.of(problems)
         shapes = len(layout_of(model.block).shapes)
         around = np.random.default_rng(2).uniform(0.35, 0.65, (3, shapes))
         depends = dependences(model.block, direct.grid)
@@ -188,8 +188,8 @@ def test_what_needs_the_full_model_is_not_stacked():
     with computing():
         one, two, *_ = preparations(fj.parse_model("foh"), True)
         joint = Preparation((*one.takes, *two.takes), 1)
-        assert can_compress(foh)
-        assert not can_compress(bouc_wen)
+        assert can_stack(foh)
+        assert not can_stack(bouc_wen)
         assert is_alone(one)
         assert not is_alone(joint)
         # From two starts each is searched for on the full model, as in `fit`.

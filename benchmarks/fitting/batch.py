@@ -3,14 +3,14 @@
     python -m benchmarks.fitting.batch --recordings 1000 --samples 5000
 
 Files of fractional-order hysteresis (FOH), each with a drive of its own or all with one drive, are
-fitted a quarter, a half, and all of them, on from where the last call ended: if the peak of the
-memory grows with their number, it shows.  The peer is what one would write in an afternoon: gains
+fitted a tenth, and then all of them, on from where the first call ended: if the peak of the memory
+grows with their number, it shows.  The peer is what one would write in an afternoon: gains
 eliminated by `lstsq`, orders by `scipy.optimize.least_squares`, on two processes, from one start
 and from as many as fracjax; paces are told as ratios to both.  Both ways read the files; a last run
-has the recordings in memory.  From 96 recordings on fracjax runs a process per core.  `stacked`
-counts the rows that were fitted together, and `fit_apart` is the largest distance of their
-parameters from those of `fit` alone, in standard errors, over some of them.  A kind of drive that
-the table holds is done.
+has the recordings in memory.  The start of fracjax's second process counts, that of SciPy's two
+does not.  `stacked` counts the rows that were fitted together, and `fit_apart` is the largest
+distance of their parameters from those of `fit` alone, in standard errors, over some of them.  A
+kind of drive that the table holds is done.
 """
 
 from __future__ import annotations
@@ -140,7 +140,7 @@ def compare(kind: str, count: int, samples: int, folder: Path) -> list[dict]:
     print(f"{count} recordings of {samples} samples, {kind} drive", flush=True)
     folder.mkdir()
     files = write_recordings(folder, count, samples, kind == "one")
-    stages = sorted({max(count // 4, 3), max(count // 2, 3), count})
+    stages = sorted({max(count // 10, 3), count})
     # In a process of its own: a peak of memory never comes down again.
     out, context = folder / "results", multiprocessing.get_context("spawn")
     queue = context.Queue()

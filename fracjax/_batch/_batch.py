@@ -1,10 +1,11 @@
 """Many recordings, each fitted by itself, into one table that survives interruptions.
 
 Recordings alike are fitted together, as stacks (`fit_all`), and the others one by one by `fit`,
-which is a stack of one: both are one path of code.  Stacks are fitted in this process until its
-pace shows that a process for each core is worth its start; threads would not do, because much of a
-short fit is Python code, whose lock lets only one of them run.  If a stack fails, its recordings
-are fitted one by one, and a recording that cannot be fitted is a row with its reason.
+which is a stack of one: both are one path of code.  Stacks are fitted in this process, and in a
+further one for every other core as soon as the pace shows that these are worth their start; threads
+would not do, because much of a short fit is Python code, whose lock lets only one of them run.  If
+a stack fails, its recordings are fitted one by one, and a recording that cannot be fitted is a row
+with its reason.
 """
 
 from __future__ import annotations
@@ -24,8 +25,9 @@ from .._recording import parse_quantity
 from ._cluster import on_cluster
 from ._jobs import Job, RecordingInput, jobs_of
 from ._parts import Parts
-from ._processes import CannotStart, in_processes
+from ._processes import Processes
 from ._rows import Row, Rows, Work, rows_of
+from ._waiting import FEWEST, Waiting
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -34,11 +36,9 @@ FITS = "fits.parquet"
 _MANY = 96
 """Number of recordings fitted one by one from which processes are faster than threads: the time
 that they take to start equals what threads lose on so many fits of FOH to 5,000 samples."""
-_FIRST = 16
-"""Recordings of the first stack.  Chosen by judgement."""
 _WORTH_PROCESSES = 3.2
-"""Expected time [s] for the rest, from which processes are worth their start: two take 1.6 s, and
-halve it."""
+"""Expected time [s] for the rest, from which a process for each other core is worth its start of
+1.6 s: what one more at best saves is half of it."""
 _ANSWER = 1.0
 """Longest time [s] between two signs of progress, where the pace allows it."""
 _PATIENCE = 30.0
@@ -137,54 +137,52 @@ def fit_batch(
 
 
 def on_this_machine(jobs: list[Job], work: Work) -> Rows:
-    """Rows in the order in which they are finished, from this process and from others.
-
-    Other processes take over where they save more time than they take to start.
-    """
-    if work.is_stacked:
-        yield from in_stacks(jobs, work)
-        return
-    cores = os.cpu_count() or 1
-    if len(jobs) >= _MANY and cores > 1:
-        try:
-            yield from in_processes(jobs, work, cores, work.task)
-            return
-        except CannotStart:
-            pass
-    yield from in_threads(jobs, work)
+    """Rows in the order in which they are finished, from this process and from others."""
+    waiting = Waiting(jobs, takers=_cores())
+    with closing(Processes(waiting, work)) as processes:
+        if work.is_stacked:
+            yield from in_stacks(waiting, work, processes)
+        else:
+            yield from one_by_one(waiting, work, processes)
 
 
-def in_stacks(jobs: list[Job], work: Work) -> Rows:
-    """Rows in the order in which they are finished, by stacks in this process, until others are
-    worth their start."""
-    cores, at, size = os.cpu_count() or 1, 0, _FIRST
-    while at < len(jobs):
-        began, first = time.monotonic(), at == 0
-        yield rows_of(jobs[at : at + size], work)
-        each = (time.monotonic() - began) / size
-        at += size
+def in_stacks(waiting: Waiting, work: Work, processes: Processes) -> Rows:
+    """Rows by stacks in this process, beside which others work where they are worth their start."""
+    size, first = FEWEST, True
+    while stack := waiting.take(size):
+        began = time.monotonic()
+        rows = rows_of(stack, work)
+        each = (time.monotonic() - began) / len(stack)
         size = min(max(int(_ANSWER / each), 1), work.task)
         # The first ones also load and compile what the others need.
-        if cores > 1 and not first and (len(jobs) - at) * each > _WORTH_PROCESSES:
-            try:
-                yield from in_processes(jobs[at:], work, cores, size)
-                return
-            except CannotStart:
-                cores = 1
+        if not first and not processes.started and len(waiting) * each > _WORTH_PROCESSES:
+            processes.start(_cores() - 1, size)
+        first = False
+        yield rows
+        yield from processes.finished()
+    yield from processes.rest()
 
 
-def in_threads(jobs: list[Job], work: Work) -> Rows:
+def one_by_one(waiting: Waiting, work: Work, processes: Processes) -> Rows:
+    """Rows by single fits: many in processes, few, and what no process can load, in threads."""
+    if len(waiting) >= _MANY and _cores() > 1:
+        processes.start(_cores(), work.task)
+        yield from processes.rest()
+    yield from in_threads(waiting, work)
+
+
+def in_threads(waiting: Waiting, work: Work) -> Rows:
     """Rows in the order in which they are finished, from as many threads as there are cores.
 
     Compiled programs run without the interpreter's lock; a program that several threads need is
     compiled once.
     """
-    threads = os.cpu_count() or 1
+    threads = _cores()
     pool = ThreadPoolExecutor(threads)
     pending: set[Future[list[Row]]] = set()
     try:
-        for job in jobs:
-            pending.add(pool.submit(rows_of, [job], work))
+        while job := waiting.take(1):
+            pending.add(pool.submit(rows_of, job, work))
             if len(pending) == 2 * threads:
                 done, pending = wait(pending, return_when=FIRST_COMPLETED)
                 yield [row for future in done for row in future.result()]
@@ -192,3 +190,8 @@ def in_threads(jobs: list[Job], work: Work) -> Rows:
     finally:
         # After an interrupt, running fits are not waited for.
         pool.shutdown(wait=False, cancel_futures=True)
+
+
+def _cores() -> int:
+    """The cores of this machine."""
+    return os.cpu_count() or 1

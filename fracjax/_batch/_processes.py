@@ -1,9 +1,7 @@
-"""Rows from processes of this machine, one for every core.
+"""Rows from other processes of this machine.
 
-A fit of a few thousand samples spends its time in Python, whose lock lets only one thread run: two
-threads were no faster than one.  The processes are started anew instead of forked, because JAX's
-threads do not survive a fork, and without `multiprocessing`, which would run the caller's script
-again in each of them.
+They are started anew instead of forked, because JAX's threads do not survive a fork, and without
+`multiprocessing`, which would run the caller's script again in each of them.
 """
 
 from __future__ import annotations
@@ -14,13 +12,14 @@ import subprocess
 import sys
 from collections.abc import Iterator
 from contextlib import suppress
-from queue import Queue
-from threading import Lock, Thread
+from queue import SimpleQueue
+from threading import Thread
 
 import jax
 
 from ._jobs import Job
-from ._rows import Row, Rows, Work, lost_row
+from ._rows import Row, Work, lost_row
+from ._waiting import Waiting
 
 _START = "from fracjax._batch._worker import serve; serve()"
 _JAX_SETTINGS = (
@@ -31,60 +30,74 @@ _JAX_SETTINGS = (
 """JAX's settings that the processes share with the caller."""
 
 
-class CannotStart(Exception):
-    """No process can load the work, such as a model from the caller's own script."""
-
-
-def in_processes(jobs: list[Job], work: Work, count: int, size: int) -> Rows:
-    """Rows in the order in which they are finished, from `count` processes, `size` at a time.
+class Processes:
+    """Processes that take recordings from a list which others may take from too.
 
     A recording whose process dies becomes a row with that reason; the other recordings of its task
-    are fitted again.
-
-    Raises:
-        CannotStart: The processes cannot do the work; no recording was fitted.
+    are fitted again.  What no process can load, such as a model from the caller's own script, stays
+    in the list.  Nothing runs before `start`, and nothing after `close`.
     """
-    workers = [_Worker(work) for _ in range(count)]
-    tasks = iter([jobs[at : at + size] for at in range(0, len(jobs), size)])
-    row_queue: Queue[list[Row] | None] = Queue()
-    lock = Lock()
 
-    def feed(worker: _Worker) -> None:
-        """Give tasks to one worker until none remain, then put None."""
-        while True:
-            with lock:
-                task = next(tasks, None)
-            if task is None:
-                break
-            row_queue.put(_rows_of(worker, task, work))
-        row_queue.put(None)
+    def __init__(self, jobs: Waiting, work: Work):
+        self._jobs, self._work = jobs, work
+        self._rows: SimpleQueue[list[Row] | None] = SimpleQueue()
+        self._workers: list[_Worker] = []
+        self._threads: list[Thread] = []
+        self._running = 0
+        self.started = False
 
-    threads: list[Thread] = []
-    try:
-        for worker in workers:
-            worker.confirm()
-        threads += [Thread(target=feed, args=(worker,), daemon=True) for worker in workers]
-        for thread in threads:
+    def start(self, count: int, size: int) -> None:
+        """Start so many processes, of which each takes at most `size` recordings at once."""
+        self.started = True
+        self._workers = [_Worker(self._work) for _ in range(count)]
+        self._threads = [
+            Thread(target=self._feed, args=(worker, size), daemon=True) for worker in self._workers
+        ]
+        self._running = count
+        for thread in self._threads:
             thread.start()
-        yield from _until_all_have_ended(row_queue, count)
-    finally:
-        tasks = iter(())
-        for worker in workers:
+
+    def finished(self) -> Iterator[list[Row]]:
+        """The rows that are there."""
+        while not self._rows.empty():
+            yield from self._next()
+
+    def rest(self) -> Iterator[list[Row]]:
+        """Rows as they are finished, until no process takes another recording."""
+        while self._running:
+            yield from self._next()
+
+    def close(self) -> None:
+        """End the processes; what they had begun is lost."""
+        self._jobs.clear()
+        for worker in self._workers:
             worker.end()
-        for thread in threads:
+        for thread in self._threads:
             thread.join()
-        for worker in workers:
+        for worker in self._workers:
             worker.close()
 
-
-def _until_all_have_ended(row_queue: Queue[list[Row] | None], count: int) -> Iterator[list[Row]]:
-    """The rows in a queue, until `count` times None has come."""
-    while count:
-        rows = row_queue.get()
+    def _next(self) -> Iterator[list[Row]]:
+        """The next rows, unless a process has ended instead."""
+        rows = self._rows.get()
         if rows is None:
-            count -= 1
+            self._running -= 1
         else:
             yield rows
+
+    def _feed(self, worker: _Worker, size: int) -> None:
+        """Give recordings to one process until none remain, then put None."""
+        try:
+            with suppress(_CannotStart):
+                worker.confirm()
+                while task := self._jobs.take(size):
+                    self._rows.put(_rows_of(worker, task, self._work))
+        finally:
+            self._rows.put(None)
+
+
+class _CannotStart(Exception):
+    """The process cannot load the work."""
 
 
 def _rows_of(worker: _Worker, task: list[Job], work: Work) -> list[Row]:
@@ -98,7 +111,7 @@ def _rows_of(worker: _Worker, task: list[Job], work: Work) -> list[Row]:
     try:
         worker.start()
         worker.confirm()
-    except CannotStart:
+    except _CannotStart:
         return [
             lost_row(job, work, "its process died, and no new one could be started.")
             for job in task
@@ -116,7 +129,7 @@ class _Worker:
         self.start()
 
     def start(self) -> None:
-        """Start a process and send it the work."""
+        """Start a process."""
         self.process = subprocess.Popen(
             [sys.executable, "-c", _START],
             stdin=subprocess.PIPE,
@@ -125,19 +138,15 @@ class _Worker:
             env=_environment(),
             start_new_session=True,  # interrupts are handled by the caller's process
         )
+
+    def confirm(self) -> None:
+        """Send the process its work and wait until it is loaded; _CannotStart if it cannot be."""
         try:
             self._send(sys.path)
             self._send(self.work)
-        except (OSError, AttributeError, TypeError, pickle.PicklingError) as error:
-            self.close()
-            raise CannotStart from error
-
-    def confirm(self) -> None:
-        """Wait until the process has loaded the work; CannotStart if it cannot."""
-        try:
             self.rows(None)
-        except (EOFError, OSError) as error:
-            raise CannotStart from error
+        except (EOFError, OSError, AttributeError, TypeError, pickle.PicklingError) as error:
+            raise _CannotStart from error
 
     def rows(self, task: list[Job] | None) -> list[Row]:
         """The rows of a task; with None, the empty answer that confirms the work."""

@@ -25,11 +25,12 @@ import time
 from functools import partial
 from multiprocessing.queues import Queue
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pandas as pd
 
-from benchmarks.fitting.laws import LAWS, Law, fit_by_scipy, response_of
+from benchmarks.fitting.laws import LAWS, Law, fit_by_scipy, fit_finely_by_scipy, response_of
 from benchmarks.fitting.tables import HERE, Table
 from fracjax import Recording, fit, fit_batch, read
 
@@ -53,21 +54,35 @@ def several_tones(times: np.ndarray, generator: np.random.Generator) -> np.ndarr
     return 50 + np.sin(2 * np.pi * np.outer(times, frequencies) + phases) @ [14, 10, 7, 5, 3]
 
 
+class Made(NamedTuple):
+    """Times [s], drive [V] and response [um] (N, 3), the law's shapes, the noise's RMS [um]."""
+
+    columns: np.ndarray
+    shapes: list[float]
+    noise: float
+
+
+def made(k: int, samples: int, shared: bool, law: Law) -> Made:
+    """The k-th recording of a law, at random shapes and gains, with 0.1 % of noise."""
+    times = np.arange((samples - 1) * FINER + 1) * STEP / FINER
+    generator = np.random.default_rng(k)
+    drive = several_tones(times, np.random.default_rng(0) if shared else generator)
+    response, shapes = response_of(law, drive, STEP / FINER, generator)
+    response = response[::FINER]
+    noise = 1e-3 * np.ptp(response) * generator.standard_normal(samples)
+    columns = np.stack([STEP * np.arange(samples), drive[::FINER], response + noise], axis=1)
+    return Made(columns, shapes, float(np.sqrt(np.mean(noise**2))))
+
+
 def write_recordings(
     folder: Path, count: int, samples: int, shared: bool, law: Law = LAWS["foh"]
 ) -> list[Path]:
-    """CSV files of a law at random shapes and gains, with 0.1 % of noise."""
-    times = np.arange((samples - 1) * FINER + 1) * STEP / FINER
-    files = []
-    for k in range(count):
-        generator = np.random.default_rng(k)
-        drive = several_tones(times, np.random.default_rng(0) if shared else generator)
-        response = response_of(law, drive, STEP / FINER, generator)[::FINER]
-        response += 1e-3 * np.ptp(response) * generator.standard_normal(samples)
-        files.append(folder / f"{k:05d}.csv")
-        columns = np.stack([STEP * np.arange(samples), drive[::FINER], response], axis=1)
+    """CSV files of recordings."""
+    files = [folder / f"{k:05d}.csv" for k in range(count)]
+    for k, file in enumerate(files):
+        columns = made(k, samples, shared, law).columns
         head = "time_s,voltage_V,displacement_um"
-        np.savetxt(files[-1], columns, "%.9g", ",", header=head, comments="")
+        np.savetxt(file, columns, "%.9g", ",", header=head, comments="")
     return files
 
 
@@ -119,9 +134,14 @@ def distance(recording: Recording, row: dict) -> float:
 # The peer -----------------------------------------------------------------------------------------
 
 
-def fit_file_by_scipy(file: Path, count: int, law: Law = LAWS["foh"]) -> tuple[float, float]:
-    """RMSE [um] and first shape of a law, of FOH the order alpha, from `count` starts."""
+def fit_file_by_scipy(
+    file: Path, count: int, law: Law = LAWS["foh"], finely: bool = False
+) -> tuple[float, float]:
+    """RMSE [um] and first shape of a law, of FOH the order alpha, from `count` starts; with
+    `finely`, from one."""
     _, drive, response = np.loadtxt(file, delimiter=",", skiprows=1).T
+    if finely:
+        return fit_finely_by_scipy(law, drive, response, STEP)
     return fit_by_scipy(law, drive, response, STEP, count)
 
 

@@ -42,8 +42,9 @@ _BETTER = 0.05
 judgement."""
 _REACH = 1.96
 """√Δ at the ends of the 95 % interval."""
-_CLOSE_TO_REACH = 0.03
-"""Largest distance of √Δ from `_REACH` at the last secant; the rest is a straight line."""
+_CLOSE_TO_REACH = 0.01
+"""Largest distance of √Δ from `_REACH` at the last secant; the rest is a straight line, which is
+true to 0.2 % of the interval where √Δ bends by a third on its way."""
 _SECANTS = 8
 """Most secants for an end.  Chosen by judgement."""
 _BOUNDS_FACTOR = 1e3

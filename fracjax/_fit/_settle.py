@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
+from functools import partial
 from typing import TypeGuard
 
 import numpy as np
@@ -15,6 +16,7 @@ from .._prepare import (
     Preparation,
     Residual,
     alternative_history,
+    level_of_residual,
     noises_below,
     read_from_residuals,
     refine_noise,
@@ -83,32 +85,8 @@ def settle_all(
     seed: int,
 ) -> list[Solved]:
     """`settle` for each of many blocks, those alike together."""
-    solved = fit_blocks(blocks, preparations, starts, seed)
-    if history is None:
-        alternatives = {at: other for at, p in enumerate(preparations) if (other := _other(p))}
-        others = fit_blocks(
-            [blocks[at] for at in alternatives], [*alternatives.values()], starts, seed
-        )
-        for at, other in zip(alternatives, others, strict=True):
-            if prefers_other_history(other, solved[at]):
-                solved[at] = other
-    for changed in (_with_read_noises, _with_white_noises):
-        changes = {at: p for at, p in enumerate(changed(solved)) if p}
-        scales = {at: _scale(solved[at].preparation, p) for at, p in changes.items()}
-        other = [at for at, scale in scales.items() if scale is None]
-        moved = [at for at in other if solved[at].stacked]
-        afresh = [at for at in other if not solved[at].stacked]
-        again = [
-            *solve_again([solved[at] for at in moved], [changes[at] for at in moved]),
-            *fit_blocks(
-                [solved[at].block for at in afresh], [changes[at] for at in afresh], starts, seed
-            ),
-        ]
-        for at, scale in scales.items():
-            if scale is not None:  # the same optimum, as the noises only scale χ²
-                solved[at] = solved[at].scaled(changes[at], scale)
-        for at, one in zip([*moved, *afresh], again, strict=True):
-            solved[at] = one
+    solved = _fits(blocks, preparations, history, starts, seed)
+    _read_noises(solved, range(len(solved)), refine_measured=True)
     return solved
 
 
@@ -121,30 +99,79 @@ def settle_all_finely(
     seed: int,
     progress: Progress,
 ) -> list[tuple[Solved, float]]:
-    """`settle_finely` for each of many blocks, those alike together."""
-    solved = settle_all(blocks, preparations, history=history, starts=starts, seed=seed)
-    errors, pending = [np.inf] * len(solved), list(range(len(solved)))
+    """`settle_finely` for each of many blocks, those alike together.
+
+    The colour of a residual is read where the grid is fine enough for its level: on a coarser one
+    it would be that of the numerical error.
+    """
+    solved = _fits(blocks, preparations, history, starts, seed)
+    _replace(solved, range(len(solved)), _with_levels)
+    errors, pending, is_first = [np.inf] * len(solved), list(range(len(solved))), True
     while pending:
         shares = [_tolerated_share(solved[at]) for at in pending]
         refined = refine_all([solved[at] for at in pending], progress, shares)
-        other_grid: list[int] = []
+        unread: list[int] = []
         for at, (finer, error) in zip(pending, refined, strict=True):
-            same_grid = finer.preparation is solved[at].preparation
+            if is_first or finer.preparation is not solved[at].preparation:
+                unread.append(at)
             solved[at], errors[at] = finer, error
-            if not same_grid:
-                other_grid.append(at)
-        read = _with_read_noises([solved[at] for at in other_grid], refine_measured=False)
-        reread = {at: p for at, p in zip(other_grid, read, strict=True) if p}
-        scaled = {at: _scale(solved[at].preparation, p) for at, p in reread.items()}
-        pending = [at for at, scale in scaled.items() if scale is None]
-        again = solve_again([solved[at] for at in pending], [reread[at] for at in pending])
-        for at, one in zip(pending, again, strict=True):
-            solved[at] = one
-        for at, scale in scaled.items():
-            if scale is not None:  # the same optimum, and its numerical error in the new unit
-                solved[at], errors[at] = solved[at].scaled(reread[at], scale), scale * errors[at]
-                pending += [at] if errors[at] > tolerated_numerical_error(solved[at]) else []
+        scales = _read_noises(solved, unread, refine_measured=is_first)
+        # Where the noise has another level alone, the numerical error is known in the new unit.
+        errors = [scales.get(at, 1.0) * error for at, error in enumerate(errors)]
+        pending = [at for at in scales if not errors[at] <= tolerated_numerical_error(solved[at])]
+        is_first = False
     return list(zip(solved, errors, strict=True))
+
+
+def _fits(
+    blocks: Sequence[AbstractBlock],
+    preparations: Sequence[Preparation],
+    history: HistoryOption | None,
+    starts: int,
+    seed: int,
+) -> list[Solved]:
+    """The fit of each block, with the better history where none is given and two are possible."""
+    solved = fit_blocks(blocks, preparations, starts, seed)
+    if history is None:
+        alternatives = {at: other for at, p in enumerate(preparations) if (other := _other(p))}
+        others = fit_blocks(
+            [blocks[at] for at in alternatives], [*alternatives.values()], starts, seed
+        )
+        for at, other in zip(alternatives, others, strict=True):
+            if prefers_other_history(other, solved[at]):
+                solved[at] = other
+    return solved
+
+
+def _read_noises(
+    solved: list[Solved], which: Sequence[int], refine_measured: bool
+) -> dict[int, float]:
+    """Replace fits by those with noises read from their residuals; returns as `_replace`."""
+    scales = _replace(solved, which, partial(_with_read_noises, refine_measured=refine_measured))
+    whiter = _replace(solved, which, _with_white_noises)
+    return scales | {at: scale * scales.get(at, 1.0) for at, scale in whiter.items()}
+
+
+def _replace(
+    solved: list[Solved],
+    which: Sequence[int],
+    changed: Callable[[Sequence[Solved]], Sequence[Preparation | None]],
+) -> dict[int, float]:
+    """Replace fits by those with changed preparations, from where they are.
+
+    Returns the factor of all whitened residuals of each that changed, NaN where there is none.
+    """
+    preparations = zip(which, changed([solved[at] for at in which]), strict=True)
+    changes = {at: preparation for at, preparation in preparations if preparation}
+    scales = {at: _scale(solved[at].preparation, change) for at, change in changes.items()}
+    moved = [at for at, scale in scales.items() if np.isnan(scale)]
+    again = solve_again([solved[at] for at in moved], [changes[at] for at in moved])
+    for at, scale in scales.items():
+        if np.isfinite(scale):  # the same optimum, as the noises only scale χ²
+            solved[at] = solved[at].scaled(changes[at], scale)
+    for at, one in zip(moved, again, strict=True):
+        solved[at] = one
+    return scales
 
 
 def tolerated_numerical_error(solved: Solved) -> float:
@@ -168,17 +195,31 @@ def _other(preparation: Preparation) -> Preparation | None:
     return replace(preparation, takes=tuple(other or take for other, take in takes))
 
 
-def _with_read_noises(
-    solved: Sequence[Solved], refine_measured: bool = True
-) -> list[Preparation | None]:
+def _with_levels(solved: Sequence[Solved]) -> list[Preparation | None]:
+    """Each preparation with white noises of the residual's level where there are none, None where
+    none is missing."""
+    return [
+        one.preparation.with_noises(
+            [
+                take.noise or level_of_residual(residual)
+                for take, residual in zip(one.preparation.takes, _residuals(one), strict=True)
+            ]
+        )
+        if any(take.noise is None for take in one.preparation.takes)
+        else None
+        for one in solved
+    ]
+
+
+def _with_read_noises(solved: Sequence[Solved], refine_measured: bool) -> list[Preparation | None]:
     """Each preparation with noises read from the residual, None where none changes.
 
     Measured noises are refined by the residual, or are kept.
     """
     pairs = [
         [
-            (t.noise, Residual(t.recording.response - simulation, t.used, t.recording))
-            for t, simulation in zip(one.preparation.takes, one.simulations, strict=True)
+            (take.noise, residual)
+            for take, residual in zip(one.preparation.takes, _residuals(one), strict=True)
         ]
         for one in solved
     ]
@@ -214,13 +255,21 @@ def _with_white_noises(solved: Sequence[Solved]) -> list[Preparation | None]:
     return preparations
 
 
+def _residuals(solved: Solved) -> list[Residual]:
+    """What the simulations leave of each recording."""
+    return [
+        Residual(take.recording.response - simulation, take.used, take.recording)
+        for take, simulation in zip(solved.preparation.takes, solved.simulations, strict=True)
+    ]
+
+
 def _is_measured(noise: Noise | None) -> TypeGuard[Noise]:
     """Whether a noise need not be read from the residual of a fit."""
     return noise is not None and not noise.is_leftover
 
 
-def _scale(before: Preparation, after: Preparation) -> float | None:
-    """The common factor of all whitened residuals, None where the change is another."""
+def _scale(before: Preparation, after: Preparation) -> float:
+    """The common factor of all whitened residuals, NaN where the change is another."""
     pairs = list(zip(before.problems(), after.problems(), strict=True))
     scale = float(pairs[0][1].whitening[0] / pairs[0][0].whitening[0])
     proportional = all(
@@ -228,7 +277,7 @@ def _scale(before: Preparation, after: Preparation) -> float | None:
         and np.array_equal(a.weights, b.weights)
         for a, b in pairs
     )
-    return scale if proportional and not after.conditions.priors else None
+    return scale if proportional and not after.conditions.priors else np.nan
 
 
 def _is_too_large(noise: Noise, whitened: np.ndarray) -> bool:

@@ -133,7 +133,7 @@ def _autocovariance(
     relative[0] = relative[1]
     width = min(2 * max(power.size // 40, 5) + 1, power.size)
     # Periodogram values are exponentially distributed: their median is ln 2 of their mean.
-    smooth = median_filter(relative, width, mode="nearest") / np.log(2)
+    smooth = median_filter(relative, width, mode="mirror") / np.log(2)
     return np.fft.irfft(smooth * spectrum, len(terms))[: lags + 1]
 
 

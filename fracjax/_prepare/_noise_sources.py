@@ -325,6 +325,14 @@ def read_from_residuals(pairs: Sequence[tuple[Noise | None, Residual]]) -> list[
     return [noise.coloured_as(next(below)) if noise else next(read) for noise in specified]
 
 
+def level_of_residual(residual: Residual) -> Noise:
+    """White noise of the level that the second differences of a fit's residual show."""
+    samples, _, recording = residual
+    level = float(level_without_motion(samples, residual.counted))
+    noise = white_noise(max(level, _least_level(recording)), recording.response_unit, "residual")
+    return replace(noise, is_leftover=True)
+
+
 def residual_noises(residuals: Sequence[Residual]) -> list[Noise]:
     """The noise in each of the residuals of fits.
 

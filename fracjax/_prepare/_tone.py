@@ -55,7 +55,7 @@ def tone_in(
     freedom = sizes.sum() ** 2 / np.sum(sizes**2) / shared
     # Compared with the neighbours, because a short filter does not fully whiten a steep slope.
     width = 2 * max(power.size // 40, _LEAST_NEIGHBOURS) + 1
-    neighbours = median_filter(power, width, mode="nearest")
+    neighbours = median_filter(power, width, mode="mirror")
     levels = neighbours * freedom / gamma.median(freedom)
     eligible = (frequencies * sizes.max() >= _SLOWEST) & (levels > 0)
     ratio = np.divide(power, levels, out=np.zeros_like(power), where=eligible)

@@ -2,8 +2,9 @@
 
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
-from fracjax._prepare._autoregression import _covariance, removed_power
+from fracjax._prepare._autoregression import _covariance, autoregressions, removed_power
 
 
 def test_the_covariance_of_white_noise_is_its_variance():
@@ -32,3 +33,20 @@ def test_a_mean_that_was_removed_took_its_variance_with_it():
     lags = np.arange(-size + 1, size)
     exact = np.sum((1 - np.abs(lags) / size) * coefficient ** np.abs(lags)) / (1 - coefficient**2)
     assert removed_power((np.array([1, -coefficient]), 1.0), constant) == pytest.approx(exact)
+
+
+@pytest.mark.parametrize("samples", [2_000, 50_000])
+def test_white_noise_has_no_colour_however_long_it_is(samples):
+    """The order is chosen by BIC, which errs more rarely the more samples there are."""
+    draws = np.random.default_rng(1).standard_normal((60, samples))
+    coloured = [taps.size > 1 for taps, _ in autoregressions([[draw] for draw in draws])]
+    assert np.mean(coloured) < 0.15
+
+
+def test_a_colour_of_long_noise_is_its_own():
+    draws = np.random.default_rng(2).standard_normal((20, 50_000))
+    found = autoregressions([[np.asarray(lfilter([1.0], [1.0, -0.3], draw))] for draw in draws])
+    first = [taps[1] for taps, _ in found]
+    # Four standard errors, of which the smoothed periodogram has 1.44 times a mean's.
+    np.testing.assert_allclose(first, -0.3, atol=4 * 1.44 * np.sqrt((1 - 0.3**2) / 50_000))
+    assert np.mean([taps.size == 2 for taps, _ in found]) > 0.8

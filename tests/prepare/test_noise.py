@@ -380,6 +380,13 @@ def test_where_nothing_varies_there_is_no_tone():
     assert tone_in([np.zeros(2000)], np.ones(1), 1.0, 1.0) is None
 
 
+def test_noise_alone_has_no_tone_at_either_end_of_its_spectrum(monkeypatch):
+    """However small: a false one would hide a weaker tone elsewhere."""
+    monkeypatch.setattr("fracjax._prepare._tone._LEAST_SHARE", 0.0)
+    for draw in np.random.default_rng(3).standard_normal((40, 10_000)):
+        assert tone_in([draw - draw.mean()], np.ones(1), 1.0, 1.0) is None
+
+
 def test_noise_of_any_colour_holds_no_tone():
     drive, seen = staircase(), 0
     for seed in range(60):

@@ -141,15 +141,20 @@ class Findings:
     @cached_property
     def extended(self) -> Fitted | None:
         """The model fitted together with the named effects; a sum of plays stands for the loop's
-        shape."""
+        shape.
+
+        With plays it starts from the effects as they were fitted without them, and from the model
+        as fitted alone: what either has become in the other's stead may be a poor basin.
+        """
         if not self.layers:
             return None
-        explanation = self.inquiry.explanation
-        block = self.base.solved.block if explanation is None else explanation.fitted.solved.block
+        base, explanation = self.base.solved.block, self.inquiry.explanation
         if self._has_plays:
-            inside = [layer for layer in self.layers if layer.effect.name == _MEMORY]
-            start = _inserted(self.base.solved.block, explanation, inside[0])
-            return fitted([start], self._with_usual_plays())
+            starts = [wrapped(base, self.layers)]
+            if explanation is not None:
+                starts.append(_with_memory(explanation, self.layers[0]))
+            return fitted(starts, self._with_usual_plays())
+        block = base if explanation is None else explanation.fitted.solved.block
         return fitted([block], self.base.preparation)
 
     def _with_usual_plays(self) -> Preparation:
@@ -428,15 +433,13 @@ def _fit_of(model: Model, fitted: Fitted) -> Fit:
     return replace(fit, simulations=fitted.simulations)
 
 
-def _inserted(base: AbstractBlock, explanation: Explanation | None, memory: Layer) -> AbstractBlock:
-    """The base with plays beside it and the effects of an explanation around both, as fitted."""
-    if explanation is None:
-        return memory.effect.insert(base, memory.trial)
+def _with_memory(explanation: Explanation, memory: Layer) -> AbstractBlock:
+    """An explanation as fitted, with plays beside its model."""
     block, parts = explanation.fitted.solved.block, []
     for layer in reversed(explanation.layers):
         parts.append(Layer(layer.effect, getattr(block, layer.place)))
         block = getattr(block, layer.inside)
-    return wrapped(memory.effect.insert(block, memory.trial), parts[::-1])
+    return wrapped(block, [memory, *parts[::-1]])
 
 
 def _own(fit: Fit, path: str) -> tuple[Estimate, ...]:

@@ -27,7 +27,7 @@ from ._jobs import Job, RecordingInput, jobs_of
 from ._parts import Parts
 from ._processes import Processes
 from ._rows import Row, Rows, Work, rows_of
-from ._waiting import FEWEST, Waiting
+from ._waiting import Waiting
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -36,6 +36,9 @@ FITS = "fits.parquet"
 _MANY = 96
 """Number of recordings fitted one by one from which processes are faster than threads: the time
 that they take to start equals what threads lose on so many fits of FOH to 5,000 samples."""
+_SMALLEST = 4
+"""Recordings of the first stack, and the fewest however long they are: fewer would not share the
+signals of a common drive.  Chosen by judgement."""
 _WORTH_PROCESSES = 3.2
 """Expected time [s] for the rest, from which a process for each other core is worth its start of
 1.6 s: what one more at best saves is half of it."""
@@ -148,12 +151,12 @@ def on_this_machine(jobs: list[Job], work: Work) -> Rows:
 
 def in_stacks(waiting: Waiting, work: Work, processes: Processes) -> Rows:
     """Rows by stacks in this process, beside which others work where they are worth their start."""
-    size, first = FEWEST, True
+    size, first = _SMALLEST, True
     while stack := waiting.take(size):
         began = time.monotonic()
         rows = rows_of(stack, work)
         each = (time.monotonic() - began) / len(stack)
-        size = min(max(int(_ANSWER / each), 1), work.task)
+        size = min(max(int(_ANSWER / each), _SMALLEST), work.task)
         # The first ones also load and compile what the others need.
         if not first and not processes.started and len(waiting) * each > _WORTH_PROCESSES:
             processes.start(_cores() - 1, size)

@@ -65,7 +65,7 @@ def test_processes_help_where_they_are_worth_their_start(tmp_path, monkeypatch):
 
     monkeypatch.setattr("fracjax._batch._batch.Processes", Other)
     monkeypatch.setattr("fracjax._batch._batch.os.cpu_count", lambda: 2)
-    # Each stack is as large as another's first.
+    # Each stack is as small as the first.
     monkeypatch.setattr("fracjax._batch._batch._ANSWER", 0.0)
     recordings = [recording(k, source=f"{k}") for k in range(100)]
     for name, worth in (("here", 1e9), ("there", 0.0)):
@@ -73,7 +73,7 @@ def test_processes_help_where_they_are_worth_their_start(tmp_path, monkeypatch):
         rows = fj.fit_batch("creep", recordings, out=tmp_path / name, starts=4)
         assert list(rows["source"]) == [each.source for each in recordings]
         assert set(rows["status"]) == {"fitted"}
-    assert started == [(1, 100 - FEWEST - 1)]
+    assert started == [(1, 92)]
 
 
 def test_a_killed_process_costs_no_recording():

@@ -124,14 +124,17 @@ def peers() -> str:
 
 
 def batches() -> str:
-    """CPU time of a recording of a batch, beside SciPy's fit from one start."""
+    """CPU time of a recording of a batch, beside SciPy's fit from one start, without and with
+    steps as fine as needed."""
     lines = [_line("model", "drives", "samples", "SciPy, one start [ms]", "fracjax, files [ms]",
-                   "times", "fracjax, from memory [ms]", "times")]  # fmt: skip
-    lines.append("|---" * 8 + "|")
+                   "times", "fracjax, from memory [ms]", "times", "SciPy, fine steps [ms]",
+                   "times files")]  # fmt: skip
+    lines.append("|---" * 10 + "|")
     for row in rows_of("fitting/batch_cpu.csv"):
         drives = {"own": "each its own", "one": "one for all"}[row["drive"]]
         cells = row["model"], drives, f"{int(row['samples']):,}", row["scipy_ms"], row["files_ms"]
-        lines.append(_line(*cells, row["over_files"], row["memory_ms"], row["over_memory"]))
+        memory, fine = (row["memory_ms"], row["over_memory"]), row["scipy_finely_ms"]
+        lines.append(_line(*cells, row["over_files"], *memory, fine, row["finely_over_files"]))
     return "\n".join(lines)
 
 

@@ -55,7 +55,9 @@ def settle(
     noise under which the fit is worse than a constant is taken as white: the fit then follows the
     frequencies at which there is least noise, and not the response.
     """
-    return settle_all([block], [preparation], history=history, starts=starts, seed=seed)[0]
+    solved = _fits([block], [preparation], history, starts, seed)
+    _read_noises(solved, [0], refine_measured=True)
+    return solved[0]
 
 
 def settle_finely(
@@ -74,20 +76,6 @@ def settle_finely(
     return settle_all_finely(
         [block], [preparation], history=history, starts=starts, seed=seed, progress=progress
     )[0]
-
-
-def settle_all(
-    blocks: Sequence[AbstractBlock],
-    preparations: Sequence[Preparation],
-    *,
-    history: HistoryOption | None,
-    starts: int,
-    seed: int,
-) -> list[Solved]:
-    """`settle` for each of many blocks, those alike together."""
-    solved = _fits(blocks, preparations, history, starts, seed)
-    _read_noises(solved, range(len(solved)), refine_measured=True)
-    return solved
 
 
 def settle_all_finely(

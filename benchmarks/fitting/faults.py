@@ -160,9 +160,10 @@ def bad_files(folder: Path, count: int, bad: int) -> tuple[str, str]:
     for kind, k in enumerate(chosen):
         spoilt(folder / "data" / f"{k:05d}.csv", kind)
     rows = fit_batch("creep", folder / "data", out=folder / "results", starts=2)
-    unreadable = rows[rows["status"] == "unreadable"]
-    right = {Path(source).stem for source in unreadable["source"]} == {f"{k:05d}" for k in chosen}
-    reasons = int((unreadable["reason"].str.len() > 0).sum())
+    # A drive that does not move can be read, but nothing can be fitted to it.
+    useless = rows[rows["status"].isin(["unreadable", "failed"])]
+    right = {Path(source).stem for source in useless["source"]} == {f"{k:05d}" for k in chosen}
+    reasons = int((useless["reason"].str.len() > 0).sum())
     fitted = int((rows["status"] == "fitted").sum())
     return (
         f"{count - bad} fitted, {bad} rows with reasons, those that were spoilt: True",

@@ -2,11 +2,12 @@
 
     python -m benchmarks.fitting.faults
 
-Recordings are short creep loops (250 samples), so that the whole takes some five minutes on two
-cores.  Four trials, one row each, with what was found beside what is wanted:
+Recordings are short creep loops (250 samples), unless said otherwise, so that the whole takes some
+three minutes on two cores.  Five trials, one row each, with what was found beside what is wanted:
 
 - the batch is killed (SIGKILL) ten times, each time at a random moment, then run to its end: no
-  row is torn, none is there twice, and what was on disk at a kill is not done again;
+  row is torn, none is there twice, and what was on disk at a kill is not done again; once with
+  recordings fitted one by one, once with FOH recordings of `batch.py` fitted in stacks;
 - two dask workers, one killed on the way: all rows arrive;
 - fifty bad files of ten kinds among a thousand: fifty rows with reasons, the others are fitted;
 - the peak of the driver's memory at a quarter, a half and all of the recordings.
@@ -30,12 +31,14 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
+from benchmarks.fitting.batch import write_recordings as in_stacks
 from benchmarks.fitting.tables import HERE, Table
 
 STEP, SAMPLES = 0.01, 250
 PACKAGES = ("fracjax", "jax", "jaxlib", "numpy", "pandas", "pyarrow", "distributed")
 COLUMNS = ("trial", "recordings", "wanted", "found", "passed", "seconds")
-CALL = [sys.executable, "-c", "from benchmarks.fitting.faults import batch; batch()"]
+ONE_BY_ONE, STACKED = ("creep", 2), ("foh", 4)
+"""Models and numbers of starts: from few starts nothing is fitted in stacks."""
 
 
 def write_recordings(folder: Path, count: int) -> None:
@@ -74,11 +77,11 @@ def spoilt(path: Path, kind: int) -> None:
     path.write_text(ways[kind % len(ways)](), encoding="utf-8")
 
 
-def batch() -> None:
+def batch(model: str, starts: int) -> None:
     """The batch of the present folder, in a process of its own."""
     from fracjax import fit_batch
 
-    fit_batch("creep", "data", out="results", starts=2, chunk=8)
+    fit_batch(model, "data", out="results", starts=starts, chunk=8)
 
 
 def rows_in(folder: Path) -> pd.DataFrame:
@@ -91,12 +94,16 @@ def rows_in(folder: Path) -> pd.DataFrame:
 # Trials -------------------------------------------------------------------------------------------
 
 
-def killed(folder: Path, count: int, kills: int) -> tuple[str, str]:
-    write_recordings(folder / "data", count)
+def killed(folder: Path, count: int, kills: int, way: tuple[str, int]) -> tuple[str, str]:
+    if way == STACKED:
+        (folder / "data").mkdir()
+        in_stacks(folder / "data", count, 5000, shared=False)
+    else:
+        write_recordings(folder / "data", count)
     moments = np.random.default_rng(0)
     twice, again, done, struck = 0, 0, set(), 0
     for _ in range(kills):
-        child = start(folder)
+        child = start(folder, way)
         # Anywhere from the start of the interpreter to the middle of what is left.
         time.sleep(float(moments.uniform(0, 12)))
         child.send_signal(signal.SIGKILL)
@@ -106,7 +113,7 @@ def killed(folder: Path, count: int, kills: int) -> tuple[str, str]:
         again += len(done - set(rows["key"]))
         done = set(rows["key"])
     kept = rows_in(folder)
-    assert start(folder).wait() == 0
+    assert start(folder, way).wait() == 0
     rows = rows_in(folder)
     parts = {part.name for part in (folder / "results" / "fits.parquet").iterdir()}
     torn = sum(not name.endswith(".parquet") for name in parts)
@@ -119,10 +126,13 @@ def killed(folder: Path, count: int, kills: int) -> tuple[str, str]:
     )
 
 
-def start(folder: Path) -> subprocess.Popen:
+def start(folder: Path, way: tuple[str, int]) -> subprocess.Popen:
+    call = f"from benchmarks.fitting.faults import batch; batch(*{way})"
     paths = os.pathsep.join([str(Path.cwd()), *filter(None, [os.environ.get("PYTHONPATH")])])
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL}
-    return subprocess.Popen(CALL, cwd=folder, env=os.environ | {"PYTHONPATH": paths}, **quiet)
+    return subprocess.Popen(
+        [sys.executable, "-c", call], cwd=folder, env=os.environ | {"PYTHONPATH": paths}, **quiet
+    )
 
 
 def worker_killed(folder: Path, count: int) -> tuple[str, str]:
@@ -210,7 +220,11 @@ def main() -> None:
     trials: dict[str, tuple[int, Callable[[Path], tuple[str, str]]]] = {
         f"killed {options.kills} times": (
             options.killed,
-            lambda folder: killed(folder, options.killed, options.kills),
+            lambda folder: killed(folder, options.killed, options.kills, ONE_BY_ONE),
+        ),
+        f"killed {options.kills} times, in stacks": (
+            options.killed,
+            lambda folder: killed(folder, options.killed, options.kills, STACKED),
         ),
         "one of two workers killed": (200, lambda folder: worker_killed(folder, 200)),
         f"{options.bad} bad files": (

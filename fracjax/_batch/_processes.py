@@ -63,7 +63,13 @@ class Processes:
             yield from self._next()
 
     def rest(self) -> Iterator[list[Row]]:
-        """Rows as they are finished, until no process takes another recording."""
+        """Rows as they are finished, until no process takes another recording.
+
+        Processes that are still starting are not waited for where nothing is left for them.
+        """
+        for worker in self._workers:
+            if not (worker.ready or self._jobs):
+                worker.end()
         while self._running:
             yield from self._next()
 
@@ -125,7 +131,7 @@ class _Worker:
     """A process and the pipes to it."""
 
     def __init__(self, work: Work):
-        self.work, self.ended = work, False
+        self.work, self.ready, self.ended = work, False, False
         self.start()
 
     def start(self) -> None:
@@ -145,6 +151,7 @@ class _Worker:
             self._send(sys.path)
             self._send(self.work)
             self.rows(None)
+            self.ready = True
         except (EOFError, OSError, AttributeError, TypeError, pickle.PicklingError) as error:
             raise _CannotStart from error
 

@@ -7,7 +7,7 @@ from contextlib import closing
 import fracjax as fj
 import fracjax._batch._rows
 from fracjax._batch._jobs import Held
-from fracjax._batch._processes import Processes
+from fracjax._batch._processes import Processes, _CannotStart
 from fracjax._batch._rows import Work, rows_of
 from fracjax._batch._waiting import FEWEST, Waiting
 from tests.batch.helpers import OUT, recording
@@ -50,6 +50,24 @@ def test_processes_end_with_what_asked_for_them():
         assert next(processes.rest())
     assert len(waiting) == 0
     assert not any(thread.name.endswith("(_feed)") for thread in threading.enumerate())
+
+
+def test_no_process_is_waited_for_that_has_nothing_to_do(monkeypatch):
+    """It is still starting when the last recording is taken by another."""
+
+    def never_ready(worker):
+        worker.process.wait()
+        raise _CannotStart
+
+    monkeypatch.setattr("fracjax._batch._processes._Worker.confirm", never_ready)
+    waiting = Waiting([Held(recording(0))], 2)
+    with closing(Processes(waiting, Work("creep", None, None, 2, 0))) as processes:
+        processes.start(1, 4)
+        waiting.take(4)
+        rest = threading.Thread(target=lambda: list(processes.rest()), daemon=True)
+        rest.start()
+        rest.join(20)
+        assert not rest.is_alive()
 
 
 def test_processes_help_where_they_are_worth_their_start(tmp_path, monkeypatch):

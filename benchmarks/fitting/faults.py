@@ -31,7 +31,7 @@ import numpy as np
 import pandas as pd
 import pyarrow.parquet as pq
 
-from benchmarks.fitting.batch import write_recordings as in_stacks
+from benchmarks.fitting.batch import write_recordings as write_foh_recordings
 from benchmarks.fitting.tables import HERE, Table
 
 STEP, SAMPLES = 0.01, 250
@@ -97,7 +97,7 @@ def rows_in(folder: Path) -> pd.DataFrame:
 def killed(folder: Path, count: int, kills: int, way: tuple[str, int]) -> tuple[str, str]:
     if way == STACKED:
         (folder / "data").mkdir()
-        in_stacks(folder / "data", count, 5000, shared=False)
+        write_foh_recordings(folder / "data", count, 5000, shared=False)
     else:
         write_recordings(folder / "data", count)
     moments = np.random.default_rng(0)

@@ -145,11 +145,11 @@ def fit_by_scipy(
     law: Law, drive: np.ndarray, response: np.ndarray, step: float, count: int
 ) -> tuple[float, float]:
     """RMSE [um] and first shape, by variable projection from `count` starts."""
-    generator = np.random.default_rng(0)
+    on, generator = Signals(drive, step), np.random.default_rng(0)
     low, high = np.transpose(law.starts)
     shares = generator.uniform(size=(count - 1, len(law.start)))
     starts = [law.start, *(low + (high - low) * shares)]
-    ends = [descend_by_scipy(law, drive, response, step, start) for start in starts]
+    ends = [descend_by_scipy(law, on, response, start) for start in starts]
     best = min(ends, key=lambda result: result.cost)
     return float(np.sqrt(np.mean(best.fun**2))), float(best.x[0])
 
@@ -160,22 +160,21 @@ def fit_finely_by_scipy(
     """RMSE [um] and first shape, from one start, with steps halved on a cubic spline of the drive
     until that lowers the RMSE by less than 1 %."""
     samples, finer = np.arange(drive.size), 1
-    end = descend_by_scipy(law, drive, response, step, law.start)
+    end = descend_by_scipy(law, Signals(drive, step), response, law.start)
     while finer < 8:
         finer *= 2
         fine = CubicSpline(samples, drive)(np.arange(finer * (drive.size - 1) + 1) / finer)
         before = end.cost
-        end = descend_by_scipy(law, fine, response, step / finer, end.x, finer)
+        end = descend_by_scipy(law, Signals(fine, step / finer), response, end.x, finer)
         if end.cost > 0.99**2 * before:
             break
     return float(np.sqrt(np.mean(end.fun**2))), float(end.x[0])
 
 
 def descend_by_scipy(
-    law: Law, drive: np.ndarray, response: np.ndarray, step: float, start: Shapes, finer: int = 1
+    law: Law, on: Signals, response: np.ndarray, start: Shapes, finer: int = 1
 ) -> OptimizeResult:
     """The end of one descent, with gains eliminated; a response for every `finer` of the drive."""
-    on = Signals(drive, step)
 
     def residual(shapes: np.ndarray) -> np.ndarray:
         columns = [column[::finer] for column in law.columns(on, shapes)]

@@ -16,7 +16,7 @@ from .._prepare import (
     Preparation,
     Residual,
     alternative_history,
-    level_of_residual,
+    levels_of_residuals,
     noises_below,
     read_from_residuals,
     refine_noise,
@@ -186,13 +186,12 @@ def _other(preparation: Preparation) -> Preparation | None:
 def _with_levels(solved: Sequence[Solved]) -> list[Preparation | None]:
     """Each preparation with white noises of the residual's level where there are none, None where
     none is missing."""
+    pairs = [
+        pair for one in solved for pair in zip(one.preparation.takes, _residuals(one), strict=True)
+    ]
+    levels = iter(levels_of_residuals([r for take, r in pairs if take.noise is None]))
     return [
-        one.preparation.with_noises(
-            [
-                take.noise or level_of_residual(residual)
-                for take, residual in zip(one.preparation.takes, _residuals(one), strict=True)
-            ]
-        )
+        one.preparation.with_noises([take.noise or next(levels) for take in one.preparation.takes])
         if any(take.noise is None for take in one.preparation.takes)
         else None
         for one in solved

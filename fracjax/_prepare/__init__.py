@@ -25,7 +25,7 @@ from ._layout import with_shapes_at as with_shapes_at
 from ._noise import Noise as Noise
 from ._noise import kurtosis_of as kurtosis_of
 from ._noise_sources import Residual as Residual
-from ._noise_sources import level_of_residual as level_of_residual
+from ._noise_sources import levels_of_residuals as levels_of_residuals
 from ._noise_sources import measured_noise as measured_noise
 from ._noise_sources import noises_below as noises_below
 from ._noise_sources import read_from_residuals as read_from_residuals

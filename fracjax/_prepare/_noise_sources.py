@@ -325,12 +325,17 @@ def read_from_residuals(pairs: Sequence[tuple[Noise | None, Residual]]) -> list[
     return [noise.coloured_as(next(below)) if noise else next(read) for noise in specified]
 
 
-def level_of_residual(residual: Residual) -> Noise:
-    """White noise of the level that the second differences of a fit's residual show."""
-    samples, _, recording = residual
-    level = float(level_without_motion(samples, residual.counted))
-    noise = white_noise(max(level, _least_level(recording)), recording.response_unit, "residual")
-    return replace(noise, is_leftover=True)
+def levels_of_residuals(residuals: Sequence[Residual]) -> list[Noise]:
+    """White noise of the level that the second differences of each fit's residual show."""
+    recordings = [residual.recording for residual in residuals]
+    levels = in_rows(
+        level_without_motion, [r.samples for r in residuals], [r.counted for r in residuals]
+    )
+    white = [
+        white_noise(max(float(level), _least_level(each)), each.response_unit, "residual")
+        for level, each in zip(levels, recordings, strict=True)
+    ]
+    return [replace(noise, is_leftover=True) for noise in white]
 
 
 def residual_noises(residuals: Sequence[Residual]) -> list[Noise]:
@@ -343,10 +348,7 @@ def residual_noises(residuals: Sequence[Residual]) -> list[Noise]:
     """
     periods = [repetition_lag(r.recording.drive) if r.used.all() else None for r in residuals]
     single = [r for r, period in zip(residuals, periods, strict=True) if period is None]
-    below = iter(noises_below(single))
-    levels = iter(
-        in_rows(level_without_motion, [r.samples for r in single], [r.counted for r in single])
-    )
+    below, levels = iter(noises_below(single)), iter(levels_of_residuals(single))
     noises = []
     for (residual, _, recording), period in zip(residuals, periods, strict=True):
         unit, least = recording.response_unit, _least_level(recording)
@@ -357,9 +359,9 @@ def residual_noises(residuals: Sequence[Residual]) -> list[Noise]:
             difference = (second - residual[: second.size]) / np.sqrt(2)
             noise = noise_in([Stretch.settled(difference, 0)], unit, "repeats", least=least)
         else:
-            noise, level = next(below), max(float(next(levels)), least)
-            if noise.sigma**2 > _BARELY_MORE * level**2:
-                noise = replace(white_noise(level, unit, "residual"), effective=noise.effective)
+            noise, level = next(below), next(levels)
+            if noise.sigma**2 > _BARELY_MORE * level.sigma**2:
+                noise = replace(level, effective=noise.effective)
         noises.append(replace(noise, is_leftover=True))
     return noises
 

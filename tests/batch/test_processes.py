@@ -95,7 +95,7 @@ def test_processes_help_where_they_are_worth_their_start(tmp_path, monkeypatch):
 
 
 def test_a_killed_process_costs_no_recording():
-    """Killed between two of its answers by nobody who asked: a new one fits what it had taken."""
+    """Killed between two of its answers: a new one fits what it had taken."""
     jobs = [Held(recording(k, source=f"{k}")) for k in range(40)]
     with closing(Processes(Waiting(jobs, 1), Work("creep", None, None, 2, 0))) as processes:
         processes.start(1, 4)

@@ -7,6 +7,7 @@ from . import (
     coulomb_friction,
     creep,
     cubic_nonlinearity,
+    degradation,
     delay,
     drive_lag,
     electrostriction,
@@ -50,6 +51,7 @@ from .creep import Creep as Creep
 from .creep import KelvinVoigtCreep as KelvinVoigtCreep
 from .creep import LogarithmicCreep as LogarithmicCreep
 from .cubic_nonlinearity import CubicNonlinearity as CubicNonlinearity
+from .degradation import Degradation as Degradation
 from .delay import Delay as Delay
 from .drive_circuit import DriveCircuit as DriveCircuit
 from .drive_lag import DriveLag as DriveLag
@@ -102,6 +104,7 @@ EFFECTS: dict[str, Effect] = {  # in the order in which the command line lists t
         slew_rate_limit,
         thermal_drift,
         gain_drift,
+        degradation,
         sensor_nonlinearity,
         mains_interference,
         viscoelastic_layer,

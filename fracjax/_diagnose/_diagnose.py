@@ -42,7 +42,7 @@ from ._sentence import (
     survey_sentence,
     where_of,
 )
-from ._views import path_view, signals_of
+from ._views import path_view, signals_of, with_residual_as_noise
 
 _SO_FAR = (
     " This is the verdict so far: the time was over, or it was interrupted, before all fits had "
@@ -139,6 +139,10 @@ def diagnose(
         preparation = solved.preparation
         progress("correcting the discretisation error")
         base = fitted([solved.block], preparation)
+        other = with_residual_as_noise(base)
+        if other is not None:
+            base = fitted([base.solved.block], other)
+            path, preparation = path_view(other)
         unseen = None if holdout is None else held_out_take(preparation.takes[0], holdout)
         predict = predict_stretches if unseen is None else partial(predict_recording, take=unseen)
         # A model with rates of its own may lead its drive; one without follows with odd parameters.

@@ -12,7 +12,7 @@ from .._models import Model
 from .._prepare import HistoryOption, Preparation, model_of
 from .._solve import Progress
 from ._fitted import Fitted, fitted
-from ._held_out import Predict
+from ._held_out import Predict, of_determined
 from ._inquiry import Inquiry
 from ._layers import Layer, wrapped
 from ._thresholds import BETTER
@@ -64,8 +64,8 @@ def extended_by(
     solved = settle(block, preparation, history=history, starts=_STARTS, seed=0)
     plain = fitted([solved.block], solved.preparation)
     other = _with(layers, plain.solved.block, preparation) if layers else plain
-    before = predict(own.fitted if own else base).rmse
-    if predict(other).rmse < BETTER * before:
+    before, after = of_determined([predict(own.fitted if own else base), predict(other)])
+    if after.rmse < BETTER * before.rmse:
         return Extension(ANY_LOOP, layers, other, True)
     return own
 

@@ -15,7 +15,7 @@ from .._path import Hypothesis, misfit
 from .._prepare import Noise, Take
 from ._extension import Extension
 from ._fitted import Fitted
-from ._held_out import Predict, Prediction
+from ._held_out import Predict, Prediction, of_determined
 from ._inquiry import Inquiry
 from ._layers import path_of, written
 from ._places import Residual, acting_at, freedom_of, locate
@@ -320,32 +320,18 @@ class Findings:
     @cached_property
     def predicted(self) -> tuple[Prediction, Prediction | None]:
         """The predictions of held-out data by the base and by the extended model."""
-        before, *extended = map(self._of_determined, self._all_predicted)
+        before, *extended = of_determined(self._all_predicted)
         return before, extended[0] if extended else None
-
-    def predict_determined(self, fitted: Fitted) -> Prediction:
-        """The prediction of the held-out folds that the others determine, if there are any: a
-        recording's only step, held out, says nothing about creep."""
-        return self._of_determined(self.predict(fitted))
-
-    def _of_determined(self, prediction: Prediction) -> Prediction:
-        return prediction.of(self._determined) if self._determined else prediction
 
     @cached_property
     def _all_predicted(self) -> list[Prediction]:
         """The predictions of all folds by the base, and by the extended model if there is one."""
         return [self.predict(fit) for fit in (self.base, self.extended) if fit is not None]
 
-    @cached_property
-    def _determined(self) -> list[int]:
-        """The folds whose predictions by base and extended model the others determine."""
-        each = zip(*(prediction.determined for prediction in self._all_predicted), strict=True)
-        return [k for k, determined in enumerate(each) if all(determined)]
-
     @property
     def events(self) -> tuple[str, ...]:
         """What held-out data do not test, in words, if some stretches cannot be held out."""
-        if len(self._determined) in (0, len(self._all_predicted[0].folds)):
+        if len(self.predicted[0].folds) == len(self._all_predicted[0].folds):
             return ()
         return (
             "Some stretches were not held out, since the others do not determine the parameters "

@@ -10,7 +10,7 @@ import numpy as np
 
 from .._blocks import AbstractBlock
 from .._computing import Clock
-from .._path import PathView, Posterior, misfit
+from .._path import PathView, Posterior, evidence, log_likelihood, misfit
 from .._solve import Progress, tolerated_error
 from ._fitted import Fitted
 from ._jumps import Jumps, jumps_of
@@ -110,6 +110,7 @@ def inquire(
     inquiry = replace(of_path, model=view)
     may_name = may_name and base.numerics <= tolerated_error(NUMERICS, base.solved, _MINOR)
     best = misfit(view.law, view.posterior.best)
+    of_curves = evidence(path.law, path.posterior.best)
     limit = ADEQUATE * (1 + max(inquiry.path_misfit, 0.0)) - 1
     if not may_name:
         return replace(inquiry, posterior=view.posterior, is_adequate=True)
@@ -127,16 +128,17 @@ def inquire(
         clock.stopped = True
         return inquiry
     named = {n.effect for n in names}
-    own = [e for e in refits if set(e.names) == named]
-    reached = (
-        own[0].excess
-        if own
-        else misfit(view.law, view.posterior.hypotheses[0]._replace(names=(), kinds=(), sizes=()))
-    )
-    if reached <= limit and (own or not names):
-        explanation = own[0] if own else None
+    own = next((e for e in refits if set(e.names) == named), None)
+    reached = misfit(view.law, posterior.hypotheses[0]._replace(names=(), kinds=(), sizes=()))
+    reached = reached if own is None else own.excess
+    # Of the model with the named effects, each refitted: χ², and the freedom of its columns.
+    square, count = (1 + reached) * view.law.count, view.law.count
+    freedom = 2 * len(named) * np.log(count) + base.tangent.shape[1] * np.log(count)
+    of_model = float(log_likelihood(square, freedom, count))
+    print("EVID model %.0f path %.0f reached %.3f path_misfit %.3f n %d" % (of_model, of_curves, reached, inquiry.path_misfit, count), [(sorted(s), round(p,3)) for s,p in sorted(posterior.sets.items(), key=lambda kv:-kv[1])[:4]], "PATH", [(sorted(s), round(p,3)) for s,p in sorted(path.posterior.sets.items(), key=lambda kv:-kv[1])[:3]], [(e.names, round(e.excess,3)) for e in refits])
+    if of_model >= of_curves and (own is not None or not names):
         inquiry = replace(
-            inquiry, posterior=posterior, is_adequate=True, names=names, explanation=explanation,
+            inquiry, posterior=posterior, is_adequate=True, names=names, explanation=own,
             refits=tuple(refits),
         )  # fmt: skip
     else:
@@ -183,11 +185,15 @@ def _beside(
     progress: Progress,
     clock: Clock,
 ) -> list[Explanation]:
-    """Refits of the named effects together, and with each look-alike in its place."""
+    """Refits of the named effects together, with each look-alike in its place, and with all but
+    one."""
     chosen = [n.effect for n in names]
     sets = [chosen]
     for k, name in enumerate(names):
         sets += [[*chosen[:k], other, *chosen[k + 1 :]] for other in name.alike]
+        if len(chosen) > 1:
+            # What columns leave of one effect looks like another: is it needed beside its refit?
+            sets.append([*chosen[:k], *chosen[k + 1 :]])
     refits = []
     for each in sets:
         if clock.is_over:

@@ -48,7 +48,7 @@ def wrapped(block: AbstractBlock, layers: Sequence[Layer]) -> AbstractBlock:
 
 
 def parts_of(block: AbstractBlock, layers: Sequence[Layer]) -> tuple[AbstractBlock, list[Layer]]:
-    """The model inside a block, and the effects around it as they are in it, the first innermost."""
+    """The model inside a block, and the effects around it as in it, the first innermost."""
     around = []
     for layer in reversed(layers):
         around.append(Layer(layer.effect, getattr(block, layer.place)))

@@ -10,6 +10,7 @@ import numpy as np
 from .._blocks import EFFECTS, AbstractBlock, Effect, Setting
 from .._parameters import named_parameters, set_values
 from .._path import (
+    DIRECTIONS,
     Hypothesis,
     Kind,
     Law,
@@ -18,6 +19,7 @@ from .._path import (
     Posterior,
     Prior,
     Signal,
+    apart,
     scanned_modes,
     select,
     view_of,
@@ -26,6 +28,9 @@ from .._prepare import Preparation, Residual, levels_of_residuals, residual_nois
 from ._columns import Group, groups_of
 from ._fitted import Fitted
 
+FORM = 0.1
+"""How far the form of a real effect is from that of its block, over its size: what an effect's column
+leaves of it looks like a second effect."""
 MODEL = "model"
 """The name of the law of the user's model."""
 
@@ -87,7 +92,9 @@ def model_view(fitted: Fitted) -> ModelView:
         at += width
     columns = fitted.whitened(np.concatenate([group.columns for group in groups], axis=1))
     count = int(np.count_nonzero(fitted.counted)) - fitted.tangent.shape[1]
-    law = Law(MODEL, kinds, prior.inner(columns, white), count, 0.0, _special_cases())
+    inner = prior.inner(columns, white)
+    excess = max(inner.square / count - 1, 0.0)
+    law = Law(MODEL, kinds, inner, count, FORM**2 * excess / DIRECTIONS, _apart())
     posterior = select(law)
     whole = np.linalg.norm(columns, axis=0)
     return ModelView(fitted, groups, posterior, law, whole, prior)
@@ -141,11 +148,31 @@ def path_view(preparation: Preparation) -> tuple[PathView, Preparation]:
     return view_of(signals_of(preparation)), preparation
 
 
-def _special_cases() -> dict[str, set[str]]:
-    """Effects that are not combined: one whose model is another's with some parameters zero."""
-    pairs = [(e.name, e.special_case) for e in EFFECTS.values() if e.special_case]
-    barred: dict[str, set[str]] = {}
-    for one, other in pairs:
-        barred.setdefault(one, set()).add(other)
-        barred.setdefault(other, set()).add(one)
+def with_residual_as_noise(fitted: Fitted) -> Preparation | None:
+    """The preparation whose noises are what a model leaves of each recording, where that is no more
+    than the noise in level but of another colour: a short rest shows a level and hardly a colour.
+    None where nothing changes."""
+    takes = fitted.preparation.takes
+    pairs = zip(takes, fitted.simulations, strict=True)
+    residuals = [Residual(t.recording.response - s, t.used, t.recording) for t, s in pairs]
+    noises = []
+    for take, residual in zip(takes, residuals, strict=True):
+        noise = take.noise
+        assert noise is not None  # a diagnosis has one
+        level = float(np.std(residual.samples[residual.counted]))
+        if noise.method != "static" or level**2 > (1 + 3 * noise.doubt()) * noise.sigma**2:
+            return None
+        (read,) = residual_noises([residual])
+        noises.append(replace(read, is_leftover=False, method=noise.method))
+    return fitted.preparation.with_noises(noises)
+
+
+def _apart() -> dict[str, set[str]]:
+    """Effects that are not combined: those of one family, and one whose model is another's with
+    some parameters zero."""
+    barred = apart()
+    for effect in EFFECTS.values():
+        if effect.special_case:
+            barred.setdefault(effect.name, set()).add(effect.special_case)
+            barred.setdefault(effect.special_case, set()).add(effect.name)
     return barred

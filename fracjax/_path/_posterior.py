@@ -170,6 +170,14 @@ def misfit(law: Law, hypothesis: Hypothesis) -> float:
     return inner.square / law.count - 1
 
 
+def evidence(law: Law, hypothesis: Hypothesis) -> float:
+    """The log evidence of a law with the effects of a hypothesis, of their most likely shapes, with
+    every sample counted: how well it describes the recordings, and with how much freedom."""
+    chosen, sizes = hypothesis.columns(law.kinds)
+    inner = law.inner.given(chosen, sizes) if chosen.size else law.inner
+    return float(log_likelihood(inner.square, inner.log_determinant, law.count))
+
+
 def _searched(law: Law) -> list[Hypothesis]:
     """The hypotheses of up to three effects under a law, by a beam search."""
     layout = _Layout(law)

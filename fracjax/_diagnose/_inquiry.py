@@ -135,7 +135,6 @@ def inquire(
     square, count = (1 + reached) * view.law.count, view.law.count
     freedom = 2 * len(named) * np.log(count) + base.tangent.shape[1] * np.log(count)
     of_model = float(log_likelihood(square, freedom, count))
-    print("EVID model %.0f path %.0f reached %.3f path_misfit %.3f n %d" % (of_model, of_curves, reached, inquiry.path_misfit, count), [(sorted(s), round(p,3)) for s,p in sorted(posterior.sets.items(), key=lambda kv:-kv[1])[:4]], "PATH", [(sorted(s), round(p,3)) for s,p in sorted(path.posterior.sets.items(), key=lambda kv:-kv[1])[:3]], [(e.names, round(e.excess,3)) for e in refits])
     if of_model >= of_curves and (own is not None or not names):
         inquiry = replace(
             inquiry, posterior=posterior, is_adequate=True, names=names, explanation=own,

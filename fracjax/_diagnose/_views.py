@@ -20,6 +20,7 @@ from .._path import (
     Prior,
     Signal,
     apart,
+    denoised,
     scanned_modes,
     select,
     view_of,
@@ -104,7 +105,12 @@ def block_of(effect: Effect, shape: dict[str, float], setting: Setting) -> Abstr
     """A trial block of an effect with the parameters of a shape, as far as it has them."""
     trial = effect.trials(setting)[0]
     own = named_parameters(trial)
-    return set_values(trial, {key: value for key, value in shape.items() if key in own})
+    values = {
+        key: np.clip(value, own[key].lower, own[key].upper)
+        for key, value in shape.items()
+        if key in own
+    }
+    return set_values(trial, values)
 
 
 def signals_of(preparation: Preparation) -> list[Signal]:
@@ -121,12 +127,18 @@ def signals_of(preparation: Preparation) -> list[Signal]:
         weights = np.array(problem.weights[:samples])
         weights[: noise.filter.size - 1] = 0.0
         recording = take.recording
+        drive, drive_error = denoised(recording.drive)
         signals.append(
             Signal(
-                recording.drive, recording.response, recording.dt, take.history == "periodic",
-                noise.whitening, weights,
+                drive=drive,
+                response=recording.response,
+                step=recording.dt,
+                periodic=take.history == "periodic",
+                taps=noise.whitening,
+                weights=weights,
+                drive_error=drive_error,
             )
-        )  # fmt: skip
+        )
     return signals
 
 

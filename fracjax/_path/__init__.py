@@ -1,5 +1,6 @@
 """Path curves: the dynamics of a recording whatever its law of hysteresis; NumPy and SciPy alone."""
 
+from ._drive import denoised as denoised
 from ._dynamics import Columns as Columns
 from ._dynamics import Motion as Motion
 from ._law import Inner as Inner

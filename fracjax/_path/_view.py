@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 from scipy.signal import find_peaks
@@ -35,8 +35,8 @@ _ROUNDS = 3
 @dataclass(frozen=True)
 class Signal:
     """What path curves need of a recording: drive (N,) and response (N,), its step [s], whether it
-    is of steady cycles, the noise's whitening filter (p+1,), and the samples' weights (N,), 0 for
-    one that does not count."""
+    is of steady cycles, the noise's whitening filter (p+1,), the samples' weights (N,), 0 for one
+    that does not count, and the rms error (N,) of the drive."""
 
     drive: np.ndarray
     response: np.ndarray
@@ -44,6 +44,12 @@ class Signal:
     periodic: bool
     taps: np.ndarray
     weights: np.ndarray
+    drive_error: np.ndarray
+
+    def weighted_by(self, slope: np.ndarray) -> Signal:
+        """The same with the error of the drive in the noise, through the response's slope (N,)."""
+        moved = slope * self.drive_error * abs(self.taps[0])
+        return replace(self, weights=self.weights / np.sqrt(1 + moved**2))
 
 
 @dataclass(frozen=True, eq=False)
@@ -103,8 +109,14 @@ def view_of(signals: Sequence[Signal]) -> PathView:
     starts = [s.response[0] for s in signals]
     response = np.concatenate([s.response - y0 for s, y0 in zip(signals, starts, strict=True)])
     span = max(float(np.ptp(s.response)) for s in signals)
-    whitening = Whitening([s.taps for s in signals], [s.weights for s in signals])
-    prior = PathLaw.of([s.drive for s in signals], whitening, span)
+    if any(s.drive_error.any() for s in signals):
+        slopes = _prior_of(signals, span).settled(response).curve(response)[1]
+        signals = [
+            s.weighted_by(slope)
+            for s, slope in zip(signals, np.split(slopes, _ends(signals)), strict=True)
+        ]
+    prior = _prior_of(signals, span)
+    whitening = prior.whitening
     white, effect = whitening(response), np.zeros_like(response)
     before: tuple = ()
     view = None
@@ -132,6 +144,17 @@ def view_of(signals: Sequence[Signal]) -> PathView:
     return view
 
 
+def _prior_of(signals: Sequence[Signal], span: float) -> PathLaw:
+    """The prior of path curves of recordings whose responses have a span."""
+    whitening = Whitening([s.taps for s in signals], [s.weights for s in signals])
+    return PathLaw.of([s.drive for s in signals], whitening, span)
+
+
+def _ends(signals: Sequence[Signal]) -> np.ndarray:
+    """Where one recording ends and the next begins."""
+    return np.cumsum([s.drive.size for s in signals])[:-1]
+
+
 def kinds_of(columns: Sequence[Columns]) -> list[Kind]:
     """The range of each effect's columns in their matrix."""
     kinds, at = [], 0
@@ -144,7 +167,7 @@ def kinds_of(columns: Sequence[Columns]) -> list[Kind]:
 
 def motions_of(signals: Sequence[Signal], curve: np.ndarray, slope: np.ndarray) -> list[Motion]:
     """Each recording's drive with the curve (ΣN,) and its slope (ΣN,)."""
-    ends = np.cumsum([s.drive.size for s in signals])[:-1]
+    ends = _ends(signals)
     parts = zip(signals, np.split(curve, ends), np.split(slope, ends), strict=True)
     return [Motion(s.drive, x, dx, s.step, periodic=s.periodic) for s, x, dx in parts]
 

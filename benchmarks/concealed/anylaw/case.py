@@ -32,13 +32,13 @@ Rng = np.random.Generator
 
 @dataclass(frozen=True)
 class Chosen:
-    """An effect at its amplitude, what it changes, and what is left of that, in um."""
+    """An effect at its amplitude, what it changes, and what remains of that, in um."""
 
     key: str
     params: dict
     amplitude: float
     change: Array
-    left: Array
+    residual: Array
 
     @property
     def effect(self) -> Effect:
@@ -60,12 +60,12 @@ def scale(session: Session, key: str, shape: dict, wanted: float, beyond: bool) 
     for _ in range(7):
         params = e.parameters(a, shape, scene)
         change = session.recorded([(e, params)]) - session.plain
-        left = session.law_free.left(change)
-        reached = max(rms(left if beyond else change) / wanted, 1e-9)
+        residual = session.law_free.residual(change)
+        reached = max(rms(residual if beyond else change) / wanted, 1e-9)
         if beyond:
             reached = max(reached, rms(change) / (LARGEST * scene.stroke))
         error = float(np.log(reached))
-        tries.append((abs(error), error, a, Chosen(key, params, a, change, left)))
+        tries.append((abs(error), error, a, Chosen(key, params, a, change, residual)))
         if abs(error) < 0.1 or (a >= e.cap and error < 0):
             break
         if len(tries) > 1 and a != tries[-2][2]:
@@ -96,7 +96,7 @@ def choose(session: Session, families: Sequence[str], rng: Rng) -> Chosen:
             continue
         hidden = hidden and turn < TRIES // 2
         chosen = scale(session, key, shape, wanted, bool(beyond) and not hidden)
-        level, raw = rms(chosen.left) / floor, rms(chosen.change) / floor
+        level, raw = rms(chosen.residual) / floor, rms(chosen.change) / floor
         if level > 1.2 * LEVELS[1] or raw < LEVELS[0]:
             continue
         if level > most:
@@ -129,7 +129,7 @@ def together(session: Session, chosen: Sequence[Chosen]) -> list[Chosen]:
     both, out = session.recorded(pairs), []
     for c, alone in zip(chosen, reversed(pairs), strict=True):
         change = both - session.recorded([alone])
-        out.append(replace(c, change=change, left=session.law_free.left(change)))
+        out.append(replace(c, change=change, residual=session.law_free.residual(change)))
     return out
 
 
@@ -142,7 +142,7 @@ def build(spec: Spec) -> tuple[list[Array], dict]:
     rivals = Rivals(session, spec.seed) if effects or session.memory == "degrading" else None
     floors = [floor_of(stage.drive) for stage in session.stages]
     given = "none" in floors or np.random.default_rng([spec.seed, 5]).uniform() < GIVEN
-    left = session.any_law.off(session.plain[:, None])
+    residual = session.any_law.off(session.plain[:, None])
     label = {
         "case": f"{spec.number:03d}",
         "half": spec.half,
@@ -162,7 +162,7 @@ def build(spec: Spec) -> tuple[list[Array], dict]:
         "noise": {"colour": noise.colour, "order": noise.order, "sensor_um": session.sensor.total,
                   "drive_V": session.drive_noise, "total_um": noise.total, "given": bool(given)},
         "floor": floors[0],
-        "law_left": rms(left),
+        "law_left": rms(residual),
         "effects": [
             truth(c, session, rivals, [o for o in effects if o is not c]) for c in effects
         ],
@@ -198,7 +198,7 @@ def truth(c: Chosen, session: Session, rivals: Rivals, beside: list[Chosen]) -> 
         "capped": c.amplitude >= c.effect.cap,
         "size_um": float(np.ptp(c.change)),
         "raw_level": rms(c.change) / floor,
-        "level": rms(c.left) / floor,
+        "level": rms(c.residual) / floor,
     }
     for which, oracle in (("", session.law_free), ("_any", session.any_law)):
         mark = oracle.off(c.change[:, None])
@@ -222,9 +222,9 @@ def own_path(session: Session, rivals: Rivals | None) -> dict | None:
         s.with_params({**s.params, "worn": 0.0}) for s in session.stages
     ), memory="returning")  # fmt: skip
     change = session.plain - fresh.plain
-    known = fresh.knowing(["fading"], False)
-    apart = rivals.apart(change, "", known, None)
-    mark = known.off(change[:, None])
+    oracle = fresh.knowing(["fading"], False)
+    apart = rivals.apart(change, "", oracle, None)
+    mark = oracle.off(change[:, None])
     return {
         "detectability": float(np.linalg.norm(mark)),
         "size_um": float(np.ptp(change)),

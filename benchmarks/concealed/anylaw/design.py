@@ -48,12 +48,12 @@ def design(half: str, seed: int) -> list[Spec]:
     rng = np.random.default_rng(seed)
     many = EACH[half] * len(LAWS)
     laws = _dealt(rng, list(LAWS), many)
-    contents, told = _dealt(rng, list(CONTENTS), many), _dealt(rng, [True, False], many)
+    contents, believing = _dealt(rng, list(CONTENTS), many), _dealt(rng, [True, False], many)
     protocols = _dealt(rng, [k < 10 * PROTOCOL for k in range(10)], many)
     specs = []
     for k, law in enumerate(laws):
         believed = [m for m in BELIEVED if law not in HAS.get(m, ())]
-        model = str(rng.choice(believed)) if told[k] else None
+        model = str(rng.choice(believed)) if believing[k] else None
         drive = "protocol" if protocols[k] else str(rng.choice(list(ORDINARY)))
         rate = float(rng.choice(list(RATES), p=list(RATES.values())))
         samples = int(rng.choice(SAMPLES))

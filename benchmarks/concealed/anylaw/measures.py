@@ -91,8 +91,8 @@ def invented(pairs: Sequence[Pair]) -> Measure:
 
 def floors(label: Mapping, answer: Answer) -> float:
     """Residual of the fit in noise floors."""
-    left = np.nan if answer.rms_um is None else answer.rms_um
-    return left / label["noise"]["total_um"]
+    residual = np.nan if answer.rms_um is None else answer.rms_um
+    return residual / label["noise"]["total_um"]
 
 
 def nulls(pairs: Sequence[Pair]) -> list[Measure]:

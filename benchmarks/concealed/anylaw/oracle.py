@@ -48,19 +48,19 @@ def hats(x: Array, nodes: Array) -> tuple[np.ndarray, Array]:
     return k, (x - nodes[k]) / (nodes[k + 1] - nodes[k])
 
 
-def path_columns(u: Array, found: States) -> tuple[csr_matrix, csr_matrix, csr_matrix]:
+def path_columns(u: Array, met: States) -> tuple[csr_matrix, csr_matrix, csr_matrix]:
     """Columns of functions of the path state: at the samples, where branches meet, and curvatures.
 
     Args:
         u: Drive of all recordings in V, one after the other.
-        found: Their path states.
+        met: Their path states.
     """
     width, first = float(np.ptp(u)), 0
-    joints = sorted(found.joints, key=str)
-    met: dict[Key, list[float]] = {key: [] for key in found.branches}
+    joints = sorted(met.joints, key=str)
+    joined: dict[Key, list[float]] = {key: [] for key in met.branches}
     for *pair, drive in joints:
         for key in pair:
-            met[key].append(drive)
+            joined[key].append(drive)
     place: dict[Key, tuple[int, float, Array]] = {}
     values, bends = [], []
 
@@ -70,9 +70,9 @@ def path_columns(u: Array, found: States) -> tuple[csr_matrix, csr_matrix, csr_m
         k, part = hats(np.abs(drive - start) / width, nodes)
         return [np.tile(row, 2), begin + np.append(k, k + 1), sign * np.append(1 - part, part)]
 
-    for key, samples in found.branches.items():
+    for key, samples in met.branches.items():
         at, way = np.concatenate(samples), float(key[0])
-        ends = np.append(u[at], met[key])
+        ends = np.append(u[at], joined[key])
         start = way * float((way * ends).min())
         nodes = nodes_of(float(np.abs(ends - start).max()) / width)
         place[key] = (first, start, nodes)
@@ -168,14 +168,14 @@ class LawFree:
         self.lengths = [len(u[::keep]) for u in drives]
         self.noise = noise
         self.weights = np.concatenate([weights(u[::keep], gain, noise.total) for u in drives])
-        found = states(drives)
+        met = states(drives)
         sampled = np.concatenate([np.arange(len(u)) % keep == 0 for u in drives])
         number = np.cumsum(sampled) - 1
-        for key, samples in found.branches.items():
+        for key, samples in met.branches.items():
             at = np.concatenate(samples)
-            found.branches[key] = [number[at[sampled[at]]]]
+            met.branches[key] = [number[at[sampled[at]]]]
         u = np.concatenate(drives)[sampled]
-        columns, joints, curved = path_columns(u, found)
+        columns, joints, curved = path_columns(u, met)
         offsets = csr_matrix(np.repeat(np.eye(len(drives)), self.lengths, axis=0)[:, 1:])
         blank = csr_matrix((joints.shape[0] + curved.shape[0], offsets.shape[1]))
         firm = vstack([JOINED * joints, SMOOTH * curved]).tocsr()
@@ -211,7 +211,7 @@ class LawFree:
     def _off_paths(self, x: Array) -> Array:
         return x - self._white @ self._solve.solve(np.asarray(self._white.T @ x))
 
-    def left(self, x: Array) -> Array:
+    def residual(self, x: Array) -> Array:
         """What is left of one change, in um, weighed."""
         white, noise = self.off(x[:, None])[:, 0], self.noise
         if noise.colour != "ar":
@@ -222,5 +222,5 @@ class LawFree:
 
     def off(self, x: Array) -> Array:
         """What is left of changes in um, in units in which the noise is white."""
-        left = self._off_paths(self.whiten(x))
-        return left - self.basis @ (self.taken[:, None] * (self.basis.T @ left))
+        beyond = self._off_paths(self.whiten(x))
+        return beyond - self.basis @ (self.taken[:, None] * (self.basis.T @ beyond))

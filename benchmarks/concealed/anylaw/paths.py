@@ -57,15 +57,15 @@ def states(drives: Sequence[Array]) -> States:
     parts = [branches(u) for u in drives]
     corners = [u[ends] for u, (ends, _) in zip(drives, parts, strict=True)]
     every = rounded(np.concatenate(corners), SAME * span)
-    found, first, at = States({}, set()), 0, 0
+    met, first, at = States({}, set()), 0, 0
     for which, (u, (ends, ways)) in enumerate(zip(drives, parts, strict=True)):
         levels = every[at : at + len(ends)]
-        _follow(found, which, first, u, ends, ways, levels, SAME * span)
+        _follow(met, which, first, u, ends, ways, levels, SAME * span)
         first, at = first + len(u), at + len(ends)
-    return found
+    return met
 
 
-def _follow(found: States, which: int, first: int, u: Array, ends: Array, ways: Array,
+def _follow(met: States, which: int, first: int, u: Array, ends: Array, ways: Array,
             levels: Array, near: float) -> None:  # fmt: skip
     """Go along one recording, from its sample's number `first` on.
 
@@ -79,13 +79,13 @@ def _follow(found: States, which: int, first: int, u: Array, ends: Array, ways: 
 
     def enter(drive: float, before: Key | None) -> Key:
         now = (way, *turns) if len(turns) > 1 else (way, *turns, f"beyond {which} {beyond}")
-        found.branches.setdefault(now, [np.zeros(0, int)])
+        met.branches.setdefault(now, [np.zeros(0, int)])
         if before is not None and before != now:
-            found.joints.add((before, now, drive))
+            met.joints.add((before, now, drive))
         return now
 
     now = enter(float(u[0]), None)
-    found.branches[now].append(np.array([first]))
+    met.branches[now].append(np.array([first]))
     for k, (a, b) in enumerate(pairwise(ends.tolist())):
         if ways[k] and ways[k] != way:
             level = float(levels[k])
@@ -101,7 +101,7 @@ def _follow(found: States, which: int, first: int, u: Array, ends: Array, ways: 
             n = b + 1 - at
             if ways[k] and len(turns) > 1:  # up to the turning point before last
                 n = int(np.searchsorted(way * u[at : b + 1], way * turns[-2] + near))
-            found.branches[now].append(np.arange(first + at, first + at + n))
+            met.branches[now].append(np.arange(first + at, first + at + n))
             at += n
             if at <= b:
                 level = turns[-2]

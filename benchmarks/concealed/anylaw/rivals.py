@@ -58,17 +58,17 @@ class Rivals:
         aside = unit(law_free.off(beside[:, None])) if beside is not None else None
 
         def off(x: Array) -> Array:
-            left = law_free.off(x)
-            return left if aside is None else left - aside @ (aside.T @ left)
+            beyond = law_free.off(x)
+            return beyond if aside is None else beyond - aside @ (aside.T @ beyond)
 
         truth = off(change[:, None])[:, 0]
         least, by_name = ENOUGH * float(np.linalg.norm(truth)), {}
         for key in TRIED | BESIDE:
             if name_of(key) != own and possible(key, self.session.first):
                 changes, room = self.columns(key, rms(change))
-                left = off(changes)
-                left = left[:, room * np.linalg.norm(left, axis=0) > least]
-                by_name.setdefault(name_of(key), []).append(left)
+                beyond = off(changes)
+                beyond = beyond[:, room * np.linalg.norm(beyond, axis=0) > least]
+                by_name.setdefault(name_of(key), []).append(beyond)
         out = {}
         for name, parts in by_name.items():
             columns = np.column_stack(parts)

@@ -208,11 +208,11 @@ def test_path_states_of_a_repeated_triangle() -> None:
     """Up, and then the same two branches over and over; an inner loop has two of its own."""
     once = np.concatenate([np.linspace(1, -1, 101)[1:], np.linspace(-1, 1, 101)[1:]])
     u = np.concatenate([np.linspace(0, 1, 51), once, once])
-    found = states([u])
-    sizes = sorted(len(np.concatenate(v)) for v in found.branches.values())
+    met = states([u])
+    sizes = sorted(len(np.concatenate(v)) for v in met.branches.values())
     assert sum(sizes) == len(u)
-    assert [k for k in found.branches if k == (-1.0, -1.0, 1.0)]
-    twice = np.concatenate(found.branches[(1.0, 1.0, -1.0)])
+    assert [k for k in met.branches if k == (-1.0, -1.0, 1.0)]
+    twice = np.concatenate(met.branches[(1.0, 1.0, -1.0)])
     assert np.allclose(np.sort(u[twice])[::2], np.sort(u[twice])[1::2])
     looped = np.concatenate([u, np.linspace(1, 0.2, 41)[1:], np.linspace(0.2, 0.6, 21)[1:],
                              np.linspace(0.6, -1, 81)[1:]])  # fmt: skip
@@ -225,9 +225,9 @@ def test_path_states_of_a_repeated_triangle() -> None:
 def test_path_states_are_shared_between_recordings() -> None:
     leg = np.linspace(-1, 1, 101)
     u = np.concatenate([leg, leg[-2::-1], leg[1:]])
-    found = states([u, u])
-    assert len(np.concatenate(found.branches[(-1.0, -1.0, 1.0)])) == 200
-    assert len(np.concatenate(found.branches[(1.0, 1.0, -1.0)])) == 200
+    met = states([u, u])
+    assert len(np.concatenate(met.branches[(-1.0, -1.0, 1.0)])) == 200
+    assert len(np.concatenate(met.branches[(1.0, 1.0, -1.0)])) == 200
 
 
 def test_hats() -> None:
@@ -241,8 +241,8 @@ def test_hats() -> None:
 def test_every_law_with_return_points_is_a_function_of_the_path_state(name: str) -> None:
     for drive in ("protocol", "random_walk"):
         session = session_on(drive, name)
-        left = session.law_free.off(session.plain[:, None])
-        assert rms(left) < 0.3  # noise floors of .1 % of the stroke
+        residual = session.law_free.off(session.plain[:, None])
+        assert rms(residual) < 0.3  # noise floors of .1 % of the stroke
 
 
 def test_oracle_of_what_a_drive_shows() -> None:
@@ -281,8 +281,8 @@ def test_oracle_against_dense_least_squares() -> None:
     for beside, free in ((memory[:, :0], None), (memory, dense)):
         fit = np.column_stack([paths, beside])
         misfit = wanted - fit @ np.linalg.lstsq(fit, wanted, rcond=None)[0]
-        left = LawFree([u], 1, noise, 1.0, free).off(d[:, None])
-        assert np.sum(left**2) == pytest.approx(np.sum(misfit**2), rel=1e-3)
+        residual = LawFree([u], 1, noise, 1.0, free).off(d[:, None])
+        assert np.sum(residual**2) == pytest.approx(np.sum(misfit**2), rel=1e-3)
 
 
 def test_weights_fall_only_where_the_drive_is_not_known() -> None:
@@ -333,7 +333,7 @@ def test_case_is_what_its_label_says(case: tuple[list[Array], dict]) -> None:
 
 
 def test_separation_and_pairs() -> None:
-    """A drift is not told from itself drawn anew; beside itself nothing is left of an effect."""
+    """A drift is not cases from itself drawn anew; beside itself nothing is left of an effect."""
     session = session_on("protocol")
     rivals, e = Rivals(session, 1), TRIED["thermal_drift"]
     params = e.parameters(0.02, {"tau": 0.4, "slope": 0.1}, session.first.scene)
@@ -351,15 +351,15 @@ def test_separation_and_pairs() -> None:
 
 
 def test_folders_and_seals(tmp_path: Path) -> None:
-    """Recordings, what is told and the seal in one place, labels in another; the sealed seed."""
+    """Recordings, what is cases and the seal in one place, labels in another; the sealed seed."""
     out, hidden = tmp_path / "exam", tmp_path / "labels"
     build_half("development", out, hidden, 5, slice(0, 2), 1)
     labels = json.loads((hidden / "labels.json").read_text())
-    told = json.loads((out / "cases.json").read_text())
+    cases = json.loads((out / "cases.json").read_text())
     assert not (out / "labels.json").exists()
-    assert [x["case"] for x in labels] == [x["case"] for x in told] == ["001", "002"]
-    assert set(told[0]) == {"case", "files", "believed", "samples", "noise_um"}
-    for x in told:
+    assert [x["case"] for x in labels] == [x["case"] for x in cases] == ["001", "002"]
+    assert set(cases[0]) == {"case", "files", "believed", "samples", "noise_um"}
+    for x in cases:
         assert all((out / x["case"] / file).exists() for file in x["files"])
     assert (out / "labels.sha256").read_text() == (hidden / "labels.sha256").read_text()
     grade_all(hidden, tmp_path / "nothing", tmp_path / "marks", slice(None))
@@ -429,17 +429,17 @@ def test_marks() -> None:
     ]  # fmt: skip
     m = {x.name.split(",")[0].split(" (")[0]: x for x in measure_all(pairs)}
 
-    def found(start: str) -> Measure:
+    def measure(start: str) -> Measure:
         return next(v for k, v in m.items() if k.startswith(start))
 
-    assert found("names what is not there").failures == ["006"]
-    assert found("right").n == 5
-    assert found("not detectable").failures == ["003:delay"]
-    assert found("both of a pair").failures == ["004"]
-    assert found("nulls within").failures == ["006", "008"]
-    assert found("noise floors left").high == pytest.approx(1.2)
-    assert found("no answer").failures == ["008"]
-    assert found("calibration error of the probability").target == "<= .04"
+    assert measure("names what is not there").failures == ["006"]
+    assert measure("right").n == 5
+    assert measure("not detectable").failures == ["003:delay"]
+    assert measure("both of a pair").failures == ["004"]
+    assert measure("nulls within").failures == ["006", "008"]
+    assert measure("noise floors left").high == pytest.approx(1.2)
+    assert measure("no answer").failures == ["008"]
+    assert measure("calibration error of the probability").target == "<= .04"
     rows = failures(measure_all(pairs), pairs)
     assert next(r for r in rows if r["case"] == "006")["said"] == "delay(0.80)"
 

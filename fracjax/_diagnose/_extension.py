@@ -64,8 +64,9 @@ def extended_by(
     solved = settle(block, preparation, history=history, starts=_STARTS, seed=0)
     plain = fitted([solved.block], solved.preparation)
     other = _with(layers, plain.solved.block, preparation) if layers else plain
-    before, after = of_determined([predict(own.fitted if own else base), predict(other)])
-    if after.rmse < BETTER * before.rmse:
+    mine = [base] if own is None else [base, own.fitted]
+    *before, after = of_determined([predict(each) for each in (*mine, other)])
+    if after.rmse < BETTER * min(each.rmse for each in before):
         return Extension(ANY_LOOP, layers, other, True)
     return own
 

@@ -25,6 +25,9 @@ _CLEARLY = 0.4
 agreement; chosen by judgement."""
 _FAR = 2.0
 """Ratio of an error to the noise above which the sentence mentions it; chosen by judgement."""
+_LEFT = 1.3
+"""Noise floors that even path curves leave above which the sentence mentions it; chosen by
+judgement."""
 _MOST_LISTED = 4
 """Recordings whose residual is listed at most; chosen by judgement."""
 
@@ -106,32 +109,30 @@ def _recorded(findings: Findings) -> str:
 def _dynamics(findings: Findings) -> str:
     """The sentence where no model is asked about."""
     recorded, noise = _recorded(findings), findings.noise
-    left = np.sqrt(1 + max(findings.inquiry.path_misfit, 0.0))
+    shows = "show" if recorded.endswith("s") else "shows"
+    floors = np.sqrt(1 + max(findings.inquiry.path_misfit, 0.0))
     whatever = "Whatever law of hysteresis the actuator has"
     if findings.effects:
-        return (
-            f"{whatever}, {recorded} show{'' if recorded.endswith('s') else 's'} "
-            f"{_listed(findings)}.{_remaining(findings)}"
-        )
+        return f"{whatever}, {recorded} {shows} {_listed(findings)}.{_remaining(findings)}"
     if findings.verdict == "none":
         return (
-            f"{whatever}, {recorded} show{'' if recorded.endswith('s') else 's'} no dynamics beyond "
-            f"the noise floor of {noise.sigma:.3g} {noise.unit} ({noise.method}); what the drive "
+            f"{whatever}, {recorded} {shows} no dynamics beyond the "
+            f"noise floor of {noise.sigma:.3g} {noise.unit} ({noise.method}); what the drive "
             "could not have shown is listed."
         )
     return (
         f"No rate-independent law of hysteresis describes {recorded}, whatever its shape: "
-        f"{left:.2g} times the noise is left, and no effect of the catalogue explains it."
+        f"{floors:.2g} times the noise is left, and no effect of the catalogue explains it."
     )
 
 
 def _remaining(findings: Findings) -> str:
     """The sentence on what even path curves with the named effects leave, or ""."""
-    left = np.sqrt(1 + max(findings.inquiry.path_misfit, 0.0))
-    if findings.inquiry.is_adequate or left < _FAR / 1.5:
+    floors = np.sqrt(1 + max(findings.inquiry.path_misfit, 0.0))
+    if findings.inquiry.is_adequate or floors < _LEFT:
         return ""
     return (
-        f" Beside any law of hysteresis {left:.2g} times the noise is left, which nothing here "
+        f" Beside any law of hysteresis {floors:.2g} times the noise is left, which nothing here "
         "explains."
     )
 

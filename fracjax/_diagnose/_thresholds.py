@@ -1,7 +1,7 @@
 """Every number that decides a verdict, with its meaning and the study that it comes from.
 
-Two more stand where the posterior is: what path curves do not know (`_path`, `UNKNOWN`), and the prior
-odds of an effect (`EACH`).
+Two more stand where the posterior is: what path curves do not know (`_path`, `UNKNOWN`), and the
+prior odds of an effect (`EACH`).
 """
 
 SIGNIFICANCE = 0.01
@@ -12,8 +12,8 @@ SURE = 0.95
 """The probability at which an effect, or one of its look-alikes, is named; by convention."""
 
 ADEQUATE = 1.1
-"""A model, with or without effects, describes a recording if its χ² is at most this multiple of what
-path curves leave: of recordings that a model made they leave .93 to 1.0."""
+"""χ² of a recording over that of path curves up to which nothing is said to be missing: of those
+that a rate-independent law made they leave .93 to 1.1."""
 
 NUMERICS = 1.0
 """Discretisation error above which no effect is named, in noise units."""

@@ -30,8 +30,8 @@ from ._columns import Group, groups_of
 from ._fitted import Fitted
 
 FORM = 0.1
-"""How far the form of a real effect is from that of its block, over its size: what an effect's column
-leaves of it looks like a second effect."""
+"""How far the form of a real effect is from that of its block, over its size: what an effect's
+column leaves of it looks like a second effect."""
 MODEL = "model"
 """The name of the law of the user's model."""
 

@@ -1,4 +1,4 @@
-"""Path curves: the dynamics of a recording whatever its law of hysteresis; NumPy and SciPy alone."""
+"""Path curves: the dynamics of a recording whatever its law of hysteresis, without JAX."""
 
 from ._drive import denoised as denoised
 from ._dynamics import Columns as Columns

@@ -1,4 +1,4 @@
-r"""Free curves of the drive, one for each branch of the path: cubic splines with a smoothness prior.
+r"""Free curves of the drive, one for each branch of the path: cubic splines with a prior.
 
 On branch b the response is x = Σ_j c_bj B_j(u), with cubic B-splines B_j on knots that all branches
 share.  The coefficients are normal about 0: their second differences have the standard deviation

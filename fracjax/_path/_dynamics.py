@@ -25,8 +25,8 @@ _LEAST_PERIODS = 10.0
 _MAINS, _HARMONICS = (50.0, 60.0), 3
 """Frequencies of the mains [Hz], and how many of their harmonics."""
 _OFF = 0.002
-"""How far the mains' frequency may be from its nominal value, relative: the band of normal operation
-of the grids of Europe and of America."""
+"""How far the mains' frequency may be from its nominal value, relative: the band of normal
+operation of the grids of Europe and of America."""
 _SLOWEST_SENSOR = 1.5
 """The largest time constant of a sensor [s], of a corner of .1 Hz: slower is the drive's side."""
 _DRIFT, _CREEP, _LAYER, _HUM, _SKEW = 0.02, 0.02, 0.05, 0.002, 1e-4

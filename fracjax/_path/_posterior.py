@@ -55,8 +55,8 @@ class Law(NamedTuple):
         kinds: of the columns.
         inner: inner products under the law's covariance.
         count: how many samples count.
-        unknown: the variance along any direction that the law itself does not know, over the noise's
-            and a sample.
+        unknown: the variance along any direction that the law itself does not know, over the
+            noise's and a sample.
         apart: for an effect those that are not combined with it.
     """
 

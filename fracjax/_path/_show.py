@@ -23,8 +23,8 @@ LEVEL = 6.0
 """The detectability from which an effect is named: with its prior odds of .02 and Occam's factor of
 a few tens of shapes a probability of .95."""
 LARGEST = 0.2
-"""The largest credible size, over the response's span: what would only be seen beyond is said not to
-be seen at any."""
+"""The largest credible size, over the response's span: what would only be seen beyond is said not
+to be seen at any."""
 
 _MODES = 8
 """Frequencies of modes that are tried, of each damping."""

@@ -156,12 +156,12 @@ def _constants(step: float, duration: float) -> np.ndarray:
     return np.geomspace(*ends, 1 + int(4 * np.log10(ends[1] / ends[0])))
 
 
-def _linear(integral: kernels.Integral, size: float = 1.0) -> Callable[[Motion], np.ndarray]:
+def _linear(integral: kernels.Departure, size: float = 1.0) -> Callable[[Motion], np.ndarray]:
     """A linear effect on the response's side."""
     return lambda m: size * m.of_response.with_departure(integral)
 
 
-def _before(integral: kernels.Integral) -> Callable[[Motion], np.ndarray]:
+def _before(integral: kernels.Departure) -> Callable[[Motion], np.ndarray]:
     """A linear effect on the drive's side, through the slope."""
     return lambda m: m.slope * m.of_drive.with_departure(integral)
 

@@ -3,7 +3,7 @@ r"""What linear dynamics add to a signal: its increments, convolved with a depar
 A linear effect of static gain 1 answers a step by 1 + g(t): creep by log10(1 + t/t0), a lag by
 -e^(-t/τ), a delay by -1 for t < τ, a mode by its ringing.  Between its samples a signal is a line,
 so that each increment is spread evenly over its step h and the kernel is the mean of g over it,
-exact for such a signal.
+exact for such a signal; of a departure with one pole it is a geometric series.
 
 Source: Franklin, Powell & Workman, Digital Control of Dynamic Systems (1998), 6.3 (triangle hold).
 """
@@ -11,9 +11,12 @@ Source: Franklin, Powell & Workman, Digital Control of Dynamic Systems (1998), 6
 from __future__ import annotations
 
 from collections.abc import Callable
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
+from scipy.signal import lfilter
 
 Integral = Callable[[np.ndarray], np.ndarray]
 """∫_0^t g dt' [s] of a departure g (dimensionless), for times t ≥ 0 [s]."""
@@ -29,9 +32,20 @@ def creep(onset: float) -> Integral:
     return integral
 
 
-def lag(time_constant: float) -> Integral:
+class Pole(NamedTuple):
+    """A departure with one pole, g = -Re(share · e^(rate t)), with a rate [1/s]."""
+
+    rate: complex
+    share: complex
+
+
+def lag(time_constant: float) -> Pole:
     """A lag of first order, g = -e^(-t/τ), with τ [s]."""
-    return lambda t: -time_constant * -np.expm1(-t / time_constant)
+    return Pole(-1 / time_constant, 1.0)
+
+
+Departure = Integral | Pole
+"""A departure by its integral, or by its pole."""
 
 
 def delay(dead_time: float) -> Integral:
@@ -39,18 +53,11 @@ def delay(dead_time: float) -> Integral:
     return lambda t: -np.minimum(t, dead_time)
 
 
-def mode(frequency: float, damping: float) -> Integral:
+def mode(frequency: float, damping: float) -> Pole:
     """A mode, g = -e^(-ζωt) (cos ω_d t + ζ/√(1-ζ²) sin ω_d t), of a frequency [Hz] and a damping
     ratio."""
-    omega = 2 * np.pi * frequency
-    root = np.sqrt(1 - damping**2)
-    pole = omega * complex(-damping, root)
-    share = 1 - 1j * damping / root
-
-    def integral(t: np.ndarray) -> np.ndarray:
-        return -(share * (np.exp(pole * t) - 1) / pole).real
-
-    return integral
+    omega, root = 2 * np.pi * frequency, np.sqrt(1 - damping**2)
+    return Pole(omega * complex(-damping, root), 1 - 1j * damping / root)
 
 
 def yielding(time_constant: float, order: float) -> Integral:
@@ -81,13 +88,23 @@ class Convolution:
         increments = np.diff(signal, prepend=signal[-1] if periodic else signal[0])
         self._size, self._passes = signal.size, 3 if periodic else 1
         increments = np.tile(increments, self._passes)
+        self._increments = increments
         self._times = np.arange(increments.size + 1) * step
         self._step = step
         self._length = next_fast_len(2 * increments.size, real=True)
-        self._transform = rfft(increments, self._length)
 
-    def with_departure(self, integral: Integral) -> np.ndarray:
+    @cached_property
+    def _transform(self) -> np.ndarray:
+        return rfft(self._increments, self._length)
+
+    def with_departure(self, departure: Departure) -> np.ndarray:
         """What a departure adds to the signal (N,), in its unit."""
-        kernel = np.diff(integral(self._times)) / self._step
-        whole = irfft(self._transform * rfft(kernel, self._length), self._length)
+        if isinstance(departure, Pole):
+            # The kernel is a geometric series, which a recursion sums.
+            z = np.exp(departure.rate * self._step)
+            first = -departure.share * (z - 1) / (departure.rate * self._step)
+            whole = np.real(lfilter([first], [1, -z], self._increments))
+        else:
+            kernel = np.diff(departure(self._times)) / self._step
+            whole = irfft(self._transform * rfft(kernel, self._length), self._length)
         return whole[(self._passes - 1) * self._size : self._passes * self._size]

@@ -41,16 +41,17 @@ class Curves(NamedTuple):
     met_again: float
 
 
-def curves_of(drives: Sequence[np.ndarray]) -> Curves:
+def curves_of(drives: Sequence[np.ndarray], error: float = 0.0) -> Curves:
     """The curves of recordings of one actuator.
 
     Args:
         drives: one (N,) per recording, in the drive's unit.
+        error: the rms error of the drives, in their unit.
 
     Returns:
         The basis, a row for each sample of all recordings.
     """
-    branch, branches = branches_of(drives)
+    branch, branches = branches_of(drives, error)
     visits = np.zeros(branches)
     for own in branch:
         np.add.at(visits, own[np.concatenate([[True], own[1:] != own[:-1]])], 1)

@@ -6,11 +6,13 @@ an effect on the drive's side acts through that slope.  No model is fitted and n
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial import Polynomial
+from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
 from . import _kernels as kernels
@@ -27,6 +29,8 @@ _MAINS, _HARMONICS = (50.0, 60.0), 3
 _OFF = 0.002
 """How far the mains' frequency may be from its nominal value, relative: the band of normal
 operation of the grids of Europe and of America."""
+_STATIC = 3
+"""Order of the static curve without which a loop's opening is left."""
 _SLOWEST_SENSOR = 1.5
 """The largest time constant of a sensor [s], of a corner of .1 Hz: slower is the drive's side."""
 _DRIFT, _CREEP, _LAYER, _HUM, _SKEW = 0.02, 0.02, 0.05, 0.002, 1e-4
@@ -86,146 +90,295 @@ class Columns(NamedTuple):
     one_sided: bool
 
 
+class Scale(NamedTuple):
+    """The magnitudes of recordings that shapes depend on: the shortest step and the longest
+    duration [s], the response's span, the longest path in strokes, and the drive's largest change
+    in a step."""
+
+    step: float
+    duration: float
+    span: float
+    strokes: float
+    jump: float
+
+    @classmethod
+    def of(cls, motions: Sequence[Motion]) -> Scale:
+        """The magnitudes of recordings."""
+        return cls(
+            min(m.step for m in motions),
+            max(float(m.times[-1]) for m in motions),
+            max(float(np.ptp(m.response)) for m in motions),
+            max(float(path_length(m.drive)[-1]) for m in motions),
+            max(float(np.abs(np.diff(m.drive)).max()) for m in motions),
+        )
+
+
+Shape = dict[str, float]
+
+
+class Family(NamedTuple):
+    """All shapes of an effect.
+
+    Attributes:
+        effect: its name in the catalogue.
+        shapes: the shapes that are tried.
+        column: what a shape adds to a recording (N,) or (N, k).
+        one_sided: whether its coefficient cannot be negative.
+        spacing: the logarithm of the ratio of a parameter to that of the next shape.
+        each: whether every recording has coefficients of its own, such as a phase.
+    """
+
+    effect: str
+    shapes: Callable[[Scale], list[Shape]]
+    column: Callable[[Motion, Shape, Scale], np.ndarray]
+    one_sided: bool
+    spacing: Callable[[Shape, Scale], Shape]
+    each: bool = False
+
+    def columns(self, motions: Sequence[Motion], shape: Shape, scale: Scale) -> Columns:
+        """The columns of one shape."""
+        parts = [self.column(m, shape, scale).reshape(m.times.size, -1) for m in motions]
+        values = block_diag(*parts) if self.each else np.concatenate(parts)
+        return Columns(self.effect, shape, values, self.one_sided)
+
+
 def dynamics_of(motions: Sequence[Motion]) -> list[Columns]:
     """The shapes of all effects but modes, whose frequencies are scanned (`modes_of`)."""
-    step = min(m.step for m in motions)
-    duration = max(m.times[-1] for m in motions)
-    span = max(np.ptp(m.response) for m in motions)
-    strokes = max(float(path_length(m.drive)[-1]) for m in motions)
-    groups: list[Columns] = []
-
-    def add(
-        effect: str, column: Callable[[Motion], np.ndarray], one_sided: bool = False, **shape: float
-    ) -> None:
-        values = np.concatenate([column(m).reshape(m.times.size, -1) for m in motions])
-        groups.append(Columns(effect, shape, values, one_sided))
-
-    for onset in np.geomspace(max(step, 1e-4 * duration), 0.1 * duration, 5):
-        add("creep", _linear(kernels.creep(onset), _CREEP), True, onset=onset)
-    for constant in _constants(step, duration):
-        one, dead = kernels.lag(constant), kernels.delay(constant)
-        if constant < _SLOWEST_SENSOR:
-            add("sensor_lag", _linear(one), True, corner=1 / (2 * np.pi * constant))
-        add("drive_lag", _before(one), True, time_constant=constant)
-        if constant < 30 * step:
-            add("delay", _linear(dead), True, delay=constant)
-    for order in (0.15, 0.35, 0.7):
-        for constant in np.geomspace(step, duration, 4):
-            layer = kernels.yielding(constant, order)
-            add("viscoelastic_layer", _linear(layer, _LAYER), time_constant=constant, order=order)
-    for share in (0.1, 0.3, 1.0):
-        constant = share * duration
-        add("thermal_drift", _drifting(constant, duration, _DRIFT * span), time_constant=constant)
-        for losses in (1.0, 2.0):
-            add("gain_drift", _warmed(constant, losses), time_constant=constant, losses=losses)
-        add("degradation", _worn(share), path=share * strokes)
-    for low in _MAINS:
-        if 2 * low * step < 1:
-            ends = low * np.array([1 - _OFF, 1 + _OFF])
-            for f in np.linspace(*ends, 1 + 2 * int(4 * _OFF * low * duration)):
-                add("mains_interference", _humming(f, _HUM * span), frequency=f)
-    for quantile in (0.97, 0.9, 0.8, 0.65, 0.5):
-        rate = max(float(np.quantile(np.abs(np.diff(m.drive)), 1.0)) for m in motions) * quantile
-        add("slew_rate_limit", _limited(rate), True, rate=rate / step)
-    add("clock_skew", _skewed)
-    return groups
+    scale = Scale.of(motions)
+    return [
+        family.columns(motions, shape, scale)
+        for family in FAMILIES.values()
+        for shape in family.shapes(scale)
+    ]
 
 
 def modes_of(motions: Sequence[Motion]) -> Iterator[list[Columns]]:
     """Modes at frequencies that are half the width of a peak apart, the list of each damping."""
-    step = min(m.step for m in motions)
-    lowest = _LEAST_PERIODS / max(m.times[-1] for m in motions)
-    highest = 0.5 * _HIGHEST / step
+    scale = Scale.of(motions)
+    lowest, highest = _LEAST_PERIODS / scale.duration, 0.5 * _HIGHEST / scale.step
     for damping in MODE_DAMPINGS:
         count = 1 + int(np.log(highest / lowest) / damping)
         yield [
-            Columns(
-                "resonance",
-                {"frequency": float(f), "damping": damping},
-                np.concatenate([_linear(kernels.mode(f, damping))(m) for m in motions])[:, None],
-                True,
-            )
+            MODE.columns(motions, {"frequency": float(f), "damping": damping}, scale)
             for f in np.geomspace(lowest, highest, count)
         ]
 
 
-def _constants(step: float, duration: float) -> np.ndarray:
+def refined(motions: Sequence[Motion], found: Sequence[Columns], finer: float) -> list[Columns]:
+    """Shapes about those that were found, this many times as near to each other."""
+    scale, columns = Scale.of(motions), []
+    for one in found:
+        family = MODE if one.effect == MODE.effect else FAMILIES[one.effect]
+        shapes = [one.shape]
+        for name, spacing in family.spacing(one.shape, scale).items():
+            for step in (-1.0, -0.5, 0.5, 1.0):
+                factor = float(np.exp(step * spacing / finer))
+                shapes.append(one.shape | {name: one.shape[name] * factor})
+        columns += [family.columns(motions, shape, scale) for shape in shapes]
+    return columns
+
+
+def _constants(scale: Scale) -> np.ndarray:
     """Time constants of lags [s], four a decade, from a tenth of a step to a third of the longest
     recording."""
-    ends = 0.1 * step, duration / 3
+    ends = 0.1 * scale.step, scale.duration / 3
     return np.geomspace(*ends, 1 + int(4 * np.log10(ends[1] / ends[0])))
 
 
-def _linear(integral: kernels.Departure, size: float = 1.0) -> Callable[[Motion], np.ndarray]:
-    """A linear effect on the response's side."""
-    return lambda m: size * m.of_response.with_departure(integral)
+def _each_of(name: str, values: Callable[[Scale], Iterable[float]]):
+    """Shapes of one parameter."""
+    return lambda scale: [{name: float(value)} for value in values(scale)]
 
 
-def _before(integral: kernels.Departure) -> Callable[[Motion], np.ndarray]:
-    """A linear effect on the drive's side, through the slope."""
-    return lambda m: m.slope * m.of_drive.with_departure(integral)
+def _apart(**ratios: float) -> Callable[[Shape, Scale], Shape]:
+    """The distances of shapes, by the ratio of each parameter to the next."""
+    return lambda shape, scale: {name: float(np.log(ratio)) for name, ratio in ratios.items()}
 
 
-def _drifting(constant: float, duration: float, size: float) -> Callable[[Motion], np.ndarray]:
-    """A drift: a line and an exponential of time."""
-    return lambda m: size * np.stack([m.times / duration, 1 - np.exp(-m.times / constant)], axis=1)
+def _onsets(scale: Scale) -> np.ndarray:
+    first = max(scale.step, 1e-4 * scale.duration)
+    return np.geomspace(first, 0.1 * scale.duration, 5)
 
 
-def _warmed(constant: float, losses: float) -> Callable[[Motion], np.ndarray]:
+def _corners(scale: Scale) -> list[float]:
+    return [1 / (2 * np.pi * c) for c in _constants(scale) if c < _SLOWEST_SENSOR]
+
+
+def _frequencies(scale: Scale) -> list[float]:
+    """The mains', a quarter of the width of a line apart."""
+    return [
+        f
+        for low in _MAINS
+        if 2 * low * scale.step < 1
+        for f in low * np.linspace(1 - _OFF, 1 + _OFF, 1 + 2 * int(4 * _OFF * low * scale.duration))
+    ]
+
+
+def _lagging(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    return m.of_response.with_departure(kernels.lag(1 / (2 * np.pi * shape["corner"])))
+
+
+def _lagging_before(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    return m.slope * m.of_drive.with_departure(kernels.lag(shape["time_constant"]))
+
+
+def _late(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    return m.of_response.with_departure(kernels.delay(shape["delay"]))
+
+
+def _creeping(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    return _CREEP * m.of_response.with_departure(kernels.creep(shape["onset"]))
+
+
+def _yielding(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    departure = kernels.yielding(shape["time_constant"], shape["order"])
+    return _LAYER * m.of_response.with_departure(departure)
+
+
+def _ringing(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    return m.of_response.with_departure(kernels.mode(shape["frequency"], shape["damping"]))
+
+
+def _drifting(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    """A line and an exponential of time."""
+    decay = 1 - np.exp(-m.times / shape["time_constant"])
+    return _DRIFT * scale.span * np.stack([m.times / scale.duration, decay], axis=1)
+
+
+def _warmed(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
     """A gain that changes with the warmth of the losses, and the unknown zero times it."""
-
-    def column(m: Motion) -> np.ndarray:
-        warmth, span = m.warming(constant, losses), np.ptp(m.response)
-        moved = m.response - m.response[0]
-        return _DRIFT * np.stack([moved * warmth, span * warmth], axis=1)
-
-    return column
+    warmth = m.warming(shape["time_constant"], shape["losses"])
+    moved = m.response - m.response[0]
+    return _DRIFT * np.stack([moved * warmth, scale.span * warmth], axis=1)
 
 
-def _worn(share: float) -> Callable[[Motion], np.ndarray]:
-    """A gain that changes with the path travelled, and the unknown zero times it."""
+def _worn(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    """A gain, an offset, a curvature and a loop's opening that change with the path travelled: what
+    wears need not be the gain."""
+    wear = -np.expm1(-path_length(m.drive) / shape["path"])
+    scaled = 2 * (m.drive - m.drive.min()) / np.ptp(m.drive) - 1
+    opening = m.response - Polynomial.fit(scaled, m.response, _STATIC)(scaled)
+    moved = m.response - m.response[0]
+    shapes = [moved, np.full_like(wear, scale.span), scale.span * scaled**2, opening]
+    return _DRIFT * wear[:, None] * np.stack(shapes, axis=1)
 
-    def column(m: Motion) -> np.ndarray:
-        path = path_length(m.drive)
-        wear, span = -np.expm1(-path / (share * path[-1])), np.ptp(m.response)
-        return _DRIFT * np.stack([(m.response - m.response[0]) * wear, span * wear], axis=1)
 
-    return column
-
-
-def _humming(low: float, size: float) -> Callable[[Motion], np.ndarray]:
+def _humming(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
     """Lines of the mains below Nyquist's frequency."""
-
-    def column(m: Motion) -> np.ndarray:
-        orders = [k for k in range(1, _HARMONICS + 1) if 2 * k * low * m.step < 1]
-        angles = 2 * np.pi * low * np.outer(m.times, orders)
-        return size * np.concatenate([np.cos(angles), np.sin(angles)], axis=1)
-
-    return column
+    low = shape["frequency"]
+    orders = [k for k in range(1, _HARMONICS + 1) if 2 * k * low * m.step < 1]
+    angles = 2 * np.pi * low * np.outer(m.times, orders)
+    return _HUM * scale.span * np.concatenate([np.cos(angles), np.sin(angles)], axis=1)
 
 
-def _limited(rate: float) -> Callable[[Motion], np.ndarray]:
-    """A drive whose rate is limited [drive unit per step], through the slope."""
-
-    def column(m: Motion) -> np.ndarray:
-        limited = m.drive.copy()
-        over = np.flatnonzero(np.abs(np.diff(m.drive)) > rate)
-        last = -1
-        for k in over.tolist():
-            # From a step that is too fast on, until the drive is caught up.
-            k = max(k, last)
-            while k + 1 < limited.size:
-                gap = m.drive[k + 1] - limited[k]
-                limited[k + 1] = limited[k] + np.clip(gap, -rate, rate)
-                k += 1
-                if limited[k] == m.drive[k]:
-                    break
-            last = k
-        return m.slope * (limited - m.drive)
-
-    return column
+def _limited(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    """A drive whose rate is limited, through the slope."""
+    limited, rate = m.drive.copy(), shape["rate"] * m.step
+    last = -1
+    for k in np.flatnonzero(np.abs(np.diff(m.drive)) > rate).tolist():
+        # From a step that is too fast on, until the drive is caught up.
+        k = max(k, last)
+        while k + 1 < limited.size:
+            gap = m.drive[k + 1] - limited[k]
+            limited[k + 1] = limited[k] + min(max(gap, -rate), rate)
+            k += 1
+            if limited[k] == m.drive[k]:
+                break
+        last = k
+    return m.slope * (limited - m.drive)
 
 
-def _skewed(m: Motion) -> np.ndarray:
+def _skewed(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
     """A clock that runs too fast: a delay that grows in time."""
     return _SKEW * m.times * np.gradient(m.response, m.step)
+
+
+def _lines_apart(shape: Shape, scale: Scale) -> Shape:
+    return {"frequency": 0.25 / (scale.duration * shape["frequency"])}
+
+
+def _peaks_apart(shape: Shape, scale: Scale) -> Shape:
+    return {"frequency": shape["damping"], "damping": float(np.log(3))}
+
+
+_QUARTER = 10**0.25
+_SHARES = (0.1, 0.3, 1.0)
+_LATE = 30
+"""The longest delay, in steps: a longer one is a clock's, or two files'."""
+
+MODE = Family("resonance", lambda scale: [], _ringing, True, _peaks_apart)
+"""A mode, whose shapes are scanned."""
+FAMILIES: dict[str, Family] = {
+    family.effect: family
+    for family in (
+        Family("creep", _each_of("onset", _onsets), _creeping, True, _apart(onset=5.6)),
+        Family("sensor_lag", _each_of("corner", _corners), _lagging, True, _apart(corner=_QUARTER)),
+        Family(
+            "drive_lag",
+            _each_of("time_constant", _constants),
+            _lagging_before,
+            True,
+            _apart(time_constant=_QUARTER),
+        ),
+        Family(
+            "delay",
+            _each_of("delay", lambda s: [c for c in _constants(s) if c < _LATE * s.step]),
+            _late,
+            True,
+            _apart(delay=_QUARTER),
+        ),
+        Family(
+            "viscoelastic_layer",
+            lambda s: [
+                {"time_constant": float(c), "order": order}
+                for order in (0.15, 0.35, 0.7)
+                for c in np.geomspace(s.step, s.duration, 4)
+            ],
+            _yielding,
+            False,
+            _apart(time_constant=10.0, order=2.0),
+        ),
+        Family(
+            "thermal_drift",
+            _each_of("time_constant", lambda s: [share * s.duration for share in _SHARES]),
+            _drifting,
+            False,
+            _apart(time_constant=3.0),
+            each=True,
+        ),
+        Family(
+            "gain_drift",
+            lambda s: [
+                {"time_constant": share * s.duration, "losses": losses}
+                for share in _SHARES
+                for losses in (1.0, 2.0)
+            ],
+            _warmed,
+            False,
+            _apart(time_constant=3.0),
+        ),
+        Family(
+            "degradation",
+            _each_of("path", lambda s: [share * s.strokes for share in _SHARES]),
+            _worn,
+            False,
+            _apart(path=3.0),
+        ),
+        Family(
+            "mains_interference",
+            _each_of("frequency", _frequencies),
+            _humming,
+            False,
+            _lines_apart,
+            each=True,
+        ),
+        Family(
+            "slew_rate_limit",
+            _each_of("rate", lambda s: [q * s.jump / s.step for q in (0.97, 0.9, 0.8, 0.65, 0.5)]),
+            _limited,
+            True,
+            _apart(rate=1.2),
+        ),
+        Family("clock_skew", lambda scale: [{}], _skewed, False, _apart()),
+    )
+}

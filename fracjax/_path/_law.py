@@ -113,15 +113,19 @@ class PathLaw:
     noise: float
 
     @classmethod
-    def of(cls, drives: Sequence[np.ndarray], whitening: Whitening, span: float) -> PathLaw:
-        """The prior for the drives (N,) of recordings of one actuator."""
+    def of(
+        cls, drives: Sequence[np.ndarray], whitening: Whitening, span: float, error: float = 0.0
+    ) -> PathLaw:
+        """The prior for the drives (N,) of recordings of one actuator, of an rms `error`."""
         low = min(d.min() for d in drives)
         width = max(d.max() for d in drives) - low
         sizes = [d.size for d in drives]
         recording = np.repeat(np.arange(len(drives)), sizes)
         own = (recording[:, None] == np.arange(1, len(drives))).astype(float)
         fading = np.concatenate([fading_memory(d, low, width) for d in drives])
-        return cls(curves_of(drives), fading, span * own, whitening, span, whitening.innovation)
+        return cls(
+            curves_of(drives, error), fading, span * own, whitening, span, whitening.innovation
+        )
 
     @cached_property
     def basis(self) -> sp.csr_array:

@@ -22,6 +22,9 @@ SAME = 0.01
 """Turning points nearer than this, over the drive's span, are one: loops that begin so near to each
 other differ by less than the noise of any recording here."""
 
+NOISE = 8.0
+"""The same over the error of the drive, which alone hardly ever reverses by as much."""
+
 
 def turning_points(drive: np.ndarray, smallest: float) -> np.ndarray:
     """The samples (K,) at which a drive (N,) turns by at least `smallest` [drive unit]; of a hold
@@ -49,18 +52,20 @@ def turning_points(drive: np.ndarray, smallest: float) -> np.ndarray:
     return np.array(turns, dtype=int)
 
 
-def branches_of(drives: Sequence[np.ndarray]) -> tuple[list[np.ndarray], int]:
+def branches_of(drives: Sequence[np.ndarray], error: float = 0.0) -> tuple[list[np.ndarray], int]:
     """The branch that each sample is on.
 
     Args:
         drives: recordings (N,) of one actuator, in the drive's unit; a branch that two of them
             meet is one.
+        error: the rms error of the drives, in their unit.
 
     Returns:
         The number of its branch for each sample (N,) of each drive, and how many there are.
     """
     low, high = min(d.min() for d in drives), max(d.max() for d in drives)
-    smallest, same = TURN * (high - low), SAME * (high - low)
+    smallest = max(TURN * (high - low), NOISE * error)
+    same = max(SAME * (high - low), smallest)
     index: dict[tuple, int] = {}
     numbers = []
     turns = [turning_points(drive, smallest) for drive in drives]

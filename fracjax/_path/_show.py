@@ -16,8 +16,8 @@ import numpy as np
 
 from ._curves import Curves
 from ._dynamics import dynamics_of, modes_of
-from ._law import FADINGS, ROUGHNESSES, PathLaw, Settled, Whitening
-from ._view import UNKNOWN, Signal, kinds_of, motions_of
+from ._law import FADINGS, ROUGHNESSES, Settled
+from ._view import UNKNOWN, Signal, kinds_of, motions_of, prior_of
 
 LEVEL = 6.0
 """The detectability from which an effect is named: with its prior odds of .02 and Occam's factor of
@@ -64,8 +64,8 @@ def can_show(signals: Sequence[Signal], unit: str) -> tuple[Visible, ...]:
     low, high = min(s.drive.min() for s in signals), max(s.drive.max() for s in signals)
     slope = span / (high - low)
     ideal = [replace(s, response=slope * (s.drive - low)) for s in signals]
-    whitening = Whitening([s.taps for s in signals], [s.weights for s in signals])
-    prior = PathLaw.of([s.drive for s in signals], whitening, span)
+    prior = prior_of(signals, span)
+    whitening = prior.whitening
     settled = Settled(prior, float(ROUGHNESSES[0]) * prior.noise, float(FADINGS[-2]))
     response = np.concatenate([s.response for s in ideal])
     motions = motions_of(signals, response, np.full(response.size, slope))

@@ -9,9 +9,9 @@ import numpy as np
 from scipy.signal import find_peaks
 
 from ._curves import Curves
-from ._dynamics import Columns, Motion, dynamics_of, modes_of
+from ._dynamics import Columns, Motion, dynamics_of, modes_of, refined
 from ._law import Inner, PathLaw, Prior, Whitening
-from ._posterior import Hypothesis, Kind, Law, Posterior, misfit, select
+from ._posterior import Hypothesis, Kind, Law, Posterior, misfit, search, select
 
 PATH = "path"
 """The name of the law of path curves."""
@@ -28,8 +28,9 @@ FAMILIES = (
 the loop of a rate-independent law from two relaxations of opposite sign."""
 _PEAKS = 6
 """Peaks of a scan for modes that become columns, of each damping."""
-_ROUNDS = 3
-"""How often the curve is fitted anew beside the effects that were found with it."""
+_FINER = (1.0, 1.0, 3.0, 9.0)
+"""The curve is fitted anew beside the effects that were found with it, as often as there are values
+here, and their shapes are tried this many times as near to each other."""
 
 
 @dataclass(frozen=True)
@@ -110,44 +111,45 @@ def view_of(signals: Sequence[Signal]) -> PathView:
     response = np.concatenate([s.response - y0 for s, y0 in zip(signals, starts, strict=True)])
     span = max(float(np.ptp(s.response)) for s in signals)
     if any(s.drive_error.any() for s in signals):
-        slopes = _prior_of(signals, span).settled(response).curve(response)[1]
+        slopes = prior_of(signals, span).settled(response).curve(response)[1]
         signals = [
             s.weighted_by(slope)
             for s, slope in zip(signals, np.split(slopes, _ends(signals)), strict=True)
         ]
-    prior = _prior_of(signals, span)
+    prior = prior_of(signals, span)
     whitening = prior.whitening
     white, effect = whitening(response), np.zeros_like(response)
-    before: tuple = ()
-    view = None
-    for _ in range(_ROUNDS):
+    found: list[Columns] = []
+    for finer in _FINER:
         settled = prior.settled(response - effect)
         curve, slope = settled.curve(response - effect)
         motions = motions_of(signals, curve, slope)
         rest = whitening(response - effect)
         modes = scanned_modes(motions, whitening, settled.prior, rest)
-        columns = [*dynamics_of(motions), *modes]
+        columns = [*dynamics_of(motions), *modes, *refined(motions, found, finer)]
         matrix = np.concatenate([c.values for c in columns], axis=1)
         inner = settled.prior.inner(whitening(matrix), white)
         law = Law(PATH, kinds_of(columns), inner, whitening.count, UNKNOWN, apart())
-        posterior = select(law)
-        best = posterior.best
+        # What fits best is what the next columns are made about; what is named is judged at last.
+        best = search(law, 0.0).best
         chosen, sizes = best.columns(law.kinds)
         effect = matrix[:, chosen] @ _coefficients(inner, chosen, sizes)
-        whole = np.linalg.norm(whitening(matrix), axis=0)
-        residual = response - effect - settled.curve(response - effect)[0]
-        view = PathView(posterior, law, columns, whole, residual, prior.curves, span)
-        if (best.names, best.kinds) == before or not best.names:
+        found = [columns[k] for k in best.kinds]
+        if not found:
             break
-        before = best.names, best.kinds
-    assert view is not None  # there are rounds
-    return view
+    posterior = select(law)
+    chosen, sizes = posterior.best.columns(law.kinds)
+    effect = matrix[:, chosen] @ _coefficients(inner, chosen, sizes)
+    residual = response - effect - settled.curve(response - effect)[0]
+    whole = np.linalg.norm(whitening(matrix), axis=0)
+    return PathView(posterior, law, columns, whole, residual, prior.curves, span)
 
 
-def _prior_of(signals: Sequence[Signal], span: float) -> PathLaw:
+def prior_of(signals: Sequence[Signal], span: float) -> PathLaw:
     """The prior of path curves of recordings whose responses have a span."""
     whitening = Whitening([s.taps for s in signals], [s.weights for s in signals])
-    return PathLaw.of([s.drive for s in signals], whitening, span)
+    error = max(float(np.median(s.drive_error)) for s in signals)
+    return PathLaw.of([s.drive for s in signals], whitening, span, error)
 
 
 def _ends(signals: Sequence[Signal]) -> np.ndarray:

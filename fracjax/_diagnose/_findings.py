@@ -212,8 +212,7 @@ class Findings:
     @property
     def excess(self) -> float:
         """χ² per sample minus one, without effects."""
-        view = self.inquiry.tested
-        return misfit(view.law, _none(view))
+        return self.inquiry.tested.base_misfit
 
     @property
     def doubt(self) -> float:
@@ -250,8 +249,8 @@ class Findings:
         size = float(np.sqrt(np.mean(view.matrix[:, columns[best]] ** 2)))
         own = [e for e in inquiry.refits if e.names == (name,)]
         concealed = 1 - (lengths[best] / max(float(view.whole[columns[best]]), 1e-300)) ** 2
-        alone = [h for h in view.posterior.hypotheses if h.names == (name,)]
-        explained = misfit(view.law, _none(view)) - misfit(view.law, alone[0]) if alone else 0.0
+        alone = [h for h in _listed(view) if h.names == (name,)]
+        explained = view.base_misfit - misfit(view.law, alone[0]) if alone else 0.0
         return Candidate(
             name=name,
             site=entry_of(name).site,
@@ -266,7 +265,7 @@ class Findings:
 
     def _log_evidence(self, name: str) -> float:
         """The logarithm of the Bayes factor for the effect alone."""
-        by_names = {h.names: h.log_posterior for h in self.inquiry.tested.posterior.hypotheses}
+        by_names = {h.names: h.log_posterior for h in _listed(self.inquiry.tested)}
         return by_names.get((name,), float("-inf")) - by_names[()]
 
     def _reason(self, name: str) -> str:
@@ -360,9 +359,9 @@ class Findings:
         return HeldOut(method, base.rmse, extended.rmse, base.folds, extended.folds, source)
 
 
-def _none(view: View) -> Hypothesis:
-    """The hypothesis without effects."""
-    return Hypothesis(0.0, 0.0, view.law.name, (), (), ())
+def _listed(view: View) -> list[Hypothesis]:
+    """The hypotheses about a view's own columns."""
+    return [h for h in view.posterior.hypotheses if h.law == view.law.name]
 
 
 def _fit_of(model: Model, fitted: Fitted) -> Fit:

@@ -69,7 +69,9 @@ class Inquiry:
     @property
     def tested(self) -> View:
         """The columns about the model's residual, or path curves where there is no model."""
-        return self.model if self.model is not None else self.path
+        if self.model is not None:
+            return self.model
+        return self.path if self.path.first is None else self.path.first
 
     @cached_property
     def path_misfit(self) -> float:
@@ -80,14 +82,16 @@ class Inquiry:
         """The share of the excess χ² that a named effect explains beside the others."""
         view, names = self.view, [n.effect for n in self.names]
         whole = _least(view, names)
-        without = _least(view, [other for other in names if other != name])
-        return float(np.clip((without - whole) / max(_least(view, []), 1e-300), 0.0, 1.0))
+        rest = [other for other in names if other != name]
+        without = _least(view, rest) if rest else view.base_misfit
+        return float(np.clip((without - whole) / max(view.base_misfit, 1e-300), 0.0, 1.0))
 
 
 def _least(view: View, names: Sequence[str]) -> float:
     """κ - 1 beside effects by their columns."""
-    own = [h for h in view.posterior.hypotheses if set(h.names) == set(names)]
-    return misfit(view.law, own[0]) if own else misfit(view.law, view.posterior.best)
+    listed = [h for h in view.posterior.hypotheses if h.law == view.law.name]
+    own = [h for h in listed if set(h.names) == set(names)]
+    return misfit(view.law, own[0] if own else listed[0])
 
 
 def inquire(

@@ -21,6 +21,7 @@ from .._path import (
     Signal,
     apart,
     denoised,
+    misfit,
     scanned_modes,
     select,
     view_of,
@@ -61,9 +62,10 @@ class ModelView:
         """The columns (ΣL, K) of all groups [response unit]."""
         return np.concatenate([group.columns for group in self.groups], axis=1)
 
-    def group_of(self, hypothesis: Hypothesis, name: str) -> Group:
-        """The most likely shape of an effect in a hypothesis."""
-        return self.groups[hypothesis.kinds[hypothesis.names.index(name)]]
+    @property
+    def base_misfit(self) -> float:
+        """κ - 1 without any effect, the excess of χ² per sample."""
+        return misfit(self.law, Hypothesis(0.0, 0.0, MODEL, (), (), ()))
 
 
 View = ModelView | PathView

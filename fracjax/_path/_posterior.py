@@ -34,6 +34,8 @@ DIRECTIONS = 50
 """Along how many directions a misfit is spread evenly; chosen by judgement."""
 _BEAM = (1, 6, 3)
 """Hypotheses of no, one and two effects that are extended by a further one, for each law."""
+MOST_EFFECTS = len(_BEAM)
+"""The most effects of a hypothesis."""
 _HOPELESS = 60.0
 """Logarithm of the odds against a hypothesis from which it is not extended."""
 
@@ -135,18 +137,14 @@ class Posterior:
             sets[key] = sets.get(key, 0.0) + float(weight)
         return sets
 
+    @property
+    def nothing(self) -> float:
+        """The probability that no effect is present."""
+        return self.sets.get(frozenset(), 0.0)
+
     def probability_of(self, name: str) -> float:
         """The probability that an effect is present."""
         return sum(p for names, p in self.sets.items() if name in names)
-
-    def law(self, name: str) -> float:
-        """The probability of a law."""
-        pairs = zip(self.hypotheses, self._weights, strict=True)
-        return float(sum(weight for h, weight in pairs if h.law == name))
-
-    def under(self, law: str) -> Posterior:
-        """The hypotheses under one law."""
-        return Posterior(tuple(h for h in self.hypotheses if h.law == law))
 
 
 def select(law: Law) -> Posterior:

@@ -79,7 +79,10 @@ class Law(NamedTuple):
         share = 1 / (1 + (self.unknown + max(misfit, 0.0) / DIRECTIONS) * self.count)
         inner = self.inner
         thinned = Inner(
-            inner.columns * share, inner.along * share, inner.square * share, inner.log_determinant
+            inner.columns * share,
+            inner.along * share,
+            inner.square * share,
+            inner.log_determinant * share,
         )
         return self._replace(inner=thinned, count=self.count * share)
 

@@ -137,11 +137,13 @@ def view_of(signals: Sequence[Signal]) -> PathView:
     path of the lagged drive is followed too, and both are compared.
     """
     view = _view_of(signals)
-    lags = [h for h in view.posterior.hypotheses if LAG in h.names]
+    lags = [h for h in view.posterior.hypotheses if FAMILIES[0] & {*h.names}]
     if not lags or view.posterior.nothing > 0.5:
         return view
-    shape = view.columns[lags[0].kinds[lags[0].names.index(LAG)]].shape
-    other = _behind(signals, shape["time_constant"], view)
+    (own,) = (
+        k for k, name in zip(lags[0].kinds, lags[0].names, strict=True) if name in FAMILIES[0]
+    )
+    other = _behind(signals, _constant_of(view.columns[own].shape), view)
     excess = min(misfit(one.law, one.posterior.best) for one in (view, other))
     posteriors = [search(one.law, excess).hypotheses for one in (view, other)]
     price = np.log(EACH / _TRIED)
@@ -153,6 +155,13 @@ def view_of(signals: Sequence[Signal]) -> PathView:
     both = Posterior.of([*posteriors[0], *lagged])
     chosen = other if both.best.law == BEHIND else view
     return replace(chosen, posterior=both, first=view)
+
+
+def _constant_of(shape: dict[str, float]) -> float:
+    """The time constant [s] of a lag of any of the kinds."""
+    if "corner" in shape:
+        return 1 / (2 * np.pi * shape["corner"])
+    return shape.get("time_constant") or shape["delay"]
 
 
 def _behind(signals: Sequence[Signal], constant: float, view: PathView) -> PathView:
@@ -167,7 +176,9 @@ def _behind(signals: Sequence[Signal], constant: float, view: PathView) -> PathV
         settled = prior_of(parts, view.span).settled(response)
         white = settled.law.whitening(response)
         inner = settled.prior.inner(np.zeros((white.size, 0)), white)
-        return float(log_likelihood(inner.square, inner.log_determinant, settled.law.whitening.count))
+        return float(
+            log_likelihood(inner.square, inner.log_determinant, settled.law.whitening.count)
+        )
 
     # Beside the effects that are no lag, as far as they are known.
     response = _response_of(signals) - view.effects_but(FAMILIES[0])

@@ -4,10 +4,10 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from fracjax._io._facts import Said, beside, fact, kind_of, said_in
+from fracjax._io._facts import Said, beside, fact, kind_of, said_in, speaks, with_columns
 from fracjax._io._layout import Layout, cells_of, is_comment
 from fracjax._io._layout import kind_of as kind_of_cell
-from fracjax._io._table import Fact, Hints
+from fracjax._io._table import Fact, Hints, Stated
 from fracjax._io._units import is_unit, readable, stripped, titled
 from fracjax._io._words import quantity, role_of
 from fracjax._recording import InputError
@@ -22,9 +22,12 @@ class Header(NamedTuple):
 
     names: tuple[str, ...]
     """By column, or none at all."""
-    units: tuple[str, ...]
-    """By column, empty where none is stated beside the name."""
+    units: tuple[tuple[Stated, ...], ...]
+    """By column, none where none is stated beside the name."""
+    scales: tuple[tuple[Stated, ...], ...]
     clocks: tuple[tuple[Fact, ...], ...]
+    unused: tuple[Stated, ...]
+    """Lines with a unit or a number with one that were not understood."""
     repeated: tuple[str, ...]
     """The cells of the row of names, by which it is known where it stands again."""
 
@@ -54,17 +57,30 @@ def header_of(source: str, lines: Sequence[str], layout: Layout, hints: Hints) -
     if not above and hints.names_row is None:
         _check_units(source, lines, layout)
     names = _names(names_row, layout)
-    units = _padded([_unit_cell(cell) for cell in units_row.cells] if units_row else [], width)
-    said = _said(lines, layout, names_row, units_row)
+    said = with_columns(_said(lines, layout, names_row, units_row))
     facts = beside(said, [*layout.data], names, layout.decimal)
     extra = _beyond(names_row, units_row, layout)
     if not names and facts.names:
         names = tuple(facts.names.get(at, f"column {at}") for at in range(width))
-    units = [stated_unit or facts.units.get(at, "") for at, stated_unit in enumerate(units)]
+    units = [list[Stated]() for _ in range(width)]
+    if units_row:
+        for at, cell in enumerate(_padded(units_row.cells, width)):
+            if unit := _unit_cell(cell):
+                units[at].append(Stated(unit, f"line {units_row.line + 1}"))
     shared = (*facts.clocks.get(-1, ()), *extra)
-    clocks = tuple((*facts.clocks.get(at, ()), *shared) for at in range(width))
-    repeated = tuple(names_row.cells) if names_row else ()
-    return Header(names, tuple(units), clocks, repeated)
+    unused = dict.fromkeys(
+        Stated(each.text, each.place)
+        for each in said
+        if each.place not in facts.used and speaks(each.text)
+    )
+    return Header(
+        names,
+        tuple((*own, *facts.units.get(at, ())) for at, own in enumerate(units)),
+        tuple(tuple(facts.scales.get(at, ())) for at in range(width)),
+        tuple((*facts.clocks.get(at, ()), *shared) for at in range(width)),
+        tuple(unused),
+        tuple(names_row.cells) if names_row else (),
+    )
 
 
 def _rows_above(lines: Sequence[str], layout: Layout) -> list[_Row]:
@@ -240,12 +256,12 @@ def _said(
     statements = []
     for at, line in enumerate(lines[: layout.start]):
         if at not in taken and line.strip():
-            statements += said_in(line, _cells(line, layout))
+            statements += said_in(line, _cells(line, layout), f"line {at + 1}")
     first_column = min(layout.data, default=0)
-    for line in lines[layout.start : layout.start + _BESIDE] if first_column > 0 else ():
-        cells = cells_of(line, layout.separator)[:first_column]
-        if cells and cells[0]:
-            statements += said_in(" ".join(cells), cells)
+    for at in range(layout.start, layout.start + _BESIDE) if first_column > 0 else ():
+        cells = cells_of(lines[at], layout.separator)[:first_column] if at < len(lines) else []
+        if cells and cells[0] and "stamp" not in layout.kinds[:first_column]:
+            statements += said_in(" ".join(cells), cells, f"line {at + 1}")
     return statements
 
 

@@ -8,8 +8,9 @@ from os import PathLike, fspath
 
 import numpy as np
 
-from fracjax._io._arrays import Array, ArrayTable, array_table, gathered
+from fracjax._io._arrays import Array, array_table, gathered
 from fracjax._io._files import reading, writing
+from fracjax._io._table import Table
 from fracjax._recording import InputError
 
 _KIND = "a MAT file"
@@ -20,7 +21,7 @@ _NUMBERS, _SPARSE, _OPAQUE = range(4, 16), 5, 17
 _NAME = re.compile(r"[A-Za-z]\w{0,62}", re.ASCII)
 
 
-def read_mat(path: str | PathLike[str]) -> ArrayTable:
+def read_mat(path: str | PathLike[str]) -> Table:
     """The arrays of a MAT file: variables, fields of structures as `run1/voltage`, cells by index.
 
     Raises InputError for a file that is no whole MAT file, or without pymatreader or h5py.

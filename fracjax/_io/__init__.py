@@ -27,7 +27,7 @@ from fracjax._io._table import NO_HINTS, SIGNALS, Hints, Table
 from fracjax._io._tdms import read_tdms, write_tdms
 from fracjax._io._text import read_text, write_text
 from fracjax._io._xlsx import read_xlsx, write_xlsx
-from fracjax._recording import InputError, Recording
+from fracjax._recording import UNSTATED, InputError, Recording
 
 __all__ = [
     "SUFFIXES",
@@ -196,7 +196,9 @@ def read_table(path: str | PathLike[str]) -> Table:
 
 
 def column_name(role: str, unit: str) -> str:
-    """A column's name that says its unit: voltage_V, displacement_um, or drive [V/um]."""
+    """A column's name that says its unit, if any: voltage_V, displacement_um, or drive [V/um]."""
+    if unit == UNSTATED.get(role):
+        return role
     plain = re.fullmatch(r"[numkµμ]?([VAmN])", unit)
     return f"{_OPENINGS[plain[1]]}_{unit}" if plain else f"{role} [{unit}]"
 

@@ -27,7 +27,7 @@ _FAULTS = {
     "V": "raw bytes",
 }
 _WIDEST = 4096
-_FEW = 64
+_FEW = 16
 """Most words or numbers of an array that states something of others."""
 
 

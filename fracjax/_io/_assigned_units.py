@@ -68,7 +68,6 @@ def unit_of(
     Raises InputError for a unit that is not understood, cannot be that of what the name speaks of,
     or contradicts the call or another of the file; and for counts with a factor beside them.
     """
-    about = table.about(column)
     name = titled(title_of(table, column)).name
     place = f"{table.source}, {column_label(table.names, column)}"
     if scale is not None:

@@ -136,7 +136,7 @@ def clock_of_time(
     step = second * (float(steps[steps < 2 * np.median(steps)].mean()) if slope is None else slope)
     notes = () if is_given else _agreement(table, label, step, about.clocks, stamps)
     if not (stamps.unit.is_stated or about.clocks):
-        _require_seconds(label, times, step)
+        _require_seconds(label, times, step, float(stamps.zero) / second)
     if uniform and slope is None:
         expected = f"a step of {step / second:.6g} {written}"
         lost = int(np.sum(np.maximum(np.round(second * steps / step) - 1, 0)))
@@ -199,9 +199,10 @@ def _agreement(
 _CLOCKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
 
 
-def _require_seconds(label: str, times: np.ndarray, step: float) -> None:
-    """Raise `InputError` for stamps that are hardly seconds, where no unit is written."""
-    begin = float(times[0])
+def _require_seconds(label: str, times: np.ndarray, step: float, zero: float) -> None:
+    """Raise `InputError` for stamps, from `zero`, that are hardly seconds, where no unit is
+    written."""
+    begin = zero + float(times[0])
     description = ""
     if (times == np.round(times)).all():
         description = f"whole numbers {step:g} apart, which may be samples, ticks or milliseconds"
@@ -254,7 +255,9 @@ def _refusal(
 ) -> InputError:
     """The refusal of the first bad step, of a mask of shape (N - 1,)."""
     row = int(bad.argmax()) + 1
-    steps_back = f"{times[row]:.9g} after {times[row - 1]:.9g}"
+    shown = table.about(column).shown
+    cells = [shown((rows.start or 0) + at).strip('"') for at in (row, row - 1)]
+    steps_back = f"{cells[0]} after {cells[1]}"
     return InputError.at(
         table.about(column).place((rows.start or 0) + row), expected, steps_back, remedy
     )

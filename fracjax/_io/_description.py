@@ -18,7 +18,7 @@ _PLACES = {
 }
 """By section and key, the option of `read` that says the same."""
 _HEAD = """\
-# How files of one layout are read: fracjax info FILE --description THIS, and likewise every command.
+# How files of one layout are read: give it as --description to any command.
 # Options of a call count more than what stands here.
 """
 

@@ -5,7 +5,6 @@ from fractions import Fraction
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 
 from fracjax._io._table import Exact
 
@@ -28,13 +27,16 @@ def exact_of(counts: np.ndarray) -> Exact | None:
 def exact_of_text(cells: Sequence[str] | pa.ChunkedArray, decimal: str) -> Exact | None:
     """Cells of plain decimals (N,) as their differences from the first; None where there are
     others."""
+    from pyarrow import compute
+
     texts = cells if isinstance(cells, pa.ChunkedArray) else pa.chunked_array([pa.array(cells)])
-    if decimal != ".":
-        texts = pc.replace_substring(texts, decimal, ".")
     try:
+        if decimal != ".":
+            options = compute.ReplaceSubstringOptions(decimal, ".")
+            texts = compute.call_function("replace_substring", [texts], options)
         numbers = texts.cast(pa.decimal128(36, _PLACES))
     except pa.ArrowInvalid:
         return None
     first = numbers[0]
-    rest = pc.subtract(numbers, first).cast(pa.float64())
+    rest = compute.call_function("subtract", [numbers, first]).cast(pa.float64())
     return Exact(rest.to_numpy(), Fraction(first.as_py()))

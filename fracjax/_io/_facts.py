@@ -183,6 +183,10 @@ def beside(
     for said in lines:
         if kind_of(said.key) == "xunit" and data and len(facts.units) in (1, len(data) - 1):
             _state(facts, data[0], said.values[0], said.place)
+        elif kind_of(said.key) == "xunit" and len(set(said.values)) == 1:
+            for at in data:
+                if at < len(names) and role_of(names[at]) == "time":
+                    _state(facts, at, said.values[0], said.place)
     titles = names or [facts.names.get(at, "") for at in range(max(data, default=-1) + 1)]
     own = {at: titled(title).name for at, title in enumerate(titles) if title and at in data}
     for said in lines:

@@ -1,6 +1,7 @@
 """HDF5, by h5py."""
 
 from collections.abc import Mapping
+from math import prod
 from os import PathLike, fsdecode, fspath
 
 import numpy as np
@@ -10,7 +11,7 @@ from fracjax._io._files import reading, writing
 from fracjax._io._table import Table
 
 _KIND = "an HDF5 file"
-_LARGEST_FACT = 64
+_LARGEST_FACT = 16
 """Values of an attribute, or of a dataset of text, that states something of others."""
 
 
@@ -35,7 +36,7 @@ def read_hdf5(path: str | PathLike[str]) -> Table:
             if not isinstance(node, h5py.Dataset) or node.shape is None:
                 return
             text = h5py.check_string_dtype(node.dtype) is not None
-            if node.size == 1 or (text and node.size <= _LARGEST_FACT):
+            if node.size == 1 or (text and prod(node.shape) <= _LARGEST_FACT):
                 facts[name] = node[()]
             else:
                 arrays[name] = Array(node.shape, node.dtype, lambda: _dataset(source, path))

@@ -91,7 +91,8 @@ def parts_of(
         )
         stamps = stamps._replace(values=stamps.values[kept], notes=(*stamps.notes, note))
         values = values[kept]
-    stamps, values = _once(table, stamps, values, signals)
+    if timing.rate is None:
+        stamps, values = _once(table, stamps, values, signals, most=0.1 if timing.uniform else 1.0)
     return _timed(table, column, time, stamps, values, timing)
 
 
@@ -103,7 +104,7 @@ def _kept(table: Table, column: int, signals: Sequence[int], count: int) -> np.n
     """The rows (count,) of a signal whose stamps are not those of the others: which stand in rows
     of their own, or at other rates.  None where every row is one of it."""
     own = np.isfinite(table.numbers(column)[:count])
-    if np.mean(own) > 1 - _SPARSE or np.count_nonzero(own) < MINIMUM_SAMPLES:
+    if not count or np.mean(own) > 1 - _SPARSE or np.count_nonzero(own) < MINIMUM_SAMPLES:
         return None
     others = [np.isfinite(table.numbers(each)[:count]) for each in signals if each != column]
     apart = bool(others) and np.mean(own & np.logical_or.reduce(others)) < 0.01
@@ -112,9 +113,9 @@ def _kept(table: Table, column: int, signals: Sequence[int], count: int) -> np.n
 
 
 def _once(
-    table: Table, stamps: Stamps, values: np.ndarray, signals: Sequence[int]
+    table: Table, stamps: Stamps, values: np.ndarray, signals: Sequence[int], most: float
 ) -> tuple[Stamps, np.ndarray]:
-    """Stamps and values without the rows that a logger wrote twice."""
+    """Stamps and values without the rows that a logger wrote twice, a share of `most` of all."""
     again = np.diff(stamps.values) == 0
     if not again.any():
         return stamps, values
@@ -124,7 +125,7 @@ def _once(
     twice = again & np.logical_and.reduce([np.diff(each) == 0 for each in columns])
     kept = np.concatenate([[True], ~twice])
     # Stamps that are rounded repeat also where the signals move.
-    if not twice.any() or (np.diff(stamps.values[kept]) <= 0).any():
+    if not 0 < np.mean(twice) <= most or (np.diff(stamps.values[kept]) <= 0).any():
         return stamps, values
     note = f"{table.source}: {twice.sum()} row(s) stand there twice, and were taken once."
     return stamps._replace(values=stamps.values[kept], notes=(*stamps.notes, note)), values[kept]

@@ -15,7 +15,7 @@ from fracjax._io._missing import Mask, note_on, require_masked, with_spikes, wit
 from fracjax._io._parts import Part, Timing, parts_of
 from fracjax._io._resampling import Channel, resampled
 from fracjax._io._segments import in_words
-from fracjax._io._table import SIGNALS, Table
+from fracjax._io._table import SIGNALS, Table, column_label
 from fracjax._recording import MINIMUM_SAMPLES, InputError, Recording
 
 
@@ -262,6 +262,10 @@ def _signals(
     clocks = [part.clock for part in parts.values()]
     notes = [*note_on_facts(source, clocks), *(n for clock in clocks for n in clock.notes)]
     notes += [units[role].note for role in parts]
+    for role, part in parts.items():
+        for factor in part.table.about(part.column).scales if role not in request.scales else ():
+            label = f"{part.table.source}, {column_label(part.table.names, part.column)}"
+            notes.append(f"{label}: {factor.place} of {factor.text} was not applied.")
     for role, part in parts.items():
         read = [part.column, chosen[role][1]]
         notes += [part.table.about(at).note for at in read if at is not None]

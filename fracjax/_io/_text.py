@@ -11,7 +11,6 @@ from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
-import pyarrow.compute as pc
 import pyarrow.csv as arrow
 
 from fracjax._io._decoding import Text, text_of
@@ -240,6 +239,8 @@ def _quick(text: Text, layout: Layout) -> list[_Parsed | None] | None:
 
 def _cells(text: Text, layout: Layout, start: int, at: int) -> Sequence[str]:
     """The cells of a column as they are written."""
+    from pyarrow.compute import call_function
+
     if layout.separator == " ":
         lines = text.raw[start:].decode(text.encoding, "replace").split("\n")
         return [line.split()[at] for line in lines if line.strip()]
@@ -254,7 +255,7 @@ def _cells(text: Text, layout: Layout, start: int, at: int) -> Sequence[str]:
         arrow.ParseOptions(delimiter=layout.separator, quote_char=False),
         arrow.ConvertOptions(column_types={name: pa.string()}, include_columns=[name]),
     ).read_all()
-    return pc.utf8_trim_whitespace(table.column(0))
+    return call_function("utf8_trim_whitespace", [table.column(0)])
 
 
 def _by_arrow(

@@ -18,7 +18,9 @@ from fracjax._io._arrow import (
 from fracjax._io._assigned_units import scale_of
 from fracjax._io._description import read_description, write_description
 from fracjax._io._hdf5 import read_hdf5, write_hdf5
+from fracjax._io._igor import read_ibw
 from fracjax._io._mat import read_mat, write_mat
+from fracjax._io._mdf import read_mdf
 from fracjax._io._missing import Mask
 from fracjax._io._netcdf import read_netcdf
 from fracjax._io._numpy import read_npy, read_npz, write_npy, write_npz
@@ -70,6 +72,8 @@ _ONLY_READ = {
     ".arrow": _FORMATS[".feather"],
     **dict.fromkeys((".jsonl", ".ndjson"), _Format(read_json_lines, write_text)),
     ".lvm": _TEXT,
+    ".ibw": _Format(read_ibw, write_text),
+    **dict.fromkeys((".mf4", ".mdf"), _Format(read_mdf, write_text)),
 }
 SUFFIXES = tuple(_FORMATS)
 _OPENINGS = {"V": "voltage", "A": "current", "m": "displacement", "N": "force"}

@@ -188,7 +188,6 @@ class Facts:
         """A step or rate, its unit an attribute of it or beside it: `dt_unit`, the `xUnit` of an
         `xIncrement`, the first in a list of units of all columns."""
         path = f"{scope}/{key}" if scope else key
-        self._used.add(path)
         own = [(f"{path}/{k}", v) for each, k, v in self._by_scope.get(path, ()) if each == "unit"]
         for _, name, text in self._by_scope.get(scope, ()):
             stem = re.sub(r"[\W_]*units?$", "", name, flags=re.IGNORECASE).casefold()
@@ -204,7 +203,9 @@ class Facts:
             ):
                 own.append((name, listed[0]))
         units = [(name, str(text)) for name, text in own if text and _is_of_time(str(text))]
-        self._used.update(name for name, _ in units)
+        if not units and any(f"{text}".strip(" -") for _, text in own):
+            return None
+        self._used.update((path, *(name for name, _ in units)))
         unit = next((text for _, text in units), "")
         text = f"{value} {unit}".strip()
         if isinstance(value, int | float) and not unit:

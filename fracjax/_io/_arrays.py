@@ -95,6 +95,7 @@ def _column(
     if not what and len(index) < len(array.shape) - 1:
         what = f"an array of shape {array.shape}"
     is_stamp = array.dtype.kind in "Mm" and not what
+    scale, offset = facts.scaling(path)
 
     @cache
     def raw() -> np.ndarray:
@@ -109,7 +110,6 @@ def _column(
         with np.errstate(over="ignore"):
             values = raw().astype(np.float64)
         values[np.isin(values, facts.missing(path))] = np.nan
-        scale, offset = facts.scaling(path)
         if (scale, offset) != (1.0, 0.0):
             values = values * scale + offset
         values[np.abs(values) >= LARGEST] *= np.inf

@@ -192,10 +192,27 @@ def _recognised(table: Table, wanted: str, chosen: Mapping[str, int]) -> int | N
         raise InputError.at(
             table.source,
             f"one column for {wanted}",
-            enumerated([quoted(table.names[column]) for column in candidates]),
-            f"choose one with --{wanted}",
+            enumerated(
+                [f"{quoted(table.names[c])} {_thumbnail(table.numbers(c))}" for c in candidates]
+            ),
+            " or ".join(f"give --{wanted} {shlex.quote(table.names[c])}" for c in candidates[:2]),
         )
     return candidates[0] if candidates else None
+
+
+def _thumbnail(values: np.ndarray) -> str:
+    """How a signal runs, in a few characters, and from where to where."""
+    shown = values[np.linspace(0, len(values) - 1, min(len(values), 160)).astype(int)]
+    shown = np.nan_to_num(shown[np.isfinite(shown)])
+    if not shown.size or np.ptp(shown) == 0:
+        return "(constant)"
+    levels = np.interp(
+        np.linspace(0, len(shown) - 1, 24),
+        np.arange(len(shown)),
+        (shown - shown.min()) / np.ptp(shown),
+    )
+    line = "".join("▁▂▃▄▅▆▇█"[int(7.999 * level)] for level in levels)
+    return f"({line} {np.nanmin(values):.4g} to {np.nanmax(values):.4g})"
 
 
 def _take_the_last(

@@ -29,7 +29,9 @@ def exact_of_text(cells: Sequence[str] | pa.ChunkedArray, decimal: str) -> Exact
     others."""
     from pyarrow import compute
 
-    texts = cells if isinstance(cells, pa.ChunkedArray) else pa.chunked_array([pa.array(cells)])
+    texts: pa.ChunkedArray = (
+        cells if isinstance(cells, pa.ChunkedArray) else pa.chunked_array([pa.array(cells)])
+    )
     try:
         if decimal != ".":
             options = compute.ReplaceSubstringOptions(decimal, ".")

@@ -23,6 +23,7 @@ _SIGNATURES = (
     (rb"MATLAB [57]\.", "a MAT file", "rename it to .mat"),
     (rb"TDSm", "a TDMS file", "rename it to .tdms"),
     (rb"PAR1", "a Parquet file", "rename it to .parquet"),
+    (rb"ARROW1", "a Feather file", "rename it to .feather"),
     (rb"\x93NUMPY", "an NPY file", "rename it to .npy"),
     (rb"PK\x03\x04.{26}mimetypeapplication/vnd\.oasis", "an OpenDocument file", "save it as .xlsx"),
     (rb"PK\x03\x04.{26}(\[Content_Types\]|_rels/|docProps/|xl/)", "an XLSX file", "name it .xlsx"),
@@ -31,8 +32,8 @@ _SIGNATURES = (
     (rb"\x1f\x8b", "a gzip archive", "unpack it"),
     (
         rb"(MDF     |UnFinMF )",
-        "an MDF measurement file",
-        "export its channels as MAT or CSV, as asammdf or CANape do",
+        "an MDF file",
+        "rename it to .mf4",
     ),
     (
         rb"\s{0,4}-1\s*[\r\n]+\s*(15|55|58|58b|151|164)\b",
@@ -88,7 +89,6 @@ _OF_COMPOUND = {
     ".opju": ("an Origin project", "export the worksheet as ASCII (File > Export)"),
 }
 _BY_SUFFIX = {
-    ".ibw": ("an Igor binary wave", "save the waves as delimited text in Igor (Data > Save Waves)"),
     ".pxp": ("an Igor experiment", "save the waves as delimited text in Igor (Data > Save Waves)"),
     ".trc": ("a LeCroy waveform", "save it as ASCII on the instrument"),
     ".wfm": ("an oscilloscope's waveform", "save it as CSV on the instrument"),

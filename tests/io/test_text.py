@@ -290,7 +290,7 @@ REFUSED = {
     "two responses": (
         lines_of(names=("u_V", "x_um", "y_um")),
         {"rate": 200},
-        'one column for output, found "x_um", "y_um"; choose one with --output',
+        'one column for output, found "x_um" .*, "y_um" .*; give --output x_um or give --output y',
     ),
     "twice the same": (lines_of(), {"input": 1, "output": 1}, "--input 1, --output 1"),
     "no such name": (lines_of(), {"input": "w"}, 'a column "w", found .*"voltage_V".*--input'),

@@ -146,9 +146,10 @@ class Facts:
         factors = []
         for key, value in self._about(path, "unapplied"):
             numbers = value if isinstance(value, tuple) else (value,)
-            if all(isinstance(each, int | float) for each in numbers) and set(numbers) != {1}:
+            text = " ".join(f"{n:g}" if isinstance(n, float) else f"{n}" for n in numbers)
+            if re.search(r"\d", text) and text not in ("1", "True"):
                 self._used.add(key)
-                factors.append(Stated(" ".join(f"{each:g}" for each in numbers), f'"{key}"'))
+                factors.append(Stated(text, f'"{key}"'))
         return tuple(factors)
 
     def _about(self, path: str, kind: str) -> Iterator[tuple[str, object]]:
@@ -162,7 +163,7 @@ class Facts:
             element, (group, _, last) = last, group.rpartition("/")
             beside = self._by_element.get((group, element), ())
         prefix = f"{group}/" if group else ""
-        stem = _DATA.sub("", last).rstrip("_").casefold()
+        stem = (_DATA.sub("", last).rstrip("_") or last).casefold()
         if stem:
             for _, key, value in beside:
                 rest = key.casefold()

@@ -159,6 +159,7 @@ def beside(
     """
     facts = Beside({}, {}, {}, {}, set())
     numbered: dict[str, dict[int, tuple[str, str]]] = {"name": {}, "unit": {}}
+    lines = _with_units_of_clocks(lines, facts)
     for said in lines:
         kind = kind_of(said.key)
         if kind in ("step", "rate"):
@@ -192,6 +193,25 @@ def beside(
     for said in lines:
         _take_named(facts, said, own)
     return facts
+
+
+def _with_units_of_clocks(lines: Sequence[Said], facts: Beside) -> list[Said]:
+    """The lines, the unit of a step or a rate behind it where a line of its own states it."""
+    units = {
+        stem.casefold(): said
+        for said in lines
+        if (stem := re.sub(r"[\W_]*units?$", "", said.key, flags=re.IGNORECASE)) != said.key
+        and len(said.values) == 1
+        and is_spelled_unit(said.values[0])
+    }
+    joined = []
+    for said in lines:
+        beside = units.get(said.key.casefold())
+        if beside and kind_of(said.key) in ("step", "rate") and len(said.values) == 1:
+            facts.used.add(beside.place)
+            said = said._replace(values=(f"{said.values[0]} {beside.values[0]}",))
+        joined.append(said)
+    return joined
 
 
 def _state(facts: Beside, column: int, text: str, place: str) -> None:

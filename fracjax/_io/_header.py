@@ -105,7 +105,8 @@ def _row(at: int, line: str, layout: Layout) -> _Row | None:
         else line
     )
     for cells in _cuts(bare, layout):
-        if not _wide_enough(cells, layout):
+        # A key and its value are no names.
+        if not _wide_enough(cells, layout) or cells[0].endswith((":", "=")):
             continue
         kinds = [kind_of_cell(cell) for cell in cells]
         # Channels may be called 1 and 2, in a row with some text.

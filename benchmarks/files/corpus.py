@@ -1,5 +1,5 @@
-"""Files in layouts drawn at random, whose rate, units, factors and signs are known, and what becomes
-of each when it is read.
+"""Files in layouts drawn at random, whose rate, units, factors and signs are known, and how each is
+read.
 
 A unit, a factor or a rate is declared in one of many places or nowhere, beside lines that speak of
 something else. `outcome_of` draws the file of a seed, reads it and says how it was read.
@@ -14,9 +14,7 @@ from pathlib import Path
 
 import h5py
 import numpy as np
-import pandas as pd
 import pyarrow as pa
-from openpyxl import Workbook
 from pyarrow import feather, parquet
 from scipy.io import savemat
 
@@ -85,12 +83,12 @@ class Truth:
     layout: list[str] = field(default_factory=list)
 
 
-def draw(seed: int, folder: Path) -> tuple[Path, Truth, dict]:
-    """The file of a seed, what it holds, and the options to read it with."""
+def draw(seed: int, folder: Path) -> tuple[Path, Truth]:
+    """The file of a seed, and what it holds."""
     rng = np.random.default_rng(seed)
     rate = float(rng.choice(RATES))
     clock, drive_unit, response_unit = (str(rng.choice(e)) for e in (CLOCKS, DRIVES, RESPONSES))
-    times = np.arange(COUNT) / rate
+    counted = np.arange(COUNT)
     phase = 2 * np.pi * np.arange(COUNT) / 31
     drive = np.round(40 - 50 * np.cos(phase), 4)
     response = np.round(-3 + 7 * np.cos(phase - 0.2), 4)
@@ -101,21 +99,40 @@ def draw(seed: int, folder: Path) -> tuple[Path, Truth, dict]:
     truth.declared = place != "nowhere"
     truth.clocked = truth.declared or timing != "column"
     names = list(NAMES[rng.integers(len(NAMES))])
+    form = "plain"
+    if truth.clocked and timing == "column" and place != "cells":
+        form = str(rng.choice(["plain"] * 4 + ["epoch", "wrap", "pair"]))
     counts = place not in ("cells", "columns of units") and rng.random() < 0.15
     if counts:
         truth.factor = float(rng.choice([0.0305, 0.005, 1e-3]))
         truth.drive = np.round(drive / truth.factor)
-    columns = [times / (conversion(clock, "s") or 1), truth.drive, response]
-    options: dict = {}
+    stamps: list = [counted / rate / (conversion(clock, "s") or 1)]
+    if form in ("epoch", "wrap"):
+        truth.units = (str(rng.choice(["us", "ns"])), *truth.units[1:])
+        ticks = counted * round(1 / rate / (conversion(truth.units[0], "s") or 1))
+        if form == "epoch":
+            stamps = [ticks + 1_717_000_000 * round(1 / (conversion(truth.units[0], "s") or 1))]
+        else:
+            stamps = [(ticks + 2**32 - 40 * ticks[1]) % 2**32]
+    elif form == "pair":
+        names = ["sec", *names[1:]]
+        nanoseconds = counted * round(1e9 / rate) + 999_900_000
+        stamps = [nanoseconds // 10**9, nanoseconds % 10**9]
+        truth.units = ("s", *truth.units[1:])
+    columns = [stamps[0], truth.drive, response]
     if timing != "column":
         names, columns = names[1:], columns[1:]
     units = list(truth.units)[3 - len(names) :]
-    truth.layout = [place, timing, "counts" if counts else "values"]
+    truth.layout = [place, form if timing == "column" else timing, "counts" if counts else "values"]
+    if form == "pair":
+        names.insert(1, "nsec")
+        columns.insert(1, stamps[1])
+        units.insert(1, "ns")
     if text:
         path = _text(rng, folder, truth, names, columns, units, place, timing, counts)
     else:
         path = _container(rng, folder, truth, names, columns, units, place, timing, counts)
-    return path, truth, options
+    return path, truth
 
 
 def _clock_lines(rng, truth: Truth, timing: str) -> dict[str, str]:
@@ -172,12 +189,15 @@ def _text(rng, folder, truth, names, columns, units, place, timing, counts) -> P
     if counts:
         said.append(f"{names[-2]} scale: {truth.factor:g} {truth.units[1]}/count")
     lines += [mark + each for each in said]
-    cells = [[f"{value:.9g}" for value in column] for column in columns]
+    cells = [
+        [f"{value}" if isinstance(value, np.integer) else f"{value:.9g}" for value in column]
+        for column in columns
+    ]
     if place == "cells":
         cells = [[f"{c} {u}" for c in column] for column, u in zip(cells, units, strict=True)]
     if place == "columns of units":
-        if timing == "column":
-            heads[0] = f"{heads[0]} [{units[0]}]"
+        for at in range(len(names) - 2):
+            heads[at] = f"{heads[at]} [{units[at]}]"
         wide, wide_heads = [], []
         for at, column in enumerate(cells):
             wide.append(column)
@@ -202,7 +222,8 @@ def _container(rng, folder, truth, names, columns, units, place, timing, counts)
     if place == "values beside" and suffix in (".parquet", ".feather"):
         place = "attributes"
     truth.layout[0] = f"{place} of {suffix}"
-    names = [n if n.isascii() else e for n, e in zip(names, NAMES[0][-len(names) :], strict=True)]
+    plain = dict(zip(sum(NAMES, ()), NAMES[0] * len(NAMES), strict=True))
+    names = [name if name.isascii() else plain[name] for name in names]
     if place == "name":
         names = [f"{n}_{u}" for n, u in zip(names, units, strict=True)]
     stored = list(columns)
@@ -262,34 +283,38 @@ def outcome_of(seed: int) -> tuple[str, list[str]]:
     not used; "refused": with a remedy; "wrong": anything else.
     """
     with tempfile.TemporaryDirectory() as folder:
-        path, truth, options = draw(seed, Path(folder))
+        path, truth = draw(seed, Path(folder))
         try:
-            (taken,) = read_segments(path, **options)
+            (taken,) = read_segments(path)
         except InputError as error:
             remedy = f"{error}".rpartition("; ")[2]
-            return ("refused" if "--" in remedy else f"refused without an option: {error}"), truth.layout
+            return (
+                "refused" if "--" in remedy else f"refused without an option: {error}"
+            ), truth.layout
         recording = taken.recording
     faults, listed = [], False
     aloud = any("s was assumed" in warning for warning in recording.warnings)
     if not np.isclose(recording.rate, truth.rate, rtol=1e-3) and not (aloud and not truth.clocked):
         faults.append(f"rate {recording.rate:g} for {truth.rate:g}")
     for role, at in (("drive", 1), ("response", 2)):
-        found, written = getattr(recording, f"{role}_unit"), truth.units[at]
+        unit, written = getattr(recording, f"{role}_unit"), truth.units[at]
         values = getattr(truth, role) * (truth.factor if role == "drive" else 1.0)
         scale = 1.0
-        if found == UNSTATED[role]:
+        if unit == UNSTATED[role]:
             listed = listed or bool(truth.declared and taken.unused)
             if truth.declared and not taken.unused:
                 faults.append(f"{role} without its unit {written}")
         else:
-            scale = conversion(found, written)
+            scale = conversion(unit, written)
             if not truth.declared and truth.factor == 1.0:
-                faults.append(f"{role} in {found}, which nobody declared")
+                faults.append(f"{role} in {unit}, which nobody declared")
             if scale is None:
-                faults.append(f"{role} in {found} for {written}")
+                faults.append(f"{role} in {unit} for {written}")
                 continue
         if not np.allclose(getattr(recording, role) * scale, values, rtol=1e-6, atol=1e-9):
             faults.append(f"{role} with other numbers")
     if faults:
         return f"wrong: {'; '.join(faults)}", truth.layout
-    return ("listed" if listed else "aloud" if aloud and not truth.clocked else "right"), truth.layout
+    return (
+        "listed" if listed else "aloud" if aloud and not truth.clocked else "right"
+    ), truth.layout

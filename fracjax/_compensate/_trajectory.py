@@ -50,11 +50,14 @@ class Trajectory(Shown):
         unit(name, "response_unit")
         scale = conversion(self.response_unit, name)
         if scale is None:
+            remedy = f"give --unit response={name} if it is in {name}"
+            if name == UNSTATED["response"]:
+                remedy = f"fit its recording with --unit response={self.response_unit}"
             raise InputError.at(
                 f"{self.source}, response",
                 f"a motion in {name} or a multiple of it, as the model's",
                 self.response_unit,
-                f"give --unit response={name} if it is in {name}, or fit a recording with units",
+                remedy,
             )
         return replace(self, response=scale * self.response, response_unit=name)
 

@@ -82,10 +82,10 @@ class Facts:
         for path, value in self.values.items():
             scope, _, key = path.rpartition("/")
             kind = kind_of(key) or kind_of(scope.rpartition("/")[2])
-            told = kind in ("unit", "xunit", "step", "rate", "unapplied", "scale", "offset")
+            speaks_of_it = kind in ("unit", "xunit", "step", "rate", "unapplied", "scale", "offset")
             text = " ".join(map(str, value)) if isinstance(value, tuple) else f"{value}"
-            said = isinstance(value, str | tuple) and speaks(text)
-            if path not in self._used and text.strip() and len(text) < 500 and (told or said):
+            speaks_of_it = speaks_of_it or (isinstance(value, str | tuple) and speaks(text))
+            if speaks_of_it and path not in self._used and text.strip() and len(text) < 500:
                 statements.append(Stated(f"{key} = {text}", f'"{path}"'))
         return tuple(statements)
 
@@ -200,7 +200,7 @@ class Facts:
             if (
                 isinstance(listed, tuple)
                 and kind_of(name.rpartition("/")[2]) == "unit"
-                and len(listed) == len(beside) + 1
+                and len(listed) == len(beside) + 1 > 1
             ):
                 own.append((name, listed[0]))
         units = [(name, str(text)) for name, text in own if text and _is_of_time(str(text))]

@@ -44,8 +44,12 @@ def array_table(
     arrays: Mapping[str, Array],
     facts: Mapping[str, object],
     faults: Mapping[str, tuple[str, str]] | None = None,
+    *,
+    is_ordered: bool = True,
 ) -> Table:
     """The table of the arrays in a container, by path, and of what stands beside them, by path.
+
+    `is_ordered`: whether the arrays come in the order in which they were written.
 
     A vector or matrix at the path "", which is that of a file of one array, has no names.
 
@@ -68,15 +72,15 @@ def array_table(
     )
     attributes = dict(_flat(facts.items()))
     sizes = {plain(path): max(array.shape, default=0) for path, array in arrays.items()}
-    order = list(dict.fromkeys(path for path, _, _ in columns))
-    known = Facts(source, attributes, sizes, order)
+    order = list(dict.fromkeys(path for path, _, _ in columns)) if is_ordered else []
+    stated = Facts(source, attributes, sizes, order)
     broken = {plain(path): fault for path, fault in (faults or {}).items()}
     read = tuple(
-        _column(f"{source}, {column_label(names, at)}", known, broken.get(path), *column)
+        _column(f"{source}, {column_label(names, at)}", stated, broken.get(path), *column)
         for at, column in enumerate(columns)
         for path in (column[0],)
     )
-    return with_units_of_rows(Table(source, names, read, unused=known.unused()))
+    return with_units_of_rows(Table(source, names, read, unused=stated.unused()))
 
 
 def _column(

@@ -71,26 +71,26 @@ def unit_of(
     name = titled(title_of(table, column)).name
     place = f"{table.source}, {column_label(table.names, column)}"
     if scale is not None:
-        known = scale.unit or stated or UNSTATED[SIGNALS[role]]
-        wanted = _of_call(stated or known, role, table.source, name)
-        factor = conversion(known, wanted)
+        raw_unit = scale.unit or stated or UNSTATED[SIGNALS[role]]
+        wanted = _of_call(stated or raw_unit, role, table.source, name)
+        factor = conversion(raw_unit, wanted)
         if factor is None:
             raise InputError.at(
-                f"{table.source}, --scale", f"a unit like {wanted}", known, "correct it"
+                f"{table.source}, --scale", f"a unit like {wanted}", raw_unit, "correct it"
             )
         return Unit(wanted, scale.factor * factor, "", scale.offset * factor)
     declared = [each for each in declared_units(table, column) if not is_unknowable(each.text)]
-    known = {read.text: read for read in declared if readable(read.text)}
-    distinct = dict.fromkeys(unit(readable(text) or "") for text in known)
+    places = {read.text: read for read in declared if readable(read.text)}
+    distinct = dict.fromkeys(unit(readable(text) or "") for text in places)
     wanted = None if stated is None else _of_call(stated, role, table.source, name)
     if wanted is not None and unit(wanted) in distinct and len(distinct) > 1:
         return Unit(wanted, 1.0)
     if len(distinct) > 1:
-        units = [next(t for t in known if unit(readable(t) or "") == each) for each in distinct]
+        units = [next(t for t in places if unit(readable(t) or "") == each) for each in distinct]
         raise InputError.at(
             place,
             "one unit",
-            " and ".join(f'"{text}" in {known[text].place}' for text in units),
+            " and ".join(f'"{text}" in {places[text].place}' for text in units),
             f"give {' or '.join(option_for(role, readable(text) or text) for text in units)}",
         )
     written = declared[0].text if declared else ""

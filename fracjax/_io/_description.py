@@ -41,8 +41,8 @@ def read_description(path: str | PathLike[str]) -> dict[str, object]:
     for section, entries in sections.items():
         keys = _PLACES.get(section)
         if keys is None or not isinstance(entries, dict):
-            known = ", ".join(f"[{each}]" for each in _PLACES)
-            raise InputError.at(source, f"sections {known}", f'"{section}"', "correct it")
+            listed = ", ".join(f"[{each}]" for each in _PLACES)
+            raise InputError.at(source, f"sections {listed}", f'"{section}"', "correct it")
         for key, value in entries.items():
             if key not in keys or not isinstance(value, str | int | float):
                 where = f"{source}, [{section}]"

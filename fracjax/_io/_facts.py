@@ -239,10 +239,10 @@ def units_by_name(text: str, names: Mapping[int, str]) -> dict[int, str]:
     """The unit of each column whose name stands in a line, where one unit stands behind it, before
     the name of the next: `voltage: kV`, `{name: time, unit: min}`, `displacement (in nm)`."""
     places = sorted(
-        (found.start(), found.end(), column)
+        (match.start(), match.end(), column)
         for column, name in names.items()
         if name and len(name) < 60
-        for found in re.finditer(rf"(?<!\w){re.escape(name)}(?!\w)", text, re.IGNORECASE)
+        for match in re.finditer(rf"(?<!\w){re.escape(name)}(?!\w)", text, re.IGNORECASE)
     )
     units: dict[int, str] = {}
     for at, (_, end, column) in enumerate(places):
@@ -263,9 +263,9 @@ def units_in(text: str) -> Iterator[str]:
     """The words of a line that are units: no quantity's, as behind a number, and a letter alone
     only behind a colon, a bracket, or "in"."""
     before = ""
-    for found in _WORD.finditer(text):
-        word = found[0]
-        ahead, behind = text[: found.start()].rstrip(" \"'"), text[found.end() :].lstrip(" \"'")
+    for match in _WORD.finditer(text):
+        word = match[0]
+        ahead, behind = text[: match.start()].rstrip(" \"'"), text[match.end() :].lstrip(" \"'")
         lead = before.casefold() in _LEADS or ahead.endswith((":", "=", "[", "("))
         if (
             not re.fullmatch(r"[-+.\d]+(?:[eE][-+]?\d+)?", before)

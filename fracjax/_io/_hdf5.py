@@ -44,7 +44,7 @@ def read_hdf5(path: str | PathLike[str]) -> Table:
         with h5py.File(source, "r") as file:
             visit("", file)
             file.visititems(visit)
-    return array_table(source, arrays, facts)
+    return array_table(source, arrays, facts, is_ordered=False)
 
 
 def write_hdf5(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:

@@ -106,7 +106,8 @@ def _row(at: int, line: str, layout: Layout) -> _Row | None:
     )
     for cells in _cuts(bare, layout):
         # A key and its value are no names.
-        if not _wide_enough(cells, layout) or cells[0].endswith((":", "=")):
+        keys = [cell.endswith((":", "=")) for cell in cells]
+        if not _wide_enough(cells, layout) or (any(keys) and not all(keys)):
             continue
         kinds = [kind_of_cell(cell) for cell in cells]
         # Channels may be called 1 and 2, in a row with some text.

@@ -43,7 +43,9 @@ def read_mat(path: str | PathLike[str]) -> Table:
         arrays = dict(sorted(arrays.items()))
     for name in objects:
         arrays[name] = Array((0,), np.dtype(object), lambda: np.empty(0, object))
-    return array_table(source, arrays, facts, {n: _fault(n, kind) for n, kind in objects.items()})
+    faults = {name: _fault(name, kind) for name, kind in objects.items()}
+    ordered = isinstance(content.get("__header__"), bytes)
+    return array_table(source, arrays, facts, faults, is_ordered=ordered)
 
 
 def write_mat(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:

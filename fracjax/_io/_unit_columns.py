@@ -65,10 +65,10 @@ def _owner(table: Table, at: int) -> int | None:
     bare = [
         c for c in free if not table.columns[c].unit and not titled(table.columns[c].title).unit
     ]
-    left, right = [c for c in bare if c < at], [c for c in bare if c > at]
-    if at - 1 in left:
+    before, after = [c for c in bare if c < at], [c for c in bare if c > at]
+    if at - 1 in before:
         return at - 1
-    return at + 1 if at + 1 in right else (left[-1] if left else None)
+    return at + 1 if at + 1 in after else (before[-1] if before else None)
 
 
 def _with_units(column: Column, beside: Column, words: list[str], place: str) -> Column:

@@ -130,10 +130,10 @@ def titled(title: str) -> Titled:
     where the name speaks of a quantity and the rest is no word but a unit nobody knows.
     """
     title = re.sub(r"(\.\d+)+$", "", title).strip()
-    for found in reversed([*_BRACKETS.finditer(title)]):
-        inner = found[found.lastindex or 0]
+    for match in reversed([*_BRACKETS.finditer(title)]):
+        inner = match[match.lastindex or 0]
         if inner and (readable(inner) is not None or is_unknowable(inner)):
-            name = f"{title[: found.start()]} {title[found.end() :]}".strip(" _")
+            name = f"{title[: match.start()]} {title[match.end() :]}".strip(" _")
             return Titled(name or title, inner)
     if "[" in title or "(" in title:
         return Titled(_BRACKETS.sub("", title).strip(" _") or title, "")
@@ -177,7 +177,7 @@ def is_unknowable(text: str) -> bool:
 
 def unread(title: str) -> str:
     """What stands in brackets in a name and is no unit."""
-    inner = [found[found.lastindex or 0] for found in _BRACKETS.finditer(title)]
+    inner = [match[match.lastindex or 0] for match in _BRACKETS.finditer(title)]
     return next((each for each in inner if each and readable(each) is None), "")
 
 
@@ -207,6 +207,6 @@ def contradicts(name: str, read: str) -> bool:
     share.
     """
     spoken = quantity(name) or ""
-    kinds, known = _DIMENSIONS.get(spoken, ()), readable(read)
+    kinds, understood = _DIMENSIONS.get(spoken, ()), readable(read)
     others = () if spoken == "time" else (*_ELECTRICAL, "%")
-    return bool(kinds) and (known is None or not is_compatible(known, *kinds, *others))
+    return bool(kinds) and (understood is None or not is_compatible(understood, *kinds, *others))

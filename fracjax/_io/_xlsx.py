@@ -70,18 +70,19 @@ class _Cells(NamedTuple):
             value = self.values[row]
             return "an empty cell" if value is None else f'"{plain(str(value))[:40]}"'
 
+        place = f'{source}, sheet "{self.sheet}", cell {self.letter}'
         return Column(
             len(self.values),
             read,
-            lambda row: f'{source}, sheet "{self.sheet}", cell {self.letter}{self.first + row}',
-            shown,
-            self.name,
-            (Stated("s", "its dates"),) if is_stamp else self.units,
-            self.scales,
-            self.clocks,
-            start,
-            is_stamp,
-            fault,
+            place=lambda row: f"{place}{self.first + row}",
+            shown=shown,
+            title=self.name,
+            units=(Stated("s", "its dates"),) if is_stamp else self.units,
+            scales=self.scales,
+            clocks=self.clocks,
+            start=start,
+            stamps=is_stamp,
+            fault=fault,
             note=f"{label}: its numbers are stored as text." if self.holds_text else "",
             texts=(lambda: texts) if self.kind in ("text", "empty") else None,
         )

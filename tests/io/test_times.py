@@ -129,7 +129,11 @@ def test_resampling_invents_no_swing(values, steps, factor):
         (TIME[::-1].copy(), 200, "expected time to increase, found 0.31 after 0.315;"),
         (TIME**2, "5um", "--resample: expected a value in Hz"),
         (TIME**2, 0, "--resample: expected a positive rate"),
-        (TIME**2, 100, r"--resample: expected a rate from 322 Hz, .* to 6.45e\+04 Hz, .* found 100 Hz"),
+        (
+            TIME**2,
+            100,
+            r"--resample: expected a rate from 322 Hz, .* to 6.45e\+04 Hz, .* found 100 Hz",
+        ),
         (TIME + 3600 * (TIME > 0.1), 200, r"; split the file at its gap of 3600 s\."),
         (TIME**2, 1e9, r"--resample: expected a rate from .*; give one such as 6..\..Hz"),
     ],

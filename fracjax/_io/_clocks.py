@@ -135,7 +135,7 @@ def clock_of_time(
     # Where there are gaps, the step between them.
     step = second * (float(steps[steps < 2 * np.median(steps)].mean()) if slope is None else slope)
     notes = () if is_given else _agreement(table, label, step, about.clocks, stamps)
-    if not (stamps.unit.is_stated or about.clocks):
+    if rate is None and not (stamps.unit.is_stated or about.clocks):
         _require_seconds(label, times, step, float(stamps.zero) / second)
     if uniform and slope is None:
         expected = f"a step of {step / second:.6g} {written}"
@@ -172,7 +172,7 @@ def _agreement(
     if other is not None:
         ratio = stated[other] / step
         unit = next(
-            (u for u, s in _CLOCKS.items() if abs(s * ratio / stamps.second - 1) < 0.01), ""
+            (u for u, s in _CLOCKS.items() if abs(s / (ratio * stamps.second) - 1) < 0.01), ""
         )
         raise InputError.at(
             label,

@@ -190,8 +190,10 @@ def beside(
                     _state(facts, at, said.values[0], said.place)
     titles = names or [facts.names.get(at, "") for at in range(max(data, default=-1) + 1)]
     own = {at: titled(title).name for at, title in enumerate(titles) if title and at in data}
+    whole = {at: title for at, title in enumerate(titles) if at in own and title != own[at]}
     for said in lines:
         _take_named(facts, said, own)
+        _take_named(facts, said, whole)
     return facts
 
 

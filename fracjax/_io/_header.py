@@ -168,7 +168,9 @@ def _wide_enough(cells: Sequence[str], layout: Layout) -> bool:
 def _parts(above: Sequence[_Row], layout: Layout) -> tuple[_Row | None, _Row | None]:
     """The row of names and that of units among the rows above the table, from below upwards."""
     above = [row for row in above if any(kind_of_cell(cell) != "code" for cell in row.cells)]
-    units = next((row for row in above if _is_of_units(row, layout)), None)
+    units = next(
+        (row for row in above if _is_of_units(row, layout) and not _repeats(row, above)), None
+    )
     if units is None:
         units = _unknown_units(above)
     if units is None:
@@ -186,6 +188,12 @@ def _parts(above: Sequence[_Row], layout: Layout) -> tuple[_Row | None, _Row | N
     if rest:
         return next((row for row in rest if _has_words(row)), rest[-1]), units
     return units, units
+
+
+def _repeats(row: _Row, above: Sequence[_Row]) -> bool:
+    """Whether a row has a cell of another: a sentence such as "time in ms" above the names."""
+    others = {cell.casefold() for other in above if other is not row for cell in other.cells}
+    return any(len(cell) > 1 and cell.casefold() in others for cell in row.cells)
 
 
 def _has_words(row: _Row) -> bool:

@@ -193,7 +193,7 @@ def _parts(above: Sequence[_Row], layout: Layout) -> tuple[_Row | None, _Row | N
 def _repeats(row: _Row, above: Sequence[_Row]) -> bool:
     """Whether a row has a cell of another: a sentence such as "time in ms" above the names."""
     others = {cell.casefold() for other in above if other is not row for cell in other.cells}
-    return any(len(cell) > 1 and cell.casefold() in others for cell in row.cells)
+    return any(cell.casefold() in others and not is_unit(cell) for cell in row.cells)
 
 
 def _has_words(row: _Row) -> bool:

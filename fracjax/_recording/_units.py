@@ -155,9 +155,11 @@ def parse_quantity(text: str | float, default: str, where: str = "quantity") -> 
     name = parts[2] or default
     written, wanted = unit(name, where), unit(default)
     if not written.is_compatible_with(wanted):
-        raise InputError.at(
-            where, f"a value in {default} or a multiple of it", f'"{text}"', "correct the unit"
-        )
+        remedy = "correct the unit"
+        for signal, unstated in UNSTATED.items():
+            if unstated in default:
+                remedy = f"leave its unit out, or say with --unit {signal}=UNIT what the file is in"
+        raise InputError.at(where, f"a value in {default} or a multiple of it", f'"{text}"', remedy)
     try:
         return float(Fraction(parts[1]) * written.scale / wanted.scale)
     except OverflowError:

@@ -4,6 +4,7 @@ with the option that settles it."""
 import re
 import shlex
 import struct
+from typing import Any
 
 import h5py
 import numpy as np
@@ -194,7 +195,7 @@ def test_counts_with_a_factor_beside_them(tmp_path, monkeypatch, capsys):
     remedy = capsys.readouterr().err.partition("give ")[2].partition(" if they")[0]
     assert remedy == '--scale "drive=counts*0.001 V" --scale "response=counts*0.01 nm"'
     assert run(["info", "loop.h5", "--quiet", *shlex.split(remedy)]) == 0
-    scales = {"input_scale": "counts*0.001 V", "output_scale": "counts*0.01 nm"}
+    scales: Any = {"input_scale": "counts*0.001 V", "output_scale": "counts*0.01 nm"}
     is_the_loop(read("loop.h5", **scales), ("V", "nm"))
     offset = read("loop.h5", input_scale="counts*0.001 - 10 V", output_scale=scales["output_scale"])
     np.testing.assert_allclose(offset.drive, DRIVE - 10)

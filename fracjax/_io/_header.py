@@ -8,7 +8,7 @@ from fracjax._io._facts import Said, beside, fact, kind_of, said_in, speaks, wit
 from fracjax._io._layout import Layout, cells_of, is_comment
 from fracjax._io._layout import kind_of as kind_of_cell
 from fracjax._io._table import Fact, Hints, Stated
-from fracjax._io._units import is_unit, readable, stripped, titled
+from fracjax._io._units import is_spelled_unit, is_unit, stripped, titled
 from fracjax._io._words import quantity, role_of
 from fracjax._recording import InputError
 
@@ -193,7 +193,7 @@ def _parts(above: Sequence[_Row], layout: Layout) -> tuple[_Row | None, _Row | N
 def _repeats(row: _Row, above: Sequence[_Row]) -> bool:
     """Whether a row has a cell of another: a sentence such as "time in ms" above the names."""
     others = {cell.casefold() for other in above if other is not row for cell in other.cells}
-    return any(cell.casefold() in others and not is_unit(cell) for cell in row.cells)
+    return any(cell.casefold() in others and not is_spelled_unit(cell) for cell in row.cells)
 
 
 def _has_words(row: _Row) -> bool:
@@ -209,7 +209,10 @@ def _is_of_units(row: _Row, layout: Layout) -> bool:
     ]
     filled = [cell for cell in cells if stripped(cell)]
     counted = [c for c in filled if not _says_none(stripped(c))]
-    if not counted or not all(is_unit(cell) for cell in counted):
+    # A row of names alone is not asked of pint, which takes long to load.
+    if not any(is_spelled_unit(stripped(cell)) for cell in counted):
+        return False
+    if not all(is_unit(cell) for cell in counted):
         return False
     if len(counted) < len(filled) - 2:
         return False
@@ -220,7 +223,11 @@ def _is_of_units(row: _Row, layout: Layout) -> bool:
 
 def _says_none(cell: str) -> bool:
     """Whether a word such as "Sequence" or "Time" stands where a unit would."""
-    return len(cell) > 2 and quantity(cell) in ("counter", "time", "remark") and not is_unit(cell)
+    return (
+        len(cell) > 2
+        and quantity(cell) in ("counter", "time", "remark")
+        and not is_spelled_unit(cell)
+    )
 
 
 def _unknown_units(above: Sequence[_Row]) -> _Row | None:
@@ -234,7 +241,7 @@ def _unknown_units(above: Sequence[_Row]) -> _Row | None:
     bracketed = all(cell[0] in "[(（【" for cell in cells)
     # A cell such as "u / kV" is a name with its unit.
     plain = not _has_words(above[0]) and not any(titled(cell).unit for cell in cells)
-    some = plain and any(is_unit(cell) for cell in cells)
+    some = plain and any(is_spelled_unit(stripped(cell)) for cell in cells)
     return above[0] if bracketed or some else None
 
 
@@ -329,7 +336,7 @@ def _check_units(source: str, lines: Sequence[str], layout: Layout) -> None:
         lines[at].strip().lstrip("#%!/*>").replace(layout.separator, " ").split() if at >= 0 else []
     )
     given = [stripped(word.strip('"')) for word in words]
-    if 0 < len(given) != layout.width and all(word and readable(word) for word in given):
+    if 0 < len(given) != layout.width and all(map(is_spelled_unit, given)):
         raise InputError.at(
             f"{source}, line {at + 1}",
             f"{layout.width} units, one for each column",

@@ -281,7 +281,11 @@ def _by_arrow(
         ).read_all()
     except pa.ArrowInvalid:
         return None
-    return {at: column.to_numpy() for at, column in zip(read, table.columns, strict=True)}
+    # `to_numpy` would import pandas, which takes longer than all else.
+    return {
+        at: np.concatenate([np.from_dlpack(chunk) for chunk in column.chunks])
+        for at, column in zip(read, table.columns, strict=True)
+    }
 
 
 def _by_pandas(

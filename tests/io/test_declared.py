@@ -456,3 +456,11 @@ def test_no_layout_is_read_wrongly_in_silence():
         if not re.fullmatch("right|aloud|listed|refused", outcome[0])
     }
     assert sum(outcome == "right" for outcome, _ in outcomes.values()) > 190
+
+
+def test_a_text_too_large_is_refused_at_once(put, tmp_path):
+    path = put(HEAD)
+    with open(path, "ab") as file:
+        file.truncate(2_000_000_000)
+    with pytest.raises(InputError, match=r"at most 1.5 GB of text, found 2 GB; .*head -n"):
+        read(path)

@@ -294,7 +294,7 @@ def test_clipping(sign, name):
 
 def test_a_held_drive_or_coarse_codes_do_not_look_clipped():
     trapezoid = np.clip(2 * SINE, -1, 1)
-    assert record(trapezoid, 40 * trapezoid).checks() == ()
+    assert record(trapezoid, np.roll(40 * trapezoid, 3)).checks() == ()
     (warning,) = record(SINE, np.round(20 * SINE)).checks()
     assert "41 distinct values, about 1 um apart" in warning
 
@@ -336,3 +336,20 @@ def test_cusps_are_no_spikes():
     spiked[[700, 1501, 1502, 3110]] += [0.4, -0.3, -0.3, 0.4]
     found = np.flatnonzero(record(times, spiked, dt=2e-3).spikes)
     assert found.tolist() == [700, 1501, 1502, 3110]
+
+
+def test_a_channel_recorded_twice_is_said():
+    twice = record(SINE, 3 * SINE + 1)
+    assert any("repeats the drive sample by sample" in check for check in twice.checks())
+    lagging = 3 * SINE + 0.01 * NOISE[: len(SINE)]
+    assert not any("repeats" in check for check in record(SINE, lagging).checks())
+
+
+def test_a_response_that_overflowed_is_said():
+    moved = 1.3 * np.sin(2 * np.pi * SAMPLES / 200 - 0.1) + 0.001 * NOISE[: len(SAMPLES)]
+    wrapped = (moved + 1) % 2 - 1
+    (warning,) = [check for check in record(SINE, wrapped).checks() if "overflowed" in check]
+    assert "jumps through its range" in warning
+    assert not any("overflowed" in check for check in record(SINE, moved).checks())
+    square = np.sign(SINE) + 0.001 * NOISE[: len(SAMPLES)]
+    assert not any("overflowed" in check for check in record(np.sign(SINE), square).checks())

@@ -78,12 +78,12 @@ def simulate_command(
     offset = 0.0
     if fitted is None:
         model, response_unit = parse_model(name or ""), output_unit or UNSTATED["response"]
-        unit(response_unit, "--output-unit")
+        unit(response_unit, "--unit response")
         own_unit = response_unit
     else:
         model, samples, drive_unit, own_unit, offset = _fitted(fitted, samples, drive_unit)
         response_unit = output_unit or own_unit
-    scale = parse_quantity(f"1 {own_unit}", response_unit, "--output-unit")
+    scale = parse_quantity(f"1 {own_unit}", response_unit, "--unit response")
     prepare_jax()
     with stages(results.quiet) as progress:
         progress(f"simulating {model.name}")

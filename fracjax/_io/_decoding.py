@@ -42,17 +42,9 @@ def text_of(source: str) -> Text:
 
     Raises InputError for a file that cannot be read, or is no text.
     """
-    with opened(source):
-        size = Path(source).stat().st_size
-    if size > _LARGEST:
-        name = shlex.quote(source)
-        raise InputError.at(
-            source,
-            f"at most {_LARGEST / 1e9:g} GB of text",
-            f"{size / 1e9:.3g} GB",
-            f"take a part of it, such as head -n 10000000 {name} > part.csv, or write it as Parquet",
-        )
     with opened(source), Path(source).open("rb", buffering=0) as file:
+        _require_size(source, file.seek(0, 2))
+        file.seek(0)
         raw = file.read()  # all at once, which needs no buffer
     head = raw[:_SAMPLE]
     wide = _wide(raw)
@@ -70,6 +62,18 @@ def text_of(source: str) -> Text:
     if any(code in raw for code in _NO_TEXT):
         raise _no_text(source, head)
     return Text(raw, encoding)
+
+
+def _require_size(source: str, size: int) -> None:
+    """Raise `InputError` for a text that is too large to be read at once."""
+    if size > _LARGEST:
+        part = f"head -n 10000000 {shlex.quote(source)} > part.csv"
+        raise InputError.at(
+            source,
+            f"at most {_LARGEST / 1e9:g} GB of text",
+            f"{size / 1e9:.3g} GB",
+            f"take a part of it, such as {part}, or write it as Parquet",
+        )
 
 
 def _no_text(source: str, raw: bytes) -> InputError:

@@ -188,13 +188,11 @@ class Recording(Shown):
         """
         import pandas as pd
 
-        return pd.DataFrame(
-            {
-                "time_s": self.times,
-                f"drive_{self.drive_unit}": self.drive,
-                f"response_{self.response_unit}": self.response,
-            }
-        )
+        columns = {"time_s": self.times}
+        for name, unstated in UNSTATED.items():
+            unit_ = getattr(self, f"{name}_unit")
+            columns[name if unit_ == unstated else f"{name}_{unit_}"] = getattr(self, name)
+        return pd.DataFrame(columns)
 
     def checks(self) -> tuple[str, ...]:
         """Plain warnings about the data that a fit would not reveal."""
@@ -220,9 +218,14 @@ def require_units(units: tuple[str, str], source: str, other: Recording) -> None
     """Raise `InputError` unless a recording is written in the units, those of `source`."""
     actual = other.drive_unit, other.response_unit
     if actual != units:
+        stated = [
+            f"--unit {signal}={theirs if theirs != unstated else own}"
+            for (signal, unstated), theirs, own in zip(UNSTATED.items(), units, actual, strict=True)
+            if {theirs, own} != {unstated}
+        ]
         raise InputError.at(
             other.source,
             f"the units of {source} ({', '.join(units)})",
             f"({', '.join(actual)})",
-            "give --unit drive=V and --unit response=um, or theirs, with which all are read",
+            f"give {' '.join(stated)}, with which all are read",
         )

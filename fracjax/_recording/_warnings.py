@@ -195,8 +195,8 @@ def _overflow(recording: Sampled) -> str | None:
         return None
     at = recording.dt * int(beyond.argmax() + 1)
     return (
-        f"The response jumps through its range {ups + downs} times while the drive glides, first at "
-        f"{at:.6g} s: it overflowed. Record it with a smaller gain, or count it on before reading."
+        f"The response jumps through its range {ups + downs} times while the drive glides, first "
+        f"at {at:.6g} s: it overflowed. Record it with a smaller gain, or count it on before."
     )
 
 

@@ -402,6 +402,48 @@ def test_calls_that_say_nothing(put, call, capsys):
     assert "as drive=mV" in capsys.readouterr().err.replace('"drive=counts*0.0305 mV"', "drive=mV")
 
 
+AT = np.arange(COUNT)
+REMEDIED = {
+    "two units": "# voltage_V unit: kV\ntime_ms,voltage_V,displacement_nm\n" + PLAIN,
+    "another step": "# sample rate: 500 Hz\ntime_s,voltage_kV,displacement_nm\n" + PLAIN,
+    "a line in ms": "# stamps of the FPGA, in ms\n" + HEAD + PLAIN,
+    "whole numbers": HEAD + PLAIN,
+    "rounded stamps": "t,voltage_kV,displacement_nm\n" + rows(AT // 50, DRIVE, RESPONSE),
+    "no rate": "voltage_kV,displacement_nm\n" + rows(DRIVE, RESPONSE),
+    "two drives": "time_ms,CH1 [V],CH2 [V]\n" + PLAIN,
+    "an unknown unit": "time_ms,voltage_V,displacement\nms,V,Skt\n" + PLAIN,
+    "gaps": "time_ms,voltage_kV,displacement_nm\n"
+    + rows(
+        np.delete(MILLISECONDS, [7, 90]), np.delete(DRIVE, [7, 90]), np.delete(RESPONSE, [7, 90])
+    ),
+    "a missing sample": "time_ms,voltage_kV,displacement_nm\n"
+    + PLAIN.replace(f"{RESPONSE[77]}", "nan", 1),
+    "counts": "# voltage scale: 0.01 V/count\ntime_ms,voltage,displacement_nm\n"
+    + rows(MILLISECONDS, np.round(100 * DRIVE), RESPONSE),
+    "two segments": "time_ms,voltage_kV,displacement_nm\n"
+    + rows(MILLISECONDS + 9000.5 * (AT > 150), DRIVE, RESPONSE),
+}
+
+
+@pytest.mark.parametrize("name", REMEDIED)
+def test_every_remedy_works_as_it_is_printed(put, name, capsys):
+    """The first remedy of each refusal, given to the same command, lets it read the file, or is
+    followed by the remedy of what is left, as of the response after the drive."""
+    call = ["fit", put(REMEDIED[name]), "--model", "no such model", "--out", "out"]
+    options: list[str] = []
+    for _ in range(3):
+        assert run([*call, *options]) == 2
+        message = capsys.readouterr().err
+        if "no such model" in message:
+            return
+        remedy = re.search(
+            r"(?:; |, or |or )?give (--.*?)(?: or | if | where |, which | to |, or |\.$)", message
+        )
+        assert remedy, message
+        options += shlex.split(remedy[1].replace("such as ", "").rstrip(",."))
+    raise AssertionError(options)
+
+
 # Formats ------------------------------------------------------------------------------------------
 
 

@@ -29,16 +29,19 @@ def written_unit(table: Table, column: int) -> str:
 
 
 def finer_column(table: Table, time: int) -> int | None:
-    """The column of parts of a second beside one of whole seconds, or of dates."""
-    about, coarse = table.about(time), _second_of(table, time)
+    """The column of parts of a second beside one of whole seconds, or of dates: it begins anew
+    wherever the other goes on."""
+    about, coarse = table.about(time), _second_of(table, time) or 1.0
     for at, each in enumerate(table.columns):
         second = _second_of(table, at)
         if at == time or each.fault or each.stamps or each.length != about.length:
             continue
-        if coarse is None or second is None or second >= coarse or not _FINE.search(each.title):
+        if second is None or second >= coarse or not _FINE.search(each.title):
             continue
         parts = each.numbers * second
-        if parts.min() >= 0 and parts.max() < 1 and (np.diff(parts) < 0).any():
+        back = np.diff(parts) < 0
+        ahead = np.diff(about.numbers) > 0
+        if parts.min() >= 0 and parts.max() < 1 and back.any() and np.array_equal(back, ahead):
             return at
     return None
 

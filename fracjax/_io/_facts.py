@@ -20,6 +20,7 @@ from fracjax._recording import InputError, parse_quantity
 _KIND = by_word("keys")
 _MARKS = re.compile(r"^[\s#%;!*/'$&@|]+")
 _PAIR = re.compile(r"\s*([^:=]+?)\s*[:=]\s*(.*?)\s*")
+_PER_COUNT = re.compile(r"\d\s*[^\W\d]+\s*(?:/|per)\s*(?:count|lsb|bit|digit)s?\b", re.IGNORECASE)
 _NUMBERED = re.compile(r"(.*?)[\s_]*(\d+)")
 
 
@@ -60,8 +61,14 @@ def said_in(line: str, cells: Sequence[str], place: str) -> list[Said]:
             key = pair[1].strip("\"'{ ").removeprefix("- ")
             values = [v.strip(" \"'},") for v in bare.split(f"{pair[1]}:")[1:]]
             if len(values) < 2:
-                listed = re.fullmatch(r"\[(.*)\]", pair[2]) or re.fullmatch(r"(.*,.*)", pair[2])
-                values = listed[1].split(",") if listed and kind_of(key) == "unit" else [pair[2]]
+                listed = re.fullmatch(r"\[(.*)\]", pair[2]) or re.fullmatch(
+                    r"(.*[,;|\t].*)", pair[2]
+                )
+                values = (
+                    re.split(r"[,;|\t]", listed[1])
+                    if listed and kind_of(key) == "unit"
+                    else [pair[2]]
+                )
             values = [value.strip().strip("\"'},").strip() for value in values]
             statements.append((key, tuple(values), tuple(range(len(values)))))
     if not statements and (parts := re.fullmatch(r"(\S.*?)(?:\t+|\s{2,})(\S.*)", bare)):
@@ -230,6 +237,8 @@ def _take_named(facts: Beside, said: Said, names: Mapping[int, str]) -> None:
         if said.column and said.column.casefold() == name.casefold():
             _state(facts, column, said.values[0], said.place)
             continue
+        if said.key.casefold() == name.casefold() and _PER_COUNT.search(said.values[0]):
+            facts.scales.setdefault(column, []).append(Stated(said.values[0], said.place))
         rest = said.key.casefold().removeprefix(name.casefold()).strip(" _-.")
         if rest != said.key.casefold() and kind_of(rest) in ("unapplied", "scale", "offset"):
             facts.scales.setdefault(column, []).append(Stated(said.values[0], said.place))
@@ -266,7 +275,7 @@ def units_in(text: str) -> Iterator[str]:
     only behind a colon, a bracket, or "in"."""
     before = ""
     for match in _WORD.finditer(text):
-        word = match[0]
+        word = match[0].rstrip(".!?")
         ahead, behind = text[: match.start()].rstrip(" \"'"), text[match.end() :].lstrip(" \"'")
         lead = before.casefold() in _LEADS or ahead.endswith((":", "=", "[", "("))
         if (

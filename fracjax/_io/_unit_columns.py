@@ -27,7 +27,7 @@ def with_units_of_rows(table: Table) -> Table:
         words = _words(column)
         if words is None:
             continue
-        owner = _owner(table, at)
+        owner = _owner(table, at, all(word in _PREFIXES or not word for word in words))
         if owner is None:
             continue
         place = column_label(table.names, at)
@@ -54,8 +54,8 @@ def _different(cells: Sequence[str]) -> list[str]:
     return [cell.strip() for cell in dict.fromkeys(cells)]
 
 
-def _owner(table: Table, at: int) -> int | None:
-    """The column whose units the column `at` holds."""
+def _owner(table: Table, at: int, are_prefixes: bool) -> int | None:
+    """The column whose units, or prefixes, the column `at` holds."""
     free = [c for c, each in enumerate(table.columns) if not each.fault and not each.stamps]
     title = table.columns[at].title.casefold()
     own = [(len(name), c) for c in free if (name := table.columns[c].title.casefold())]
@@ -68,7 +68,12 @@ def _owner(table: Table, at: int) -> int | None:
     before, after = [c for c in bare if c < at], [c for c in bare if c > at]
     if at - 1 in before:
         return at - 1
-    return at + 1 if at + 1 in after else (before[-1] if before else None)
+    if at + 1 in after:
+        return at + 1
+    if before:
+        return before[-1]
+    # A unit that its name states already: the two must agree.
+    return at - 1 if at - 1 in free and not are_prefixes else None
 
 
 def _with_units(column: Column, beside: Column, words: list[str], place: str) -> Column:

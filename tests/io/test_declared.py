@@ -68,6 +68,7 @@ def is_the_loop(recording: Recording, units: tuple[str, str] = ("kV", "nm")) -> 
         "#   unit: nm\n",
         "# units: ms, kV, nm\n",
         "# units: [ms, kV, nm]\n",
+        "# units: ms;kV;nm\n",
     ],
 )
 def test_units_in_lines_above_the_table(put, lines):
@@ -126,6 +127,24 @@ def test_units_that_change_from_row_to_row(put, units):
         scale = conversion(recording.response_unit, "um")
         np.testing.assert_allclose(recording.response * scale, column, rtol=1e-9)
     assert "states the unit of each value" in recording.warnings[0]
+
+
+def test_a_column_of_units_and_a_name_that_says_another(put):
+    units = ["mV"] * COUNT
+    path = put("time_ms,voltage_V,unit,y_nm\n" + rows(MILLISECONDS, DRIVE, units, RESPONSE))
+    with pytest.raises(InputError, match='found "mV" in column "unit" and "V" in its name'):
+        read(path)
+
+
+def test_factors_by_the_name_of_a_column(put):
+    lines = "# ch1: 0.001 V/LSB\n# ch2: 0.01 nm/count\ntime_ms,ch1,ch2\n"
+    counts = np.round(DRIVE / 0.001).astype(int), np.round(RESPONSE / 0.01).astype(int)
+    path = put(lines + rows(MILLISECONDS, *counts))
+    columns: Any = {"input": "ch1", "output": "ch2"}
+    with pytest.raises(
+        InputError, match=r'"drive=counts\*0.001 V" --scale "response=counts\*0.01 nm"'
+    ):
+        read(path, **columns)
 
 
 def test_units_of_different_kinds_in_one_column_are_refused(put):
@@ -258,6 +277,12 @@ def test_seconds_and_parts_of_them_in_two_columns(put, columns, stamps):
     else:  # Milliseconds that restart before the second is full are no parts of it.
         with pytest.raises(InputError):
             read(path)
+
+
+def test_milliseconds_beside_seconds_since_1970(put):
+    milliseconds = 2 * np.arange(COUNT) + 300
+    stamps = 1_717_000_000 + milliseconds // 1000, milliseconds % 1000
+    is_the_loop(read(put("epoch,ms,voltage_kV,y_nm\n" + rows(*stamps, DRIVE, RESPONSE))))
 
 
 def test_milliseconds_beside_a_date(put):

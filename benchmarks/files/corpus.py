@@ -11,6 +11,7 @@ import json
 import tempfile
 from dataclasses import dataclass, field
 from pathlib import Path
+from typing import Any
 
 import h5py
 import numpy as np
@@ -229,7 +230,7 @@ def _container(rng, folder, truth, names, columns, units, place, timing, counts)
     stored = list(columns)
     if counts:
         stored[-2] = stored[-2].astype(np.int32)
-    beside: dict[str, object] = {}
+    beside: dict[str, Any] = {}
     if timing != "column":
         for key, value in _clock_lines(rng, truth, timing).items():
             plain = key.replace(" ", "_").replace("[", "").replace("]", "")

@@ -22,7 +22,8 @@ def read_parquet(path: str | PathLike[str]) -> Table:
         from pyarrow import parquet
 
         with open(source, "rb") as file:
-            content = parquet.read_table(file)
+            # Arrow's threads may still run when the process ends, which aborts it.
+            content = parquet.read_table(file, use_threads=False, pre_buffer=False)
         return _table(source, content)
 
 
@@ -35,7 +36,7 @@ def read_feather(path: str | PathLike[str]) -> Table:
     with reading(source, _FEATHER):
         from pyarrow import feather
 
-        return _table(source, feather.read_table(source, memory_map=False))
+        return _table(source, feather.read_table(source, memory_map=False, use_threads=False))
 
 
 def read_json_lines(path: str | PathLike[str]) -> Table:
@@ -47,7 +48,8 @@ def read_json_lines(path: str | PathLike[str]) -> Table:
     with reading(source, _JSON):
         from pyarrow import json
 
-        return _table(source, json.read_json(source).flatten())
+        options = json.ReadOptions(use_threads=False)
+        return _table(source, json.read_json(source, options).flatten())
 
 
 def write_parquet(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:

@@ -159,6 +159,9 @@ def _revived(program: Program, state: State) -> tuple[State, Array]:
     drive was; and the flag."""
     total = sum(jnp.sum(leaf) for leaf in jax.tree.leaves(state))
     sound = (state["started"] == 1) & jnp.isfinite(total)
-    drive = jnp.where(jnp.isfinite(state["drive"]), state["drive"], 0.0)
-    fresh = program.start(drive)
-    return _selected(sound, state, fresh), jnp.where(sound, 0, RESTARTED)
+
+    def anew(state: State) -> State:
+        drive = jnp.where(jnp.isfinite(state["drive"]), state["drive"], 0.0)
+        return program.start(drive)
+
+    return jax.lax.cond(sound, lambda s: s, anew, state), jnp.where(sound, 0, RESTARTED)

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from contextlib import suppress
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
@@ -30,15 +29,16 @@ from ._options import (
 from ._progress import stages
 from ._results import Results, Summary
 from ._statuses import NOT_CONVERGED, fail
+from ._stream import Wanted, drive_range, stream_options, write_stream
 
 if TYPE_CHECKING:
-    from .._compensate import Compensation, Trajectory
+    from .._compensate import Trajectory
     from .._models import Model
     from .._operators import History
 
 
 @click.command("compensate")
-@click.argument("trajectory")
+@click.argument("trajectory", required=False)
 @click.option("--fit", "fitted", required=True, metavar="FILE", help="A fit.json.")
 @folder_option
 @click.option("--limits", metavar='"0..100 V"', help="Lowest and highest drive.")
@@ -58,14 +58,12 @@ if TYPE_CHECKING:
     metavar="DIR",
     help="Results of `posterior`, whose draws give the band of the prediction.",
 )
-@click.option(
-    "--streaming", is_flag=True, help="Also write the linear inverse for a real-time loop."
-)
+@stream_options
 @options(time_option, output_option, rate_option, output_unit_option, time_unit_option)
 @options(resample_option, table_options)
 @takes_results
 def compensate_command(
-    trajectory: str,
+    trajectory: str | None,
     fitted: str,
     out: Path,
     limits: str | None,
@@ -74,15 +72,29 @@ def compensate_command(
     offset: str | None,
     history: History,
     posterior: str | None,
-    streaming: bool,
+    target: str | None,
+    step: str | None,
+    real: str,
+    adaptive: str | None,
     results: Results,
     **columns: Any,
 ) -> int:
     """Find the drive that makes a fitted model's response follow a trajectory.
 
-    Writes the drive (in the trajectory's format), compensation.json and report.html; with
-    --streaming also inverse.json and inverse.h.  A drive in the trajectory's file is not used.
+    Writes the drive (in the trajectory's format), compensation.json and report.html.  A drive in
+    the trajectory's file is not used.  Without a trajectory, `--target c --step "50 us"` writes the
+    inverse for a real-time loop, whose motions are not known ahead.
     """
+    if target is not None:
+        if trajectory is not None:
+            raise _other_call(
+                "a trajectory or --target", f"both {trajectory} and --target {target}"
+            )
+        return write_stream(
+            fitted, out, Wanted(target, step, real, limits, slew, offset, adaptive), results
+        )
+    if trajectory is None:
+        raise _other_call("a trajectory, or --target c for a real-time loop", "neither")
     from .._compensate import compensate
     from .._io import SUFFIXES
     from .._recording import parse_quantity
@@ -95,7 +107,7 @@ def compensate_command(
     desired, model, drive_unit, fitted_offset, model_error = _inputs(trajectory, fitted, columns)
     unit = desired.response_unit
     requested: dict[str, Any] = {
-        "limits": limits and _range(limits, drive_unit, "--limits"),
+        "limits": limits and drive_range(limits, drive_unit),
         "slew": slew and parse_quantity(slew, f"{drive_unit}/s", "--slew"),
         "regularisation": parse_quantity(regularisation or 0.0, "s", "--regularisation"),
         "offset": fitted_offset if offset is None else parse_quantity(offset, unit, "--offset"),
@@ -114,9 +126,6 @@ def compensate_command(
         results.saved.append(drive_file)
         results.save(compensation.save, out / "compensation.json")
         notes = compensation_warnings(compensation)
-        if streaming:
-            progress("writing the streaming inverse")
-            notes.append(_write_streaming_inverse(model, compensation, out, results))
         progress("writing the report")
         results.save_report(compensation, out / "report.html")
     results.show(
@@ -130,36 +139,6 @@ def compensate_command(
     return fail(
         f"The inversion of {model.name} did not converge; the best drive was saved in {out}.",
         NOT_CONVERGED,
-    )
-
-
-def _write_streaming_inverse(
-    model: Model, compensation: Compensation, out: Path, results: Results
-) -> str:
-    """Write the streaming inverse, and state its error in a sentence."""
-    import numpy as np
-
-    from .._compensate import streaming_inverse
-    from .._show import figure
-    from .._simulate import simulate
-
-    # From a tenth of the trajectory's lowest frequency to 2 % of the sampling rate; by judgement.
-    step = compensation.dt
-    band = 0.1 / (step * len(compensation.drive)), 0.02 / step
-    inverse = streaming_inverse(
-        model, step, band, offset=compensation.offset, units=compensation.units
-    )
-    results.save(inverse.save, out / "inverse.json")
-    results.save(inverse.save_header, out / "inverse.h")
-    drive = inverse.run(compensation.desired, settled=compensation.history != "rest")
-    simulation = simulate(model, drive, step, compensation.history)
-    error = simulation.response + compensation.offset - compensation.desired
-    largest = float(np.abs(error).max() / compensation.stroke)
-    which = "inverse" if inverse.complete else "inverse of the linear part"
-    return (
-        f"Streaming: {len(inverse.decay)} sections, within {figure(100 * inverse.error)} % of the "
-        f"{which} from {figure(band[0])} to {figure(band[1])} Hz; along this trajectory its "
-        f"error is at most {figure(100 * largest)} % of the stroke."
     )
 
 
@@ -194,19 +173,11 @@ def _error_on_held_out_data(folder: Path, model: str) -> tuple[float, str] | Non
     return None
 
 
-def _range(text: str, unit: str, where: str) -> tuple[float, float]:
-    """The two values of a range such as "0..100 V", in a unit; the first may lack its unit."""
-    from .._recording import InputError, parse_quantity
+def _other_call(expected: str, found: str) -> Exception:
+    """The error for a call that asks for both, or for nothing."""
+    from .._recording import InputError
 
-    low, dots, high = text.partition("..")
-    if not dots:
-        raise InputError.at(where, f'a range such as "0..100 {unit}"', f'"{text}"', "correct it")
-    written_unit = re.sub(r"^\s*[-+0-9.eE]*", "", high)
-    without_unit = re.fullmatch(r"\s*[-+0-9.eE]+\s*", low)
-    return (
-        parse_quantity(f"{low} {written_unit}" if without_unit else low, unit, where),
-        parse_quantity(high, unit, where),
-    )
+    return InputError.at("compensate", expected, found, "give one of them")
 
 
 def _draws(folder: str) -> dict[str, Any]:

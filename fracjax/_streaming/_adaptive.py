@@ -52,9 +52,15 @@ class Learning:
         for name, value in adaptation._asdict().items():
             if not 0 < value < np.inf:
                 raise InputError.at(
-                    f"streaming inverse, adaptive {name}", "a number above 0", f"{value}", "correct it"
+                    f"streaming inverse, adaptive {name}",
+                    "a number above 0",
+                    f"{value}",
+                    "correct it",
                 )
-        sizes = [np.count_nonzero(each) if share else 0 for each, share in zip((s.gains for s in chain.stages), chain.steady, strict=True)]
+        sizes = [
+            np.count_nonzero(each) if share else 0
+            for each, share in zip((s.gains for s in chain.stages), chain.steady, strict=True)
+        ]
         self.at = int(np.argmax(sizes))
         if not sizes[self.at]:
             raise InputError.at(

@@ -64,9 +64,7 @@ def chain_of(block: AbstractBlock, sampling: Sampling) -> Chain:
             system = rational(inverse, sampling.band)
             static = 1 / static if static else 0.0
             name = f"inverse of {type(part).__name__}"
-            stages.append(
-                Filtered(Linear(system, static, sampling.step, name, inverse.symbol))
-            )
+            stages.append(Filtered(Linear(system, static, sampling.step, name, inverse.symbol)))
             drive = static_gain(part) * drive
             steady.append(0.0)
         else:
@@ -104,7 +102,9 @@ def _parts(block: AbstractBlock) -> list[AbstractBlock]:
 def _swing(share: float) -> np.ndarray:
     """From the middle down, up and back, as shares of the range."""
     down, up = (1 - share) / 2, (1 + share) / 2
-    levels = np.interp(np.arange(4 * _SAMPLES), _SAMPLES * np.array([0, 1, 3, 4]), [0.5, down, up, 0.5])
+    levels = np.interp(
+        np.arange(4 * _SAMPLES), _SAMPLES * np.array([0, 1, 3, 4]), [0.5, down, up, 0.5]
+    )
     return levels[1:]
 
 

@@ -35,8 +35,7 @@ class Output(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Lowest and highest drive, and its largest change per sample [drive], at most their distance.
-    """
+    """Lowest and highest drive, and its largest change per sample, at most their distance [drive]."""
 
     low: float
     high: float
@@ -123,7 +122,8 @@ class InverseProgram:
             "stage": tuple(states),
         }
         if learning is not None:
-            assert measured is not None and features is not None
+            assert measured is not None
+            assert features is not None
             usable = jnp.isfinite(measured)
             reading = jnp.where(usable, measured, predicted) - self.offset
             learnt = learning.follow(state["learning"], features, reading, eps)

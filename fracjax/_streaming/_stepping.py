@@ -21,6 +21,7 @@ from .._systems import Band
 from ._adaptive import Adaptation, Learning
 from ._chain import chain_of
 from ._program import InverseProgram, Limits, ModelProgram, Output, Program
+from ._promise import Promised, promised
 from ._sections import Linear, Sampling, Section, State, section_of
 from ._stages import Filtered, Solved
 
@@ -33,6 +34,7 @@ _TOP, _PERIODS = 0.02, 0.1
 recording; chosen by judgement."""
 _SHORTEST = 1e-3
 """The band starts at this share of its end where no recording is known; chosen by judgement."""
+SCHEMA = "fracjax.stream/1"
 EPS = float(np.finfo(float).eps)
 
 
@@ -65,7 +67,9 @@ class _Streaming(Shown):
             transfer functions.
         limits: Lowest and highest drive [drive].
         slew: Fastest change of the drive [drive/s]; None for no limit.
+        offset: What the sensor reads where the model's response is zero [response].
         left_out: Names of the blocks left out because they belong to the recorded run alone.
+        whole: The model without the blocks left out.
     """
 
     model: str
@@ -75,7 +79,9 @@ class _Streaming(Shown):
     error: float
     limits: tuple[float, float]
     slew: float | None
+    offset: float
     left_out: tuple[str, ...]
+    whole: Model
     program: Program
 
     def start(self, drive: float = 0.0) -> State:
@@ -130,10 +136,24 @@ class _Streaming(Shown):
 
         return write_c(self, Path(folder), name, real)
 
-    @property
-    def sections(self) -> str:
-        """The laws it is made of, in words."""
-        raise NotImplementedError
+    def to_dict(self) -> dict[str, Any]:
+        """What the stream is, as plain data.
+
+        Returns:
+            The content by key, with the units in the keys or under "units".
+        """
+        return {
+            "schema": SCHEMA,
+            "model": self.model,
+            "units": {"drive": self.units[0], "response": self.units[1]},
+            "step_s": self.step,
+            "band_Hz": list(self.band),
+            "relative_error": self.error,
+            "limits": list(self.limits),
+            "slew_per_s": self.slew,
+            "offset": self.offset,
+            "left_out": list(self.left_out),
+        }
 
     def _view(self) -> View:
         drive, _ = self.units
@@ -178,6 +198,18 @@ class StreamingInverse(_Streaming):
             sign = 1.0 if rests[-1] > rests[0] else -1.0
             drive = jnp.interp(sign * response, sign * rests, drives)
         return self.start(float(drive))
+
+    def promise(self) -> list[Promised]:
+        """The errors to expect of the inverse along sines, by frequency and height.
+
+        They are simulated by the whole model off the loop, and count what the stream approximates
+        and where its limits bind.  What the model itself lacks comes on top.
+
+        Returns:
+            A row for each sine, with its frequency [Hz], height [response] and error.
+        """
+        ends = [float(self.start(drive)["desired"]) for drive in self.limits]
+        return promised(self, self.whole, (ends[0], ends[1]))
 
     def run(
         self,
@@ -241,9 +273,7 @@ class StreamingModel(_Streaming):
 class _Given(NamedTuple):
     """What a stream is made of."""
 
-    name: str
     block: AbstractBlock
-    left_out: tuple[str, ...]
     sampling: Sampling
     shared: dict[str, Any]
     limits: Limits
@@ -281,9 +311,7 @@ def _given(
         )
     if slew is not None and not 0 < slew < np.inf:
         raise InputError.at(f"{where}, slew", "a rate above 0", f"{slew}", "correct it")
-    if band is None:
-        top = _TOP / step
-        band = (_PERIODS / duration if duration else _SHORTEST * top), top
+    band = usual_band(step, duration) if band is None else band
     bottom, top = map(float, band)
     if not 0 < bottom < top < 0.5 / step:
         raise InputError.at(
@@ -307,11 +335,17 @@ def _given(
         "band": (bottom, top),
         "limits": (low, high),
         "slew": slew,
+        "offset": offset or 0.0,
         "left_out": left_out,
+        "whole": Model(block, model.name),
     }
-    return _Given(
-        model.name, block, left_out, sampling, shared, Limits(low, high, change), offset or 0.0
-    )
+    return _Given(block, sampling, shared, Limits(low, high, change), offset or 0.0)
+
+
+def usual_band(step: float, duration: float | None) -> tuple[float, float]:
+    """The band [Hz] for a loop's step [s], and a recording of a duration [s] if there is one."""
+    top = _TOP / step
+    return (min(_PERIODS / duration, _SHORTEST * top) if duration else _SHORTEST * top), top
 
 
 def streaming_inverse(

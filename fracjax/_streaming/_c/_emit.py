@@ -87,7 +87,9 @@ def flattened(program: ClosedJaxpr) -> tuple[list[Operation], list[Any], list[An
             reads = tuple(place(v) for v in equation.invars)
             if name in _CALLS:
                 inner = parameters.get("jaxpr") or parameters["call_jaxpr"]
-                body, consts = (inner.jaxpr, inner.consts) if hasattr(inner, "jaxpr") else (inner, ())
+                body, consts = (
+                    (inner.jaxpr, inner.consts) if hasattr(inner, "jaxpr") else (inner, ())
+                )
                 yield from enter(body, [Fixed(c) for c in consts], reads)
                 for made, result in zip(equation.outvars, body.outvars, strict=True):
                     places[made] = place(result)

@@ -13,7 +13,6 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._recording import InputError
-from ..._show import figure
 from .._program import FLAGS, HELD, LEVEL, RESTARTED, SLEW
 from ._emit import Names, body_of, flattened, number, size_of
 
@@ -114,7 +113,9 @@ class Code:
         self.names = Names()
         self.start = self._function(start, ["drive"], [])
         self.names.operations = 0
-        self.step = self._function(moved, ["R_EPSILON", *program.inputs], ["drive", "predicted", "flags"])
+        self.step = self._function(
+            moved, ["R_EPSILON", *program.inputs], ["drive", "predicted", "flags"]
+        )
         self.operations = self.names.operations
 
     def _function(self, program: Any, inputs: list[str], outputs: list[str]) -> str:
@@ -126,8 +127,10 @@ class Code:
         lines = body_of(operations, results, self.names)
         # What is set is written after everything was read.
         for text, value in zip(outputs, results, strict=False):
-            lines.append(f"    const {'int' if text == 'flags' else 'real'} out_{text} = "
-                         f"{self._read(value)};")
+            lines.append(
+                f"    const {'int' if text == 'flags' else 'real'} out_{text} = "
+                f"{self._read(value)};"
+            )
         for (field, shape), value in zip(self.fields, results[len(outputs) :], strict=True):
             if self.names.of.get(value) == f"s->{field}":
                 continue

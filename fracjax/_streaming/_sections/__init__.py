@@ -4,8 +4,8 @@ A new law is one file and one line here.
 """
 
 from . import bouc_wen, curves, delay, drifts, linear, plays, rate_term  # noqa: F401
-from ._section import Section as Section
 from ._section import Sampling as Sampling
+from ._section import Section as Section
 from ._section import State as State
 from ._section import section_of as section_of
 from ._section import weighed as weighed

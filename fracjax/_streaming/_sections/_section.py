@@ -26,8 +26,16 @@ Response = Callable[[Array], tuple[Array, State]]
 
 
 class Sampling(NamedTuple):
-    """The step [s] of the loop; the wider band on which powers of s are approximated; the band's own
-    lowest and highest angular frequency [rad/s]; and the range of the drive [drive]."""
+    """How a loop samples.
+
+    Attributes:
+        step: Its step [s].
+        band: The wider band, on which powers of s are approximated.
+        bottom: The band's own lowest angular frequency [rad/s].
+        top: Its highest angular frequency [rad/s].
+        low: The lowest drive [drive].
+        high: The highest drive [drive].
+    """
 
     step: float
     band: Band

@@ -122,8 +122,8 @@ class Linear(Section):
         if "re" in state:
             e, b, n = doubles
             re, im = state["re"], state["im"]
-            moved["re"] = e.real * re - e.imag * im + b.real * last, n.real
-            moved["im"] = e.imag * re + e.real * im + b.imag * last, n.imag
+            moved["re"] = np.real(e) * re - np.imag(e) * im + np.real(b) * last, np.real(n)
+            moved["im"] = np.imag(e) * re + np.real(e) * im + np.imag(b) * last, np.imag(n)
             held = held + 2 * jnp.sum(moved["re"][0])
 
         def respond(drive: Array) -> tuple[Array, State]:

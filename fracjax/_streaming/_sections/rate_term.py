@@ -13,8 +13,8 @@ import numpy as np
 from jax import Array
 
 from ..._blocks import FOH, FOHRateTerm, SingleOperator
-from .linear import Linear
 from ._section import Response, Sampling, Section, State, Sum, section_of
+from .linear import Linear
 
 _OUTWEIGHED = 2.0
 """The gain of the linear terms outweighs that of the rate by this factor; chosen by judgement."""

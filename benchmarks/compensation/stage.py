@@ -86,9 +86,14 @@ class Stage:
         self.move, self.push = _mechanism(_FINE)
         self.state = np.zeros(self.push.size)
 
+    @property
+    def reading(self) -> float:
+        """What a sensor without noise reads [um]."""
+        return float(self.state[-2])
+
     def __call__(self, drive: float) -> float:
-        """What a sensor without noise reads [um], before the drive [V] that it is sent."""
-        reading = self.state[-2]
+        """The reading [um], and then a step of the loop under a drive [V]."""
+        reading = self.reading
         for _ in range(self.finer):
             self.lagged = drive + (self.lagged - drive) * self.forget
             x = self.law(self.lagged) / 100

@@ -18,7 +18,7 @@ from ._stages import Filtered, Solved, Stage
 _SWINGS, _SAMPLES = (1.0, 0.8, 0.6, 0.4, 0.25, 0.12), 200
 """The drive of the test for an inverse: swings of these shares of the range, and the samples
 between two turns; chosen by judgement."""
-_WIDER = 1.0
+WIDER = 1.0
 """Within the chain, a stage's drive may leave the range of the test by so many spans."""
 
 
@@ -83,7 +83,7 @@ def chain_of(block: AbstractBlock, sampling: Sampling) -> Chain:
             span = ranges[-1][1] - ranges[-1][0]
             stages.append(Solved(section, bool(total[0] > 0), span))
             steady.append(float(np.min(np.abs(total) / (np.abs(slopes) @ np.abs(section.gains)))))
-        middle, half = (drive.max() + drive.min()) / 2, (0.5 + _WIDER) * np.ptp(drive)
+        middle, half = (drive.max() + drive.min()) / 2, (0.5 + WIDER) * np.ptp(drive)
         ranges.append((middle - half, middle + half))
     return Chain(tuple(stages), np.array(ranges), tuple(steady))
 

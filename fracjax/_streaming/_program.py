@@ -35,7 +35,7 @@ class Output(NamedTuple):
 
 
 class Limits(NamedTuple):
-    """Lowest and highest drive, and its largest change per sample, at most their distance [drive]."""
+    """Lowest and highest drive, and its largest change per sample [drive], at most all the way."""
 
     low: float
     high: float
@@ -84,7 +84,7 @@ class InverseProgram:
             "stage": states,
         }
         if self.learning is not None:
-            state["learning"] = self.learning.start(states)
+            state["learning"] = self.learning.start()
         return state
 
     def step(
@@ -125,8 +125,8 @@ class InverseProgram:
             assert measured is not None
             assert features is not None
             usable = jnp.isfinite(measured)
-            reading = jnp.where(usable, measured, predicted) - self.offset
-            learnt = learning.follow(state["learning"], features, reading, eps)
+            missed = jnp.where(usable, measured - predicted, 0.0)
+            learnt = learning.follow(state["learning"], features, missed)
             after["learning"] = _selected(usable, learnt, state["learning"])
             flags = flags + jnp.where(usable | (held > 0), 0, HELD)
         flags = flags + held * HELD + jnp.where((drive <= low) | (drive >= high), LEVEL, 0)

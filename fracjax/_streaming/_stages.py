@@ -34,6 +34,7 @@ class Stage(abc.ABC):
     """The inverse of one part of the model: from its response back to its drive."""
 
     gains: np.ndarray
+    sign: float
 
     @abc.abstractmethod
     def start(self, drive: Array) -> tuple[Array, State]:
@@ -105,6 +106,7 @@ class Filtered(Stage):
 
     def __init__(self, inverse: Linear):
         self.inverse, self.gains = inverse, np.ones(1)
+        self.sign = -1.0 if inverse.static < 0 else 1.0
 
     def start(self, drive: Array) -> tuple[Array, State]:
         static = self.inverse.static

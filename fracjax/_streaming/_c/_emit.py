@@ -87,10 +87,8 @@ def flattened(program: ClosedJaxpr) -> tuple[list[Operation], list[Any], list[An
             reads = tuple(place(v) for v in equation.invars)
             if name in _CALLS:
                 inner = parameters.get("jaxpr") or parameters["call_jaxpr"]
-                body, consts = (
-                    (inner.jaxpr, inner.consts) if hasattr(inner, "jaxpr") else (inner, ())
-                )
-                yield from enter(body, [Fixed(c) for c in consts], reads)
+                body = inner.jaxpr
+                yield from enter(body, [Fixed(c) for c in inner.consts], reads)
                 for made, result in zip(equation.outvars, body.outvars, strict=True):
                     places[made] = place(result)
                 # A function that is called twice is one program: its values are made anew.
@@ -239,7 +237,7 @@ def _at(value: Any, index: str, inside: dict[int, str], names: Names) -> str:
 def _expression(operation: Operation, inside: dict[int, str], names: Names) -> str:
     """The number that an operation makes at index i."""
     name, reads, made = operation.name, operation.reads, operation.makes[0]
-    here = [_at(read, "i", inside, names) for read in reads]
+    here = [_at(read, _aligned(read, made), inside, names) for read in reads]
     match name:
         case "integer_pow":
             power = operation.parameters["y"]
@@ -254,12 +252,21 @@ def _expression(operation: Operation, inside: dict[int, str], names: Names) -> s
             return _at(reads[0], place, inside, names)
         case "slice":
             start = operation.parameters["start_indices"][0]
-            return _at(reads[0], f"i + {start}" if start else "i", {}, names)
+            place = str(start) if size_of(made) == 1 else f"i + {start}"
+            return _at(reads[0], place, {}, names)
         case "concatenate":
             return _joined(reads, names)
         case _ if name in _INFIX:
             return f"{_argument(here[0])} {_INFIX[name]} {_argument(here[1])}"
     return _FUNCTIONS[name].format(*map(_argument, here))
+
+
+def _aligned(read: Any, made: Any) -> str:
+    """The index in a value that is read, where a side of length 1 is repeated."""
+    size = size_of(read)
+    if size in (1, size_of(made)) or len(read.aval.shape) != len(made.aval.shape):
+        return "i"
+    return _place(read, made, range(len(made.aval.shape)))
 
 
 def _argument(text: str) -> str:

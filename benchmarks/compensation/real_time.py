@@ -7,13 +7,13 @@ creep, mode and sensor.  A model is fitted to one record of it; `--identify` fit
 fits kept in fits/ are used.  The loop runs at 2 kHz.
 
 real_time.csv: rms and largest error of the sensor's reading in shares of the motion's stroke, its
-first quarter left out.  `offline` is `compensate` with the whole motion known; `linear part` an
-inverse of gain, creep, lag and mode without hysteresis; `plays` of hysteresis without them;
-`integral` feedback alone, as fast as the mode allows with a gain margin of 6 dB; `real time +
-integral` both.
+first quarter left out.  (Beside `compensate`, with the whole motion known, the real-time inverse
+stands in results.csv, see `run.py`.)  `real time` is the whole inverse; `linear part` an inverse of
+gain, creep, lag and mode without hysteresis; `plays` of hysteresis without them; `integral`
+feedback alone, as fast as the mode allows with a gain margin of 6 dB; `real time + integral` both.
 
 adaptive.csv: a stage whose gain falls by 8 % and whose zero moves, as when it warms under load: the
-inverse as it was fitted beside the one whose gains follow.
+inverse as it was fitted, the same with feedback of the integral, and the one whose gains follow.
 """
 
 from __future__ import annotations
@@ -179,6 +179,12 @@ def stream(model: fj.Model, offset: float, **options) -> fj.StreamingInverse:
     return fj.streaming_inverse(model, STEP, BAND, limits=(LOW, HIGH), offset=offset, **options)
 
 
+def with_integral(loop: Loop) -> Callable[[float, float], float]:
+    """An inverse whose motion is corrected by the integral of the error."""
+    integral = Integral(1.0)
+    return lambda aim, read: loop(aim + integral(aim - read))
+
+
 def controllers(
     model: fj.Model, recording: fj.Recording, offset: float, folder: Path
 ) -> dict[str, Callable[[], Callable[[float, float], float]]]:
@@ -194,14 +200,10 @@ def controllers(
         integral = Integral(HIGH)
         return lambda aim, read: float(np.clip(integral((aim - read) / slope), LOW, HIGH))
 
-    def both() -> Callable[[float, float], float]:
-        loop, integral = Loop(libraries["real time"]), Integral(1.0)
-        return lambda aim, read: loop(aim + integral(aim - read))
-
     return {
         **{name: lambda path=path: Loop(path).ahead for name, path in libraries.items()},
         "integral": feedback,
-        "real time + integral": both,
+        "real time + integral": lambda: with_integral(Loop(libraries["real time"])),
     }
 
 
@@ -225,14 +227,9 @@ def tracked(name: str, fit: Path, recording: fj.Recording, folder: Path) -> list
         shape = low + (high - low) * shape
         approach = shape[0] * (1 - np.cos(np.pi * times(0.5) / 0.5)) / 2
         desired = np.concatenate([approach, shape])
-        wanted = fj.Trajectory(desired, STEP, source=motion)
-        offline = fj.compensate(
-            model, wanted, limits=(LOW, HIGH), history="rest", offset=offset
-        ).drive
-        rows.append(row(name, motion, "offline", desired, measure(offline, 2, 0.0, law, STEP)))
         for drive, make in begin.items():
             rows.append(row(name, motion, drive, desired, driven(make(), desired, law)))
-        for line in rows[-1 - len(begin) :]:
+        for line in rows[-len(begin) :]:
             print("  ".join(f"{value:>22}" for value in line.values()), flush=True)
     return rows
 
@@ -253,15 +250,13 @@ def warmed(fit: Path, recording: fj.Recording, folder: Path) -> list[dict]:
     def change(t: float) -> tuple[float, float]:
         return 1 - 0.08 * t / seconds, -0.3 * t / seconds
 
-    for name, adaptive in (("fixed", None), ("adaptive", adaptation)):
+    for name, adaptive in (("fixed", None), ("fixed + integral", None), ("adaptive", adaptation)):
         inverse = stream(model, offset, adaptive=adaptive)
-        loop = Loop(compiled(inverse, folder / name))
-        read = driven(
-            loop if adaptive else loop.ahead,
-            desired,
-            Stops,
-            change,
-        )
+        loop = Loop(compiled(inverse, folder / name.replace(" ", "_")))
+        control = loop if adaptive else loop.ahead
+        if "integral" in name:
+            control = with_integral(loop)
+        read = driven(control, desired, Stops, change)
         error = 100 * (read - desired) / np.ptp(desired)
         for part, where in enumerate(np.array_split(error[1000:], 4)):
             values = name, f"{10 * part}..{10 * part + 10}", f"{np.sqrt(np.mean(where**2)):.3g}"

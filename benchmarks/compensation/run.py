@@ -12,7 +12,8 @@ or more.
 results.csv: error of the sensor's reading in shares of the motion's stroke, over the whole run and
 over its steady part, which is the last of three repeats.  `zeroed`: the steady part's mean taken
 out, as an operator would who sets the zero.  `line` is no compensation: drive in proportion to the
-motion wanted.  Bounds: `no error` reads what the sensor's noise alone would leave, `best sinusoid`
+motion wanted; `real time` is the same model's streaming inverse, to which the motion is not known
+ahead.  Bounds: `no error` reads what the sensor's noise alone would leave, `best sinusoid`
 what is left of the sine by the best that any linear law could drive, whose answer to a sine is a
 sine, and `learned` by a drive that the stage itself has corrected in turns.
 
@@ -52,6 +53,7 @@ MODELS = (
     "second_record_max_percent",
 )  # fmt: skip
 LIMITS = (-20.0, 120.0)  # V, as such stacks bear
+BAND = (0.01, 5.0)  # Hz, of the inverse in real time
 _INSET, _TURNS, _SMOOTHED, _DIAGNOSES = 0.12, 8, 1.5, 3
 
 
@@ -180,6 +182,9 @@ def tracked(models: list[Identified], recording: fj.Recording) -> list[dict]:
             found = fj.compensate(one.model, wanted, **options)
             rows.append(row(name, one.name, desired, measure(found.drive, seed=2), found))
             line = found.drive
+        inverse = fj.streaming_inverse(one.model, STEP, BAND, limits=LIMITS, offset=one.offset)
+        streamed = inverse.run(desired, inverse.start(0.0)).output
+        rows.append(row(name, f"{one.name}, real time", desired, measure(streamed, seed=2)))
         if name.startswith("sine"):
             rows.append(row(name, "bound: best sinusoid", desired, best_sinusoid(desired, line)))
         rows.append(row(name, "bound: learned", desired, learned(desired, line, slope)))

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from .._streaming import StreamingInverse
 
 stream_options = options(
-    click.option("--target", type=click.Choice(["c", "fmu"]), help="Write the inverse for a loop."),
+    click.option("--target", type=click.Choice(["c"]), help="Write the inverse for a loop."),
     click.option("--step", metavar='"50 us"', help="Time step of the loop, with --target."),
     click.option(
         "--real",
@@ -65,8 +65,7 @@ def write_stream(fitted: str, out: Path, wanted: Wanted, results: Results) -> in
         progress("inverting the model sample by sample")
         inverse = _inverse(fitted, wanted)
         progress("writing and checking the code")
-        write = inverse.write_fmu if wanted.target == "fmu" else inverse.write_c
-        results.saved.extend(write(out, real=wanted.real))
+        results.saved.extend(inverse.write_c(out, real=wanted.real))
         progress("simulating the promise")
         promise = inverse.promise()
     results.show(
@@ -103,7 +102,7 @@ def _inverse(fitted: str, wanted: Wanted) -> StreamingInverse:
         step,
         usual_band(step, duration),
         limits=limits,
-        slew=wanted.slew and parse_quantity(wanted.slew, f"{drive}/s", "--slew"),
+        slew=parse_quantity(wanted.slew, f"{drive}/s", "--slew") if wanted.slew else None,
         offset=offset
         if wanted.offset is None
         else parse_quantity(wanted.offset, response, "--offset"),

@@ -62,7 +62,7 @@ class Learning:
                     "correct it",
                 )
         sizes = [
-            np.count_nonzero(each) if share else 0
+            int(np.count_nonzero(each)) if share else 0
             for each, share in zip((s.gains for s in chain.stages), chain.steady, strict=True)
         ]
         self.at = int(np.argmax(sizes))

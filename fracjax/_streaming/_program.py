@@ -161,7 +161,6 @@ def _revived(program: Program, state: State) -> tuple[State, Array]:
     sound = (state["started"] == 1) & jnp.isfinite(total)
 
     def anew(state: State) -> State:
-        drive = jnp.where(jnp.isfinite(state["drive"]), state["drive"], 0.0)
-        return program.start(drive)
+        return program.start(_finite_or(state["drive"], jnp.zeros(()))[0])
 
     return jax.lax.cond(sound, lambda s: s, anew, state), jnp.where(sound, 0, RESTARTED)

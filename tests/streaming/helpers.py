@@ -40,7 +40,8 @@ NONLINEAR = {
     "gain drift": GAIN >> blocks.GainDrift(0.05, 0.0, 1.0, 1.5, speed=100.0, size=4.0),
     "foh + plays": blocks.FOH(0.05, 0.02, 0.0, 0.1, -0.1)
     + blocks.MinorLoopMemory(np.full(12, 0.004), span=100.0),
-    "falling": blocks.QuasiStaticForce(-0.05) + blocks.MinorLoopMemory(np.full(6, -0.005), span=100.0),
+    "falling": blocks.QuasiStaticForce(-0.05)
+    + blocks.MinorLoopMemory(np.full(6, -0.005), span=100.0),
 }
 LINEAR = {
     "lfdh": blocks.LFDH(),

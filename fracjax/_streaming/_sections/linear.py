@@ -33,6 +33,8 @@ _SERIES_BELOW = 1e-2
 _SOUND = 1e-6
 """Partial fractions must agree with the state space to this relative error; else poles are too
 close to each other to be separated.  Chosen by judgement."""
+_TRACE = 1e-30
+"""A smaller coefficient is 0, as that of a pole which is far faster than the step."""
 _FREQUENCIES = 200
 """Frequencies in the band at which the stated error is evaluated; chosen by judgement."""
 
@@ -154,7 +156,15 @@ def discretised(poles: np.ndarray, residues: np.ndarray, step: float) -> Modes:
     now, before = (
         np.where(near, n, f) * residues * step for n, f in zip(series, closed, strict=True)
     )
-    return Modes(decay, before, now)
+    return Modes(*(_without_traces(each) for each in (decay, before, now)))
+
+
+def _without_traces(values: np.ndarray) -> np.ndarray:
+    """Values (n,), with 0 for those that single precision cannot hold."""
+    real, imaginary = (
+        np.where(np.abs(x) < _TRACE, 0.0, x) for x in (np.real(values), np.imag(values))
+    )
+    return real + 1j * imaginary
 
 
 def static_gain(block: AbstractLinearBlock) -> float:

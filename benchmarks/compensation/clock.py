@@ -131,7 +131,7 @@ void reset(void)
         stage_step(&s, motion[n], &u, &y);
         sink = u;
     }
-    unsigned ticks = began - REGISTER(0xE000E018);
+    unsigned ticks = (began - REGISTER(0xE000E018)) & 0xFFFFFF;
     text[11] = 0;
     for (int k = 10; k >= 0; --k, ticks /= 10) text[k] = (char)('0' + ticks % 10);
     semihost(4, text);

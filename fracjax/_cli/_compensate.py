@@ -6,6 +6,7 @@ import json
 import math
 from contextlib import suppress
 from pathlib import Path
+from statistics import fmean, stdev
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -29,10 +30,10 @@ from ._options import (
 from ._progress import stages
 from ._results import Results, Summary
 from ._statuses import NOT_CONVERGED, fail
-from ._stream import Wanted, drive_range, stream_options, write_stream
+from ._stream import Wanted, allowed_range, stream_options, write_stream
 
 if TYPE_CHECKING:
-    from .._compensate import Trajectory
+    from .._compensate import ModelError, Trajectory
     from .._models import Model
     from .._operators import History
 
@@ -41,7 +42,11 @@ if TYPE_CHECKING:
 @click.argument("trajectory", required=False)
 @click.option("--fit", "fitted", required=True, metavar="FILE", help="A fit.json.")
 @folder_option
-@click.option("--limits", metavar='"0..100 V"', help="Lowest and highest drive.")
+@click.option(
+    "--limits",
+    metavar='"0..100 V"',
+    help='Lowest and highest drive, or "none"; by default the range of the fitted recording.',
+)
 @click.option("--slew", metavar='"50 V/ms"', help="Fastest change of the drive.")
 @click.option(
     "--regularisation", metavar='"2 ms"', help="Damp detail of the drive shorter than this time."
@@ -104,16 +109,18 @@ def compensate_command(
         compensation_warnings,
     )
 
-    desired, model, drive_unit, fitted_offset, model_error = _inputs(trajectory, fitted, columns)
-    unit = desired.response_unit
+    desired, model, content = _inputs(trajectory, fitted, columns)
+    drive_unit, unit = content["units"]["drive"], desired.response_unit
     requested: dict[str, Any] = {
-        "limits": limits and drive_range(limits, drive_unit),
+        "limits": allowed_range(limits, content),
         "slew": slew and parse_quantity(slew, f"{drive_unit}/s", "--slew"),
         "regularisation": parse_quantity(regularisation or 0.0, "s", "--regularisation"),
-        "offset": fitted_offset if offset is None else parse_quantity(offset, unit, "--offset"),
+        "offset": content["offsets"][0]
+        if offset is None
+        else parse_quantity(offset, unit, "--offset"),
         "history": history,
         "drive_unit": drive_unit,
-        "model_error": model_error,
+        "model_error": _model_error(Path(fitted).parent, model.name, content),
         **(_draws(posterior) if posterior else {}),
     }
     suffix = Path(trajectory).suffix.lower()
@@ -144,33 +151,35 @@ def compensate_command(
 
 def _inputs(
     path: str, fitted: str, columns: dict[str, Any]
-) -> tuple[Trajectory, Model, str, float, tuple[float, str]]:
-    """The trajectory in a fit's response unit, and its model, drive unit, offset and error."""
+) -> tuple[Trajectory, Model, dict[str, Any]]:
+    """The trajectory in a fit's response unit, the fit's model, and its file's content."""
     from .._compensate import Trajectory
     from .._io import read_response
 
     model, content = model_of_fit(fitted)
     samples, step, file_unit = read_response(path, **columns)
     unit = content["units"]["response"]
-    trajectory = Trajectory(samples, step, file_unit, path).in_unit(unit)
-    error = _error_on_held_out_data(Path(fitted).parent, model.name)
-    if error is None:
-        error = content["scores"]["rmse"], "the data it was fitted to"
-    return trajectory, model, content["units"]["drive"], content["offsets"][0], error
+    return Trajectory(samples, step, file_unit, path).in_unit(unit), model, content
 
 
-def _error_on_held_out_data(folder: Path, model: str) -> tuple[float, str] | None:
-    """The model's rms error on held-out data, where the fit's folder holds its scores."""
-    on = "held-out data"
+def _model_error(folder: Path, model: str, content: dict[str, Any]) -> ModelError:
+    """What the model left of held-out data where the fit's folder holds its scores, else of the
+    data that it was fitted to."""
+    from .._compensate import ModelError
+
+    on, noise = "held-out data", content["noise"]["sigma"]
     with suppress(OSError, ValueError, KeyError, TypeError):
         rows = json.loads((folder / "comparison.json").read_text(encoding="utf-8"))["rows"]
-        return next((row["unseen"]["rmse"], on) for row in rows if row["model"] == model)
+        return next(
+            ModelError(row["unseen"]["rmse"], on, noise) for row in rows if row["model"] == model
+        )
     with suppress(OSError, ValueError, KeyError, TypeError):
         diagnosis = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
         which = "base_folds" if diagnosis["model"] == model else "extended_folds"
         squares = [error**2 for error in diagnosis["held_out"][which]]
-        return math.sqrt(sum(squares) / len(squares)), on
-    return None
+        spread = stdev(squares) / math.sqrt(len(squares)) if len(squares) > 1 else None
+        return ModelError(math.sqrt(fmean(squares)), on, noise, spread)
+    return ModelError(content["scores"]["rmse"], "the data it was fitted to", noise)
 
 
 def _other_call(expected: str, found: str) -> Exception:

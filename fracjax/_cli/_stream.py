@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import re
 from pathlib import Path
-from typing import TYPE_CHECKING, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import click
 
@@ -90,8 +90,7 @@ def _inverse(fitted: str, wanted: Wanted) -> StreamingInverse:
     setting, units = content["setting"], (content["units"]["drive"], content["units"]["response"])
     drive, response = units
     step = parse_quantity(wanted.step or "", "s", "--step")
-    recorded = setting["drive_low"], setting["drive_high"]
-    limits = drive_range(wanted.limits, drive) if wanted.limits else recorded
+    limits = allowed_range(wanted.limits, content)
     adaptive = None
     if wanted.adaptive is not None:
         memory = parse_quantity(wanted.adaptive, "s", "--adaptive")
@@ -111,7 +110,15 @@ def _inverse(fitted: str, wanted: Wanted) -> StreamingInverse:
     )
 
 
-def drive_range(text: str, unit: str, where: str = "--limits") -> tuple[float, float]:
+def allowed_range(text: str | None, content: dict[str, Any]) -> tuple[float, float] | None:
+    """The limits of the drive that a call states, by default the range of the fitted recording in a
+    fit.json's content; None for the word "none"."""
+    if text is None:
+        return content["setting"]["drive_low"], content["setting"]["drive_high"]
+    return None if text == "none" else _drive_range(text, content["units"]["drive"])
+
+
+def _drive_range(text: str, unit: str, where: str = "--limits") -> tuple[float, float]:
     """The two values of a range such as "0..100 V", in a unit; the first may lack its unit."""
     from .._recording import InputError, parse_quantity
 

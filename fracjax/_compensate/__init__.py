@@ -4,6 +4,7 @@ from ._compensate import compensate as compensate
 from ._inverse import without_disturbances as without_disturbances
 from ._result import SCHEMA as SCHEMA
 from ._result import Compensation as Compensation
+from ._result import ModelError as ModelError
 from ._result import Stretch as Stretch
 from ._result import load_compensation as load_compensation
 from ._trajectory import Trajectory as Trajectory

@@ -71,14 +71,14 @@ def chain_of(block: AbstractBlock, sampling: Sampling) -> Chain:
             section = section_of(part, sampling)
             drive, slopes = _swept(section, drive)
             total = slopes @ section.gains
-            if not (np.all(total > 0) or np.all(total < 0)):
+            slow = _rest_slope(section, ranges[-1])
+            if not (np.all(total > 0) or np.all(total < 0)) or total[0] * slow < 0:
                 raise InputError.at(
                     "streaming inverse",
-                    "a model whose response always moves the same way as its drive",
+                    "a model whose response moves the same way as its drive, fast and slowly",
                     f"{type(part).__name__} with slopes from {total.min():.3g} to "
-                    f"{total.max():.3g} (response per drive)",
-                    "fit again with weights that are not negative, or use compensate for a motion "
-                    "that is known ahead",
+                    f"{total.max():.3g}, and {slow:.3g} at rest (response per drive)",
+                    "fit another model, or use compensate for a motion that is known ahead",
                 )
             span = ranges[-1][1] - ranges[-1][0]
             stages.append(Solved(section, bool(total[0] > 0), span))
@@ -106,6 +106,15 @@ def _swing(share: float) -> np.ndarray:
         np.arange(4 * _SAMPLES), _SAMPLES * np.array([0, 1, 3, 4]), [0.5, down, up, 0.5]
     )
     return levels[1:]
+
+
+def _rest_slope(section: Section, ends: tuple[float, float]) -> float:
+    """The slope of the response at rest between two drives; a law that responds faster the other
+    way has an inverse that grows without bound."""
+    with jax.enable_x64(True):
+        drives = [jnp.asarray(end) for end in ends]
+        rests = [section.response(section.start(drive))(drive)[0] for drive in drives]
+    return float((rests[1] - rests[0]) / (ends[1] - ends[0]))
 
 
 def _swept(section: Section, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -1,4 +1,4 @@
-"""The two functions of a stream, start and step, as JAX programs of numbers and arrays.
+"""The functions of a stream, start, step and sound, as JAX programs of numbers and arrays.
 
 The step survives what a loop meets: a sample that is no number is replaced by the last one that
 was; a drive stays within its limits whatever is asked; a state that is no number, or that was never
@@ -57,11 +57,10 @@ class ModelProgram:
 
     def step(self, eps: Array, state: State, drive: Array) -> tuple[Output, State]:
         """The response to one sample of the drive."""
-        state, flags = _revived(self, state)
         applied, held = _finite_or(drive, state["drive"])
         inside = _clipped(applied, self.limits.low, self.limits.high)
         response, law = self.section.response(state["law"])(inside)
-        flags = flags + held * HELD + jnp.where(inside != applied, LEVEL, 0)
+        flags = held * HELD + jnp.where(inside != applied, LEVEL, 0)
         after = {"started": state["started"], "drive": inside, "law": law}
         return Output(response + self.offset, response + self.offset, flags), after
 
@@ -91,7 +90,6 @@ class InverseProgram:
         self, eps: Array, state: State, desired: Array, measured: Array | None = None
     ) -> tuple[Output, State]:
         """The drive for one sample of the desired response."""
-        state, flags = _revived(self, state)
         aim, held = _finite_or(desired, state["desired"])
         low, high, change = self.limits
         last = state["drive"]
@@ -128,8 +126,8 @@ class InverseProgram:
             missed = jnp.where(usable, measured - predicted, 0.0)
             learnt = learning.follow(state["learning"], features, missed)
             after["learning"] = _selected(usable, learnt, state["learning"])
-            flags = flags + jnp.where(usable | (held > 0), 0, HELD)
-        flags = flags + held * HELD + jnp.where((drive <= low) | (drive >= high), LEVEL, 0)
+            held = jnp.where(usable, held, 1)
+        flags = held * HELD + jnp.where((drive <= low) | (drive >= high), LEVEL, 0)
         if change < high - low:
             fast = jnp.abs(drive - last) >= change - 4 * eps * (high - low)
             flags = flags + jnp.where(fast, SLEW, 0)
@@ -154,13 +152,20 @@ def _selected(condition: Array, one: State, other: State) -> State:
     return jax.tree.map(lambda a, b: jnp.where(condition, a, b), one, other)
 
 
-def _revived(program: Program, state: State) -> tuple[State, Array]:
-    """A state as it is if it was started and all of it are numbers, else one at rest where the
-    drive was; and the flag."""
+def sound(state: State) -> Array:
+    """Whether a state was started and all of it are numbers."""
     total = sum(jnp.sum(leaf) for leaf in jax.tree.leaves(state))
-    sound = (state["started"] == 1) & jnp.isfinite(total)
+    return (state["started"] == 1) & jnp.isfinite(total)
+
+
+def revived_step(
+    program: Program, eps: Array, state: State, inputs: tuple[Array, ...]
+) -> tuple[Output, State]:
+    """A step from a state as it is if it is sound, else from rest where the drive was."""
 
     def anew(state: State) -> State:
         return program.start(_finite_or(state["drive"], jnp.zeros(()))[0])
 
-    return jax.lax.cond(sound, lambda s: s, anew, state), jnp.where(sound, 0, RESTARTED)
+    whole = sound(state)
+    output, after = program.step(eps, jax.lax.cond(whole, lambda s: s, anew, state), *inputs)
+    return output._replace(flags=output.flags + jnp.where(whole, 0, RESTARTED)), after

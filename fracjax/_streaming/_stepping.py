@@ -20,7 +20,7 @@ from .._show import Shown, Table, View, figure, quantity
 from .._systems import Band
 from ._adaptive import Adaptation, Learning
 from ._chain import chain_of
-from ._program import InverseProgram, Limits, ModelProgram, Output, Program
+from ._program import InverseProgram, Limits, ModelProgram, Output, Program, revived_step
 from ._promise import Promised, promised
 from ._sections import Linear, Sampling, Section, State, section_of
 from ._stages import Filtered, Solved
@@ -102,7 +102,7 @@ class _Streaming(Shown):
         """The compiled recursion over samples (N, inputs)."""
 
         def step(state: State, sample: tuple) -> tuple[State, Output]:
-            output, state = self.program.step(jnp.asarray(EPS), state, *sample)
+            output, state = revived_step(self.program, jnp.asarray(EPS), state, sample)
             return state, output
 
         return jax.jit(lambda state, samples: jax.lax.scan(step, state, samples))

@@ -312,8 +312,6 @@ def _alone(operation: Operation, names: Names) -> list[str]:
             return _product(operation, names)
         case "while":
             return _while(operation, names)
-        case "cond":
-            return _cond(operation, names)
     raise NotImplementedError(operation.name)  # pragma: no cover - a section uses a new operation
 
 
@@ -373,36 +371,6 @@ def _while(operation: Operation, names: Names) -> list[str]:
     ]
     lines += [f"        const {kind} next_{name} = {text};" for name, text, kind in pairs]
     lines += [f"        {name} = next_{name};" for name, _, _ in pairs]
-    return [*lines, "    }"]
-
-
-def _cond(operation: Operation, names: Names) -> list[str]:
-    """One of two programs, whose results are set in either."""
-    which, *actual = operation.reads
-    lines = []
-    for made in operation.makes:
-        size = size_of(made)
-        lines.append(f"    {_type(made)} {names.new(made)}{f'[{size}]' if size > 1 else ''};")
-    # The program at index 0 is that of a false condition.
-    before = names.operations
-    for head, branch in zip(
-        (f"if ({_at(which, '0', {}, names)}) {{", "} else {"),
-        reversed(operation.parameters["branches"]),
-        strict=True,
-    ):
-        lines.append(f"    {head}")
-        work, inputs, results = flattened(branch)
-        work, results = _replaced(work, inputs, actual, results)
-        lines += body_of(work, results, names, 2)
-        for made, result in zip(operation.makes, results, strict=True):
-            size, text = size_of(made), _at(result, "i", {}, names)
-            name = names.of[made]
-            lines.append(
-                f"        {name} = {text};"
-                if size == 1
-                else f"        for (int i = 0; i < {size}; ++i) {name}[i] = {text};"
-            )
-    names.operations = before
     return [*lines, "    }"]
 
 

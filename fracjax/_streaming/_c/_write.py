@@ -13,7 +13,7 @@ import jax.numpy as jnp
 import numpy as np
 
 from ..._recording import InputError
-from .._program import FLAGS, HELD, LEVEL, RESTARTED, SLEW
+from .._program import FLAGS, HELD, LEVEL, RESTARTED, SLEW, sound
 from ._emit import Names, body_of, flattened, number, size_of
 
 if TYPE_CHECKING:
@@ -117,7 +117,9 @@ class Code:
 
             inputs = [one] * len(program.inputs)
             moved = jax.make_jaxpr(step)(one, inputs, [jnp.asarray(leaf) for leaf in leaves])
+            whole = jax.make_jaxpr(lambda values: sound(tree.unflatten(values)))(leaves)
         self.names = Names()
+        self.sound = self._function(whole, [], ["sound"], stored=False)
         self.start = self._function(start, ["drive"], [])
         self.names.operations = 0
         self.step = self._function(
@@ -125,7 +127,9 @@ class Code:
         )
         self.operations = self.names.operations
 
-    def _function(self, program: Any, inputs: list[str], outputs: list[str]) -> str:
+    def _function(
+        self, program: Any, inputs: list[str], outputs: list[str], stored: bool = True
+    ) -> str:
         """The body of a function of inputs and, where it reads it, the state."""
         operations, given, results = flattened(program)
         reads = [f"s->{field}" for field, _ in self.fields]
@@ -135,10 +139,12 @@ class Code:
         # What is set is written after everything was read.
         for text, value in zip(outputs, results, strict=False):
             lines.append(
-                f"    const {'int' if text == 'flags' else 'real'} out_{text} = "
+                f"    const {'int' if text in ('flags', 'sound') else 'real'} out_{text} = "
                 f"{self._read(value)};"
             )
-        for (field, shape), value in zip(self.fields, results[len(outputs) :], strict=True):
+        for (field, shape), value in zip(
+            self.fields if stored else [], results[len(outputs) :], strict=True
+        ):
             if self.names.of.get(value) == f"s->{field}":
                 continue
             if shape:
@@ -201,6 +207,7 @@ class Code:
             else "",
             "START": self.start,
             "BODY": self.step,
+            "SOUND": self.sound,
             "FLAGS": "\n".join(
                 f"#define {self.name.upper()}_{label} {flag} /* {FLAGS[flag]} */"
                 for label, flag in (

@@ -83,8 +83,9 @@ def in_real_time(
     stroke = np.ptp(aim[last])
     inside = np.mean(np.abs(error - error.mean()) < 1.96 * error.std())
     print(
-        f"  the displacement it would have given: within {percent(mine - aim[last], stroke)} rms of "
-        f"the desired one by the model, ± {100 * 1.96 * error.std() / stroke:.2f} % of the stroke, "
+        f"  the displacement it would have given: within {percent(mine - aim[last], stroke)} rms "
+        "of the desired one by the model, "
+        f"± {100 * 1.96 * error.std() / stroke:.2f} % of the stroke, "
         f"which holds {100 * inside:.0f} % of what the sensor read under the authors' drive"
     )
 

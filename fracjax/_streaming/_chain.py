@@ -114,7 +114,7 @@ def _rest_slope(section: Section, ends: tuple[float, float]) -> float:
     with jax.enable_x64(True):
         drives = [jnp.asarray(end) for end in ends]
         rests = [section.response(section.start(drive))(drive)[0] for drive in drives]
-    return float((rests[1] - rests[0]) / (ends[1] - ends[0]))
+    return (float(rests[1]) - float(rests[0])) / (ends[1] - ends[0])
 
 
 def _swept(section: Section, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

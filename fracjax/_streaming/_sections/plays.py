@@ -46,7 +46,9 @@ class Plays(Section):
 
         def respond(drive: Array) -> tuple[Array, State]:
             level = self.curve(drive)
-            play = jnp.minimum(jnp.maximum(before, level - self.radii), level + self.radii)
+            low, high = level - self.radii, level + self.radii
+            # By comparisons: the derivative of min and max takes three times the operations.
+            play = jnp.where(low > before, low, jnp.where(high < before, high, before))
             return play, {"play": play}
 
         return respond

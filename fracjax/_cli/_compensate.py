@@ -182,11 +182,11 @@ def _model_error(folder: Path, model: str, content: dict[str, Any]) -> ModelErro
     return ModelError(content["scores"]["rmse"], "the data it was fitted to", noise)
 
 
-def _other_call(expected: str, found: str) -> Exception:
+def _other_call(expected: str, actual: str) -> Exception:
     """The error for a call that asks for both, or for nothing."""
     from .._recording import InputError
 
-    return InputError.at("compensate", expected, found, "give one of them")
+    return InputError.at("compensate", expected, actual, "give one of them")
 
 
 def _draws(folder: str) -> dict[str, Any]:

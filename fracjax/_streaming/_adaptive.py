@@ -16,13 +16,14 @@ Source: Ljung, System Identification (1999), sections 11.2 and 11.7.
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from dataclasses import asdict, dataclass
 
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
 
 from .._recording import InputError
+from .._show import Shown
 from ._chain import WIDER, Chain
 from ._sections import State
 
@@ -32,7 +33,8 @@ _FARTHEST = 3.0
 """A gain stays within so many of its expected changes; chosen by judgement."""
 
 
-class Adaptation(NamedTuple):
+@dataclass(frozen=True, repr=False)
+class Adaptation(Shown):
     """How fast and how far the gains follow the stage.
 
     Attributes:
@@ -53,7 +55,7 @@ class Learning:
     """The recursive least squares of one stage's gains in a chain."""
 
     def __init__(self, chain: Chain, adaptation: Adaptation, step: float):
-        for name, value in adaptation._asdict().items():
+        for name, value in asdict(adaptation).items():
             if not 0 < value < np.inf:
                 raise InputError.at(
                     f"streaming inverse, adaptive {name}",

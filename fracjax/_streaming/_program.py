@@ -7,10 +7,12 @@ started, is started anew from the last drive.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from typing import Any, NamedTuple
 
 import jax
 import jax.numpy as jnp
+import numpy as np
 from jax import Array
 
 from ._adaptive import Learning
@@ -135,6 +137,30 @@ class InverseProgram:
 
 
 Program = ModelProgram | InverseProgram
+
+
+class Described(NamedTuple):
+    """A stream, as code is written from it.
+
+    Attributes:
+        program: Its functions.
+        model: Name of the model.
+        units: Units of drive and response.
+        step: The time step [s].
+        limits: Lowest and highest drive [drive].
+        about: Lines about it.
+        start: The state at rest at a drive [drive].
+        run: Outputs, predictions and flags (N,) for inputs, each (N,), from a state.
+    """
+
+    program: Program
+    model: str
+    units: tuple[str, str]
+    step: float
+    limits: tuple[float, float]
+    about: str
+    start: Callable[[float], State]
+    run: Callable[[tuple[np.ndarray, ...], State], tuple]
 
 
 def _clipped(drive: Array, low: float, high: float) -> Array:

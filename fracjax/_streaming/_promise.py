@@ -2,16 +2,14 @@
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING, NamedTuple
+from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 
+from .._models import Model
 from .._show import figure, quantity
 from .._simulate import simulate
-
-if TYPE_CHECKING:
-    from .._models import Model
-    from ._stepping import StreamingInverse
 
 _CYCLES = (1, 4, 12, 40, 120)
 """Cycles in half of the samples: from 2.5 % of the band's usual upper end to three times it."""
@@ -37,24 +35,30 @@ class Promised(NamedTuple):
     limited: float
 
 
-def promised(inverse: StreamingInverse, model: Model, ends: tuple[float, float]) -> list[Promised]:
+def promised(
+    drive: Callable[[np.ndarray], tuple[np.ndarray, np.ndarray]],
+    model: Model,
+    step: float,
+    offset: float,
+    ends: tuple[float, float],
+) -> list[Promised]:
     """The error along sines between two responses [response], by the model off the loop, with none
-    of the stream's approximations."""
+    of the stream's approximations.  `drive` gives drive (N,) and flags (N,) for a motion (N,)."""
     middle, stroke, rows = sum(ends) / 2, abs(ends[1] - ends[0]), []
     half = _SAMPLES // 2
     for cycles in _CYCLES:
         phase = 2 * np.pi * cycles * np.arange(_SAMPLES) / half
         for height in _HEIGHTS:
             desired = middle - height * stroke / 2 * np.cos(phase)
-            streamed = inverse.run(desired)
-            simulated = simulate(model, streamed.output, inverse.step, "constant").response
-            error = (simulated + inverse.offset - desired)[half:]
+            output, flags = drive(desired)
+            simulated = simulate(model, output, step, "constant").response
+            error = (simulated + offset - desired)[half:]
             rows.append(
                 Promised(
-                    cycles / (half * inverse.step),
+                    cycles / (half * step),
                     height * stroke,
                     float(np.sqrt(np.mean(error**2)) / (height * stroke)),
-                    float(np.mean(streamed.flags[half:] != 0)),
+                    float(np.mean(flags[half:] != 0)),
                 )
             )
     return rows

@@ -42,6 +42,7 @@ def shown() -> dict[str, object]:
         fj.compensate("gain", trajectory),
         fj.streaming_inverse(linear, STEP, (0.1, 2.0), limits=(0, 100)),
         fj.streaming_model(fit, STEP),
+        fj.Adaptation(),
         fj.simulate("foh", recording),
         fj.fit("creep", recording, starts=1).to_scipy(),
         fj.parse_model("foh >> second_mode >> minor_loop_memory"),

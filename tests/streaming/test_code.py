@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 
 import fracjax as fj
-from fracjax._streaming._stepping import EPS
+from fracjax._streaming._stream import EPS
 from tests.streaming.helpers import (
     BAND,
     COMPILERS,
@@ -50,7 +50,7 @@ def test_the_code_passes_its_own_test(name, tmp_path):
     stream = {
         "stack": lambda: inverse_of(STACK, slew=30000.0),
         "adaptive": lambda: inverse_of(PLAYS, adaptive=fj.Adaptation()),
-        "model": lambda: model_of(STACK),
+        "model": lambda: model_of(PLAYS),
     }[name]()
     for real in ("double", "float"):
         files = stream.write_c(tmp_path, real=real)

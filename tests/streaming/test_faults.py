@@ -10,7 +10,7 @@ from hypothesis import strategies as st
 import fracjax as fj
 from fracjax._streaming import FLAGS
 from fracjax._streaming._program import HELD, LEVEL, RESTARTED, SLEW, InverseProgram
-from fracjax._streaming._stepping import EPS
+from fracjax._streaming._stream import EPS
 from tests.streaming.helpers import PLAYS, STACK, STEP, SWINGS, TIMES, inverse_of, model_of
 
 LIMITED = inverse_of(STACK, limits=(0.0, 100.0), slew=4000.0)

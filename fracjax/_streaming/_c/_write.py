@@ -6,18 +6,15 @@ import re
 from functools import lru_cache
 from pathlib import Path
 from string import Template
-from typing import TYPE_CHECKING, Any
+from typing import Any
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 
 from ..._recording import InputError
-from .._program import FLAGS, HELD, LEVEL, RESTARTED, SLEW, sound
+from .._program import FLAGS, HELD, LEVEL, RESTARTED, SLEW, Described, sound
 from ._emit import Names, body_of, flattened, number, size_of
-
-if TYPE_CHECKING:
-    from .._stepping import _Streaming
 
 _TEMPLATES = Path(__file__).parent
 _SAMPLES = 4096
@@ -35,7 +32,7 @@ REALS = {"double": ("", "DBL_EPSILON"), "float": ("##f", "FLT_EPSILON")}
 """What follows the name of a number or of a function of math.h, and the rounding error."""
 
 
-def write_c(stream: _Streaming, folder: Path, name: str, real: str) -> list[Path]:
+def write_c(stream: Described, folder: Path, name: str, real: str) -> list[Path]:
     """Write the files of a stream."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or name in _KEYWORDS:
         raise InputError.at("C code, name", "a C identifier", f'"{name}"', "choose another name")
@@ -57,7 +54,7 @@ def write_c(stream: _Streaming, folder: Path, name: str, real: str) -> list[Path
 
 
 @lru_cache(maxsize=1)
-def vector_of(stream: _Streaming) -> dict[str, np.ndarray]:
+def vector_of(stream: Described) -> dict[str, np.ndarray]:
     """Inputs and what Python makes of them: swings, steps that meet the limits, and a sample that
     is no number, from rest at the middle of the drive's range."""
     program, count = stream.program, _SAMPLES
@@ -77,16 +74,11 @@ def vector_of(stream: _Streaming) -> dict[str, np.ndarray]:
             noise = 1e-3 * (ends[1] - ends[0]) * random.standard_normal(count)
             inputs["measured"] = 1.02 * inputs["desired"] + noise
     next(iter(inputs.values()))[count // 2] = np.nan
-    streamed = stream._stream(tuple(inputs.values()), state)
-    return {
-        **inputs,
-        "output": streamed.output,
-        "predicted": streamed.predicted,
-        "flags": streamed.flags,
-    }
+    output, predicted, flags = stream.run(tuple(inputs.values()), state)
+    return {**inputs, "output": output, "predicted": predicted, "flags": flags}
 
 
-def _response_at_rest(stream: _Streaming, drive: float) -> np.ndarray:
+def _response_at_rest(stream: Described, drive: float) -> np.ndarray:
     """The response at rest at a drive [response]."""
     return stream.start(drive)["desired"]
 
@@ -100,11 +92,11 @@ def _table(columns: dict[str, np.ndarray]) -> str:
 class Code:
     """The code of a stream: statements, constants, the state's fields, and what they cost."""
 
-    def __init__(self, stream: _Streaming, name: str):
+    def __init__(self, stream: Described, name: str):
         self.stream, self.name = stream, name
         program = stream.program
         with jax.enable_x64(True):
-            state = stream.start()
+            state = stream.start(0.0)
             leaves, tree = jax.tree.flatten(state)
             paths = jax.tree_util.tree_leaves_with_path(state)
             self.fields = [(_identifier(path), leaf.shape) for path, leaf in paths]
@@ -181,7 +173,7 @@ class Code:
             "UPPER": self.name.upper(),
             "MODEL": stream.model.replace("*/", ""),
             "WHAT": "The inverse" if inverse else "The model",
-            "ABOUT": "\n".join(f" * {line}" for line in str(stream.summary()).splitlines()[1:]),
+            "ABOUT": "\n".join(f" * {line}" for line in stream.about.splitlines()[1:]),
             "FROM": ", ".join(f"{each} [{units[each]}]" for each in program.inputs),
             "TO": f"drive [{drive}]" if inverse else f"response [{response}]",
             "OPERATIONS": str(self.operations),

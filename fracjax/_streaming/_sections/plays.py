@@ -10,6 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 
+import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -48,7 +49,8 @@ class Plays(Section):
             level = self.curve(drive)
             low, high = level - self.radii, level + self.radii
             # By comparisons: the derivative of min and max takes three times the operations.
-            play = jnp.where(low > before, low, jnp.where(high < before, high, before))
+            pushed = jax.lax.select(high < before, high, before)
+            play = jax.lax.select(low > before, low, pushed)
             return play, {"play": play}
 
         return respond

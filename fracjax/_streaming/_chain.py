@@ -18,8 +18,9 @@ from ._stages import Filtered, Solved, Stage
 _SWINGS, _SAMPLES = (1.0, 0.8, 0.6, 0.4, 0.25, 0.12), 200
 """The drive of the test for an inverse: swings of these shares of the range, and the samples
 between two turns; chosen by judgement."""
-WIDER = 1.0
-"""Within the chain, a stage's drive may leave the range of the test by so many spans."""
+WIDER = 0.25
+"""Within the chain, a stage's drive may leave the range of the test by so many spans, as creep may
+ask; further away a curve that was fitted within it may turn.  Chosen by judgement."""
 
 
 class Chain(NamedTuple):
@@ -69,9 +70,9 @@ def chain_of(block: AbstractBlock, sampling: Sampling) -> Chain:
             steady.append(0.0)
         else:
             section = section_of(part, sampling)
+            slow = _rest_slope(section, drive.min(), drive.max())
             drive, slopes = _swept(section, drive)
             total = slopes @ section.gains
-            slow = _rest_slope(section, ranges[-1])
             if not (np.all(total > 0) or np.all(total < 0)) or total[0] * slow < 0:
                 raise InputError.at(
                     "streaming inverse",
@@ -108,13 +109,13 @@ def _swing(share: float) -> np.ndarray:
     return levels[1:]
 
 
-def _rest_slope(section: Section, ends: tuple[float, float]) -> float:
+def _rest_slope(section: Section, low: float, high: float) -> float:
     """The slope of the response at rest between two drives; a law that responds faster the other
     way has an inverse that grows without bound."""
     with jax.enable_x64(True):
-        drives = [jnp.asarray(end) for end in ends]
+        drives = [jnp.asarray(end) for end in (low, high)]
         rests = [section.response(section.start(drive))(drive)[0] for drive in drives]
-    return (float(rests[1]) - float(rests[0])) / (ends[1] - ends[0])
+    return (float(rests[1]) - float(rests[0])) / (high - low)
 
 
 def _swept(section: Section, drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

@@ -28,11 +28,9 @@ if TYPE_CHECKING:
     from ._blocks import poles as poles
     from ._blocks import step_response as step_response
     from ._compensate import Compensation as Compensation
-    from ._compensate import StreamingInverse as StreamingInverse
     from ._compensate import Trajectory as Trajectory
     from ._compensate import compensate as compensate
     from ._compensate import load_compensation as load_compensation
-    from ._compensate import streaming_inverse as streaming_inverse
     from ._crosscheck import Crosscheck as Crosscheck
     from ._crosscheck import crosscheck as crosscheck
     from ._diagnose import Diagnosis as Diagnosis
@@ -85,6 +83,11 @@ if TYPE_CHECKING:
     from ._report import write_report as write_report
     from ._simulate import Simulation as Simulation
     from ._simulate import simulate as simulate
+    from ._streaming import Adaptation as Adaptation
+    from ._streaming import StreamingInverse as StreamingInverse
+    from ._streaming import StreamingModel as StreamingModel
+    from ._streaming import streaming_inverse as streaming_inverse
+    from ._streaming import streaming_model as streaming_model
 
 __version__ = "0.1.0"
 
@@ -103,11 +106,9 @@ _HOMES = {
     ),
     "_compensate": (
         "Compensation",
-        "StreamingInverse",
         "Trajectory",
         "compensate",
         "load_compensation",
-        "streaming_inverse",
     ),
     "_diagnose": ("Diagnosis", "diagnose"),
     "_prepare": (
@@ -163,6 +164,13 @@ _HOMES = {
     "_registry": ("RECORDINGS", "fetch_recording"),
     "_report": ("write_report",),
     "_simulate": ("Simulation", "simulate"),
+    "_streaming": (
+        "Adaptation",
+        "StreamingInverse",
+        "StreamingModel",
+        "streaming_inverse",
+        "streaming_model",
+    ),
 }
 _HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
 
@@ -173,6 +181,7 @@ __all__ = [
     "ARNoise",
     "AbstractBlock",
     "AbstractLinearBlock",
+    "Adaptation",
     "AmplitudeRatios",
     "Combination",
     "Comparison",
@@ -200,6 +209,7 @@ __all__ = [
     "ResidualAnalysis",
     "Simulation",
     "StreamingInverse",
+    "StreamingModel",
     "StudentNoise",
     "Trajectory",
     "WhiteNoise",
@@ -232,6 +242,7 @@ __all__ = [
     "simulate",
     "step_response",
     "streaming_inverse",
+    "streaming_model",
     "tfocim",
     "with_profiles",
     "write",

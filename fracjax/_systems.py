@@ -4,7 +4,7 @@ r"""Rational transfer functions as state spaces, and the Laplace variable s that
 
 Sums, products and reciprocals of such systems are such systems again, and no polynomial is formed.
 A fractional power of s is Oustaloup's filter on a band [ω_b, ω_h]; an integer power n > 0 is a
-product of n differentiators s/(1 + s/p) with poles p beyond ω_h.  A block's symbol, called with a
+product of n differentiators with poles beyond ω_h.  A block's symbol, called with a
 `Variable`, thus becomes the block's rational transfer function.
 """
 
@@ -40,11 +40,13 @@ class Band:
     """Angular frequencies [rad/s] between which powers of s are approximated.
 
     The band of each power is a little wider than that of the last one, so that no two filters share
-    a pole: partial fractions with simple poles have no term for a double one.
+    a pole: partial fractions with simple poles have no term for a double one.  Derivatives roll off
+    beyond `roll_off`, by default ten times the band's upper end.
     """
 
-    def __init__(self, low: float, high: float):
+    def __init__(self, low: float, high: float, roll_off: float | None = None):
         self.low, self.high = low, high
+        self.roll_off = _REACH * high if roll_off is None else roll_off
         self._turns = count()
 
     def power(self, order: float) -> System:
@@ -60,8 +62,8 @@ class Band:
             filtered = oustaloup(order - whole, *edges, number)
             system = System.parallel(-filtered.poles, filtered.residues(), filtered.gain)
         for _ in range(whole):
-            pole = _REACH * self.high * _SPACING ** next(self._turns)
-            system = system * System.parallel(np.array([-pole]), np.array([-(pole**2)]), pole)
+            pole = self.roll_off * _SPACING ** next(self._turns)
+            system = system * _differentiator(pole, _SPACING**0.5 * pole)
         return system
 
 
@@ -175,6 +177,13 @@ def as_system(term: Term) -> System:
     if isinstance(term, System):
         return term
     return term.system() if isinstance(term, Variable) else System.constant(float(term))
+
+
+def _differentiator(p: float, q: float) -> System:
+    """s (1 + s (1/p + 1/q)) / ((1 + s/p) (1 + s/q)), which is s up to a term of third order."""
+    poles = -np.array([p, q])
+    residues = poles * (p * q + (p + q) * poles) / (poles - poles[::-1])
+    return System.parallel(poles, residues, p + q)
 
 
 def _corner(one: np.ndarray, two: np.ndarray, joint: np.ndarray) -> np.ndarray:

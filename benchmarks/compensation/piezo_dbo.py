@@ -20,8 +20,10 @@ import numpy as np
 import fracjax as fj
 
 STEP = 5e-3  # s
+BEGIN = 5300  # where the authors' inverse begins
 SAMPLES = slice(7000, 8600)  # the authors' inverse at work, amplitudes changing
-MODELS = ("lfdh", "foh", "foh + minor_loop_memory")
+MODELS = ("lfdh", "foh", "foh + minor_loop_memory", "prandtl_ishlinskii")
+STREAMED = ("prandtl_ishlinskii",)
 
 
 def main() -> None:
@@ -41,11 +43,50 @@ def main() -> None:
     theirs = read - desired
     print(f"authors' drive, measured: {percent(theirs, stroke)} rms of {stroke:.1f} um")
     for name in MODELS:
-        report(name, recording, applied, read, desired)
+        model, offset = report(name, recording, applied, read, desired)
+        if name in STREAMED:
+            in_real_time(model, offset, second, (0.05, 4.0))
     print(
         "Not to be concluded: what error our drive would leave.  The predicted error is the "
         "model's own, and large only where the motion starts amid its swing; what the model does "
         "not predict of the sensor under the authors' drive would come on top."
+    )
+
+
+def in_real_time(
+    model: fj.Model, offset: float, second: np.ndarray, band: tuple[float, float]
+) -> None:
+    """The streaming inverse beside the authors' drive, from where theirs begins."""
+    applied, read, desired = (second[BEGIN : SAMPLES.stop, column] for column in (0, 4, 8))
+    last = slice(SAMPLES.start - BEGIN, None)
+    low, high = applied.min() - 0.5, applied.max() + 0.5
+    options = {"limits": (low, high), "offset": offset}
+    whole = fj.streaming_inverse(model, STEP, band, **options)
+    slope = np.ptp(read) / np.ptp(applied)
+    line = fj.streaming_inverse(
+        fj.Model(fj.blocks.QuasiStaticForce(slope), "linear part"), STEP, band, limits=(-99, 99)
+    )
+    span = np.ptp(applied[last])
+    aim = desired + (read - desired)[last].mean()
+    for motion, wanted in {"desired": aim, "measured": read}.items():
+        for name, inverse in {"streaming inverse": whole, "linear part": line}.items():
+            drive = inverse.run(wanted).output[last]
+            drive = drive - (drive - applied[last]).mean()
+            print(
+                f"  {name} of the {motion} motion: {percent(drive - applied[last], span)} rms "
+                "from the drive that the authors sent"
+            )
+    observer = fj.streaming_model(model, STEP, band, **options)
+    given = observer.run(applied).output[last]
+    error = read[last] - given
+    mine = observer.run(whole.run(aim).output).output[last]
+    stroke = np.ptp(aim[last])
+    inside = np.mean(np.abs(error - error.mean()) < 1.96 * error.std())
+    print(
+        f"  the displacement it would have given: within {percent(mine - aim[last], stroke)} rms "
+        "of the desired one by the model, "
+        f"± {100 * 1.96 * error.std() / stroke:.2f} % of the stroke, "
+        f"which holds {100 * inside:.0f} % of what the sensor read under the authors' drive"
     )
 
 
@@ -59,7 +100,7 @@ def report(
     applied: np.ndarray,
     read: np.ndarray,
     desired: np.ndarray,
-) -> None:
+) -> tuple[fj.Model, float]:
     """One model: its prediction of their run, its drive, and the sense of the difference."""
     from fracjax._prepare._setting import setting_of
 
@@ -84,6 +125,7 @@ def report(
         f"predicted error {percent(found.error, stroke)} rms, {100 * found.max_error / stroke:.2g} "
         f"% at most ({found.method})"
     )
+    return fit.model, float((read - static).mean())
 
 
 if __name__ == "__main__":

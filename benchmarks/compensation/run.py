@@ -12,7 +12,8 @@ or more.
 results.csv: error of the sensor's reading in shares of the motion's stroke, over the whole run and
 over its steady part, which is the last of three repeats.  `zeroed`: the steady part's mean taken
 out, as an operator would who sets the zero.  `line` is no compensation: drive in proportion to the
-motion wanted.  Bounds: `no error` reads what the sensor's noise alone would leave, `best sinusoid`
+motion wanted; `real time` is the same model's streaming inverse, to which the motion is not known
+ahead.  Bounds: `no error` reads what the sensor's noise alone would leave, `best sinusoid`
 what is left of the sine by the best that any linear law could drive, whose answer to a sine is a
 sine, and `learned` by a drive that the stage itself has corrected in turns.
 
@@ -52,6 +53,7 @@ MODELS = (
     "second_record_max_percent",
 )  # fmt: skip
 LIMITS = (-20.0, 120.0)  # V, as such stacks bear
+BAND = (0.01, 5.0)  # Hz, of the inverse in real time
 _INSET, _TURNS, _SMOOTHED, _DIAGNOSES = 0.12, 8, 1.5, 3
 
 
@@ -162,14 +164,33 @@ def best_sinusoid(desired: np.ndarray, drive: np.ndarray) -> np.ndarray:
     return read
 
 
-def tracked(models: list[Identified], recording: fj.Recording) -> list[dict]:
-    """Every motion by every drive."""
+def in_real_time(one: Identified, recording: fj.Recording) -> list[dict]:
+    """Every motion by a model's streaming inverse, to which it is not known ahead."""
+    inverse, rows = (
+        fj.streaming_inverse(one.model, STEP, BAND, limits=LIMITS, offset=one.offset),
+        [],
+    )
+    low, high, _, _ = ends(recording)
+    for name, desired in motions(low, high).items():
+        drive = inverse.run(desired, inverse.start(0.0)).output
+        rows.append(row(name, f"{one.name}, real time", desired, measure(drive, seed=2)))
+    return rows
+
+
+def ends(recording: fj.Recording) -> tuple[float, float, float, float]:
+    """The ends of the motions [um], and the slope [V/um] and zero [V] of a line between them."""
     # A swing after the first rise, which the stage never makes again.
     swing = slice(round(SWINGS[0] / STEP), round((SWINGS[0] + 1) / STEP))
     cycle = recording.response[swing]
     low, high = cycle.min(), cycle.max()
     low, high = low + _INSET * (high - low), high - _INSET * (high - low)
     slope, zero = np.polyfit(cycle, recording.drive[swing], 1)
+    return low, high, slope, zero
+
+
+def tracked(models: list[Identified], recording: fj.Recording) -> list[dict]:
+    """Every motion by every drive."""
+    low, high, slope, zero = ends(recording)
     rows = []
     for name, desired in motions(low, high).items():
         line = np.clip(slope * desired + zero, *LIMITS)
@@ -200,6 +221,9 @@ def main() -> None:
     parser = argparse.ArgumentParser(description=__doc__)
     parser.add_argument("--out", type=Path, required=True, help="The folder of the two tables.")
     parser.add_argument("--identify", action="store_true", help="Find the models in fits/ anew.")
+    parser.add_argument(
+        "--streamed", action="store_true", help="Replace the rows of the real-time inverse alone."
+    )
     given = parser.parse_args()
     out, fits = given.out, given.out / "fits"
     recording, second = (
@@ -211,8 +235,15 @@ def main() -> None:
     if given.identify:
         identify(fits, recording, second)
     models = identified(fits)
-    written(out / "models.csv", MODELS, [told(one, second) for one in models])
-    rows = tracked(models, recording)
+    streamed = in_real_time(models[-1], recording)
+    if given.streamed:
+        with (out / "results.csv").open(encoding="utf-8") as file:
+            rows = list(csv.DictReader(line for line in file if not line.startswith("#")))
+        rows = [each for each in rows if "real time" not in each["drive"]]
+    else:
+        written(out / "models.csv", MODELS, [told(one, second) for one in models])
+        rows = tracked(models, recording)
+    rows += streamed
     written(out / "results.csv", COLUMNS, rows)
     for line in rows:
         print("  ".join(f"{value:>24}" for value in line.values()))

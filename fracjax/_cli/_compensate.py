@@ -4,9 +4,9 @@ from __future__ import annotations
 
 import json
 import math
-import re
 from contextlib import suppress
 from pathlib import Path
+from statistics import fmean, stdev
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -29,18 +29,23 @@ from ._options import (
 from ._progress import stages
 from ._results import Results, Summary
 from ._statuses import NOT_CONVERGED, fail
+from ._stream import Wanted, allowed_range, stream_options, write_stream
 
 if TYPE_CHECKING:
-    from .._compensate import Compensation, Trajectory
+    from .._compensate import ModelError, Trajectory
     from .._models import Model
     from .._operators import History
 
 
 @click.command("compensate")
-@click.argument("trajectory")
+@click.argument("trajectory", required=False)
 @click.option("--fit", "fitted", required=True, metavar="FILE", help="A fit.json.")
 @folder_option
-@click.option("--limits", metavar='"0..100 V"', help="Lowest and highest drive.")
+@click.option(
+    "--limits",
+    metavar='"0..100 V"',
+    help='Lowest and highest drive, or "none"; by default the range of the fitted recording.',
+)
 @click.option("--slew", metavar='"50 V/ms"', help="Fastest change of the drive.")
 @click.option(
     "--regularisation", metavar='"2 ms"', help="Damp detail of the drive shorter than this time."
@@ -57,14 +62,12 @@ if TYPE_CHECKING:
     metavar="DIR",
     help="Results of `posterior`, whose draws give the band of the prediction.",
 )
-@click.option(
-    "--streaming", is_flag=True, help="Also write the linear inverse for a real-time loop."
-)
+@stream_options
 @options(time_option, output_option, rate_option, unit_options)
 @options(resample_option, table_options)
 @takes_results
 def compensate_command(
-    trajectory: str,
+    trajectory: str | None,
     fitted: str,
     out: Path,
     limits: str | None,
@@ -73,15 +76,29 @@ def compensate_command(
     offset: str | None,
     history: History,
     posterior: str | None,
-    streaming: bool,
+    target: str | None,
+    step: str | None,
+    real: str,
+    adaptive: str | None,
     results: Results,
     **columns: Any,
 ) -> int:
     """Find the drive that makes a fitted model's response follow a trajectory.
 
-    Writes the drive (in the trajectory's format), compensation.json and report.html; with
-    --streaming also inverse.json and inverse.h.  A drive in the trajectory's file is not used.
+    Writes the drive (in the trajectory's format), compensation.json and report.html.  A drive in
+    the trajectory's file is not used.  Without a trajectory, `--target c --step "50 us"` writes the
+    inverse for a real-time loop, whose motions are not known ahead.
     """
+    if target is not None:
+        if trajectory is not None:
+            raise _other_call(
+                "a trajectory or --target", f"both {trajectory} and --target {target}"
+            )
+        return write_stream(
+            fitted, out, Wanted(target, step, real, limits, slew, offset, adaptive), results
+        )
+    if trajectory is None:
+        raise _other_call("a trajectory, or --target c for a real-time loop", "neither")
     from .._compensate import compensate
     from .._io import SUFFIXES
     from .._recording import parse_quantity
@@ -91,16 +108,18 @@ def compensate_command(
         compensation_warnings,
     )
 
-    desired, model, drive_unit, fitted_offset, model_error = _inputs(trajectory, fitted, columns)
-    unit = desired.response_unit
+    desired, model, content = _inputs(trajectory, fitted, columns)
+    drive_unit, unit = content["units"]["drive"], desired.response_unit
     requested: dict[str, Any] = {
-        "limits": limits and _range(limits, drive_unit, "--limits"),
+        "limits": allowed_range(limits, content),
         "slew": slew and parse_quantity(slew, f"{drive_unit}/s", "--slew"),
         "regularisation": parse_quantity(regularisation or 0.0, "s", "--regularisation"),
-        "offset": fitted_offset if offset is None else parse_quantity(offset, unit, "--offset"),
+        "offset": content["offsets"][0]
+        if offset is None
+        else parse_quantity(offset, unit, "--offset"),
         "history": history,
         "drive_unit": drive_unit,
-        "model_error": model_error,
+        "model_error": _model_error(Path(fitted).parent, model.name, content),
         **(_draws(posterior) if posterior else {}),
     }
     suffix = Path(trajectory).suffix.lower()
@@ -113,9 +132,6 @@ def compensate_command(
         results.saved.append(drive_file)
         results.save(compensation.save, out / "compensation.json")
         notes = compensation_warnings(compensation)
-        if streaming:
-            progress("writing the streaming inverse")
-            notes.append(_write_streaming_inverse(model, compensation, out, results))
         progress("writing the report")
         results.save_report(compensation, out / "report.html")
     results.show(
@@ -132,80 +148,44 @@ def compensate_command(
     )
 
 
-def _write_streaming_inverse(
-    model: Model, compensation: Compensation, out: Path, results: Results
-) -> str:
-    """Write the streaming inverse, and state its error in a sentence."""
-    import numpy as np
-
-    from .._compensate import streaming_inverse
-    from .._show import figure
-    from .._simulate import simulate
-
-    # From a tenth of the trajectory's lowest frequency to 2 % of the sampling rate; by judgement.
-    step = compensation.dt
-    band = 0.1 / (step * len(compensation.drive)), 0.02 / step
-    inverse = streaming_inverse(
-        model, step, band, offset=compensation.offset, units=compensation.units
-    )
-    results.save(inverse.save, out / "inverse.json")
-    results.save(inverse.save_header, out / "inverse.h")
-    drive = inverse.run(compensation.desired, settled=compensation.history != "rest")
-    simulation = simulate(model, drive, step, compensation.history)
-    error = simulation.response + compensation.offset - compensation.desired
-    largest = float(np.abs(error).max() / compensation.stroke)
-    which = "inverse" if inverse.complete else "inverse of the linear part"
-    return (
-        f"Streaming: {len(inverse.decay)} sections, within {figure(100 * inverse.error)} % of the "
-        f"{which} from {figure(band[0])} to {figure(band[1])} Hz; along this trajectory its "
-        f"error is at most {figure(100 * largest)} % of the stroke."
-    )
-
-
 def _inputs(
     path: str, fitted: str, columns: dict[str, Any]
-) -> tuple[Trajectory, Model, str, float, tuple[float, str]]:
-    """The trajectory in a fit's response unit, and its model, drive unit, offset and error."""
+) -> tuple[Trajectory, Model, dict[str, Any]]:
+    """The trajectory in a fit's response unit, the fit's model, and its file's content."""
     from .._compensate import Trajectory
     from .._io import read_response
 
     model, content = model_of_fit(fitted)
     samples, step, file_unit = read_response(path, **columns)
     unit = content["units"]["response"]
-    trajectory = Trajectory(samples, step, file_unit, path).in_unit(unit)
-    error = _error_on_held_out_data(Path(fitted).parent, model.name)
-    if error is None:
-        error = content["scores"]["rmse"], "the data it was fitted to"
-    return trajectory, model, content["units"]["drive"], content["offsets"][0], error
+    return Trajectory(samples, step, file_unit, path).in_unit(unit), model, content
 
 
-def _error_on_held_out_data(folder: Path, model: str) -> tuple[float, str] | None:
-    """The model's rms error on held-out data, where the fit's folder holds its scores."""
-    on = "held-out data"
+def _model_error(folder: Path, model: str, content: dict[str, Any]) -> ModelError:
+    """What the model left of held-out data where the fit's folder holds its scores, else of the
+    data that it was fitted to."""
+    from .._compensate import ModelError
+
+    on, noise = "held-out data", content["noise"]["sigma"]
     with suppress(OSError, ValueError, KeyError, TypeError):
         rows = json.loads((folder / "comparison.json").read_text(encoding="utf-8"))["rows"]
-        return next((row["unseen"]["rmse"], on) for row in rows if row["model"] == model)
+        return next(
+            ModelError(row["unseen"]["rmse"], on, noise) for row in rows if row["model"] == model
+        )
     with suppress(OSError, ValueError, KeyError, TypeError):
         diagnosis = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
         which = "base_folds" if diagnosis["model"] == model else "extended_folds"
         squares = [error**2 for error in diagnosis["held_out"][which]]
-        return math.sqrt(sum(squares) / len(squares)), on
-    return None
+        spread = stdev(squares) / math.sqrt(len(squares)) if len(squares) > 1 else None
+        return ModelError(math.sqrt(fmean(squares)), on, noise, spread)
+    return ModelError(content["scores"]["rmse"], "the data it was fitted to", noise)
 
 
-def _range(text: str, unit: str, where: str) -> tuple[float, float]:
-    """The two values of a range such as "0..100 V", in a unit; the first may lack its unit."""
-    from .._recording import InputError, parse_quantity
+def _other_call(expected: str, actual: str) -> Exception:
+    """The error for a call that asks for both, or for nothing."""
+    from .._recording import InputError
 
-    low, dots, high = text.partition("..")
-    if not dots:
-        raise InputError.at(where, f'a range such as "0..100 {unit}"', f'"{text}"', "correct it")
-    written_unit = re.sub(r"^\s*[-+0-9.eE]*", "", high)
-    without_unit = re.fullmatch(r"\s*[-+0-9.eE]+\s*", low)
-    return (
-        parse_quantity(f"{low} {written_unit}" if without_unit else low, unit, where),
-        parse_quantity(high, unit, where),
-    )
+    return InputError.at("compensate", expected, actual, "give one of them")
 
 
 def _draws(folder: str) -> dict[str, Any]:

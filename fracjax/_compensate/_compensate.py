@@ -23,7 +23,7 @@ from .._solve import Progress, silent
 from ._bounded import Bounds, optimise_within
 from ._inverse import inverse_of, obstacles_to_inversion, without_disturbances
 from ._plant import Plant
-from ._result import Compensation
+from ._result import Compensation, ModelError
 from ._trajectory import Trajectory
 from ._unbounded import InvertedPlant, Solution, find_drive, respond
 
@@ -50,7 +50,7 @@ def compensate(
     response_unit: str | None = None,
     draws: Mapping[str, np.ndarray] | None = None,
     identified_by: Recording | None = None,
-    model_error: tuple[float, str] | None = None,
+    model_error: ModelError | None = None,
     progress: Progress = silent,
 ) -> Compensation:
     """The drive u with model(u) + offset = trajectory [L 10, 12], at the trajectory's samples.
@@ -65,7 +65,8 @@ def compensate(
     Args:
         model: The model to invert, or its name.
         trajectory: The desired response (N,).
-        limits: Lowest and highest drive [drive_unit]; None for no limit.
+        limits: Lowest and highest drive [drive_unit]; None for no limit.  A model says nothing
+            about drives beyond those of its recording: the command line takes that range.
         slew: Fastest change of the drive [drive_unit/s]; None for no limit.
         regularisation: A time τ [s]; detail of the drive that is faster is damped, by adding
             (τ² g ü)² to the squared error, with g = stroke/drive span.
@@ -79,8 +80,8 @@ def compensate(
             the band of the predicted response; None for no band.
         identified_by: The recording that the draws were sampled for.  Each draw then gets the
             offset that keeps the mean of the response to this recording.
-        model_error: The model's own rms error [response] and on which data, such as
-            (0.01, "held-out data"): the error to expect on the stage, which the result then states.
+        model_error: What the model left of a recording, so that the result states the error to
+            expect on the stage.
         progress: Called with a sentence at each stage.
 
     Returns:

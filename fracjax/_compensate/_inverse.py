@@ -111,11 +111,6 @@ def obstacles_to_inversion(block: AbstractBlock) -> tuple[str, ...]:
     )
 
 
-def linear_part_of(block: AbstractBlock) -> tuple[AbstractLinearBlock | None, bool]:
-    """The linear part of a block, and whether the whole block is linear."""
-    return _linear_part(block), isinstance(block, AbstractLinearBlock)
-
-
 def _linear_part(block: AbstractBlock) -> AbstractLinearBlock | None:
     """The part of a block that obeys superposition, or its steepest gain; None without either."""
     match block:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import json
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import TYPE_CHECKING, Any, Literal
+from typing import TYPE_CHECKING, Any, Literal, NamedTuple
 
 import numpy as np
 
@@ -26,9 +26,36 @@ SCHEMA = "fracjax.compensation/1"
 JSON = "compensation.json"
 _MISSED = 1e-3
 """A predicted error above this share of the stroke counts as missed; chosen by judgement."""
+_TWO_SIDED = 1.96
+"""Standard errors on either side of a 95 % interval."""
+_NEGLIGIBLE = 0.05
+"""A part below this share of the expected error is not named; it adds a thousandth."""
 _SIGNALS = ("desired", "drive", "predicted")
 
 Verdict = Literal["followed", "limited", "approximate"]
+
+
+class ModelError(NamedTuple):
+    """What a model left of a recording, the sensor's noise included.
+
+    Attributes:
+        rms: The rms error [response].
+        on: Of which data, such as "held-out data".
+        noise: The rms of the sensor's noise in it [response].
+        spread: The standard error of its mean square, by the parts that were held out [response²];
+            None where there is one part only.
+    """
+
+    rms: float
+    on: str
+    noise: float = 0.0
+    spread: float | None = None
+
+    def without_noise(self, errors: float = 0.0) -> float:
+        """The model's part of the error, rms [response], at so many standard errors from the most
+        probable value."""
+        square = self.rms**2 - self.noise**2 + errors * (self.spread or 0.0)
+        return float(np.sqrt(max(square, 0.0)))
 
 
 @dataclass(frozen=True)
@@ -74,8 +101,7 @@ class Compensation(Shown):
         numerics: Largest change of the prediction when the grid's step is halved, as a share of the
             stroke.
         warnings: Sentences about what the model does not allow.
-        model_error: The model's own rms error [response] and on which data, such as "held-out
-            data"; None where it is not given.
+        model_error: What the model left of a recording; None where it is not given.
         inverted: The model that was inverted, without the blocks left out; None of a compensation
             loaded from a file.
     """
@@ -99,7 +125,7 @@ class Compensation(Shown):
     converged: bool
     numerics: float
     warnings: tuple[str, ...] = ()
-    model_error: tuple[float, str] | None = None
+    model_error: ModelError | None = None
     inverted: Model | None = None
 
     @property
@@ -133,13 +159,32 @@ class Compensation(Shown):
         return None if self.band is None else float(np.abs(self.band - self.desired).max())
 
     @property
-    def expected(self) -> str:
-        """The error to expect on the stage, in words; empty where the model's is not given."""
+    def expected_error(self) -> float | None:
+        """The rms error to expect of the stage's motion [response]: the model's own and that of the
+        prediction, the sensor's noise apart; None where the model's is not given."""
         if self.model_error is None:
+            return None
+        return float(np.hypot(self.model_error.without_noise(), self.rms_error))
+
+    @property
+    def expected(self) -> str:
+        """The error to expect on the stage, and of what it consists, in words; empty where the
+        model's is not given."""
+        error, total = self.model_error, self.expected_error
+        if error is None or total is None:
             return ""
-        rms, data = self.model_error
-        share = figure(100 * rms / self.stroke)
-        return f"{quantity(rms, self.units[1])} rms ({share} % of the stroke), as on {data}"
+        unit = self.units[1]
+        share = figure(100 * total / self.stroke)
+        own = quantity(error.without_noise(), unit)
+        if error.spread is not None:
+            low, high = (error.without_noise(errors) for errors in (-_TWO_SIDED, _TWO_SIDED))
+            own += f" ({figure(low)} to {quantity(high, unit)})"
+        parts = f"{own} of the model, as on {error.on}"
+        if self.rms_error > _NEGLIGIBLE * total:
+            cause = "the limits" if self.binding else "the inversion"
+            parts += f", and {quantity(self.rms_error, unit)} of {cause}"
+        noise = f"; the sensor adds {quantity(error.noise, unit)} of noise" if error.noise else ""
+        return f"{quantity(total, unit)} rms ({share} % of the stroke): {parts}{noise}"
 
     @property
     def binding(self) -> tuple[Stretch, ...]:
@@ -194,9 +239,9 @@ class Compensation(Shown):
         used = f"{figure(self.drive.min(), 4)} to {quantity(self.drive.max(), drive)}"
         rows = [
             ["drive", used],
-            ["largest predicted error", error(self.max_error)],
-            ["rms predicted error", error(self.rms_error)],
             *([["error to expect on the stage", self.expected]] if self.expected else []),
+            ["of the inversion, largest", error(self.max_error)],
+            ["of the inversion, rms", error(self.rms_error)],
             ["discretisation", f"{figure(100 * self.numerics)} % of the stroke"],
             ["method", f"{self.method}, {self.iterations} iterations"],
         ]
@@ -301,9 +346,8 @@ class Compensation(Shown):
                 "rms_percent_of_stroke": 100 * self.rms_error / self.stroke,
                 "max_of_band": self.max_error_of_band,
             },
-            "model_error": None
-            if self.model_error is None
-            else {"rms": self.model_error[0], "on": self.model_error[1]},
+            "model_error": self.model_error and self.model_error._asdict(),
+            "expected_error": self.expected_error,
             "binding": [asdict(stretch) for stretch in self.binding],
             "missed": [asdict(stretch) for stretch in self.missed],
             "method": self.method,
@@ -378,7 +422,7 @@ def load_compensation(path: str | Path) -> Compensation:
             converged=content["converged"],
             numerics=content["numerics"],
             warnings=tuple(content.get("warnings", ())),
-            model_error=error and (error["rms"], error["on"]),
+            model_error=error and ModelError(**error),
             inverted=None,
             **signals,
         )

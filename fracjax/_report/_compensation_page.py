@@ -45,32 +45,27 @@ def compensation_content(compensation: Compensation) -> dict[str, Any]:
 
 
 def compensation_sentence(compensation: Compensation) -> str:
-    """The largest predicted error, where the response misses the trajectory, and the error to
-    expect on the stage."""
+    """Whether the response follows, where it misses the trajectory, and the one error to expect on
+    the stage."""
     expected = compensation.expected
     return _along(compensation) + (f" On the stage expect {expected}." if expected else "")
 
 
 def _along(compensation: Compensation) -> str:
-    """The largest predicted error, and where the response misses the trajectory."""
+    """Whether the response follows the trajectory, or where it misses it."""
     model, (drive, unit) = compensation.model, compensation.units
     name = Path(compensation.source).name
     share = figure(100 * compensation.max_error / compensation.stroke)
-    error = f"{quantity(compensation.max_error, unit)} at most ({share} % of the stroke)"
     used = f"{figure(compensation.drive.min(), 4)} to {quantity(compensation.drive.max(), drive)}"
-    if compensation.verdict == "followed":
-        return f"{model} follows {name} with a predicted error of {error}; the drive is {used}."
     if not compensation.missed:
-        return (
-            f"{model} follows {name} with a predicted error of {error}; the drive is {used}, and "
-            "no better drive was found."
-        )
+        return f"{model} follows {name}; the drive is {used}."
+    error = f"{quantity(compensation.max_error, unit)} ({share} % of the stroke)"
     time = sum(stretch.stop - stretch.start for stretch in compensation.missed)
     worst = compensation.times[np.argmax(np.abs(compensation.error))]
     why = f" within {_limits(compensation)}" if compensation.verdict == "limited" else ""
     return (
-        f"{model} cannot follow {name}{why}: with the best drive, the predicted error is {error} "
-        f"at {figure(worst)} s, and exceeds 0.1 % of the stroke for {figure(time)} s in total."
+        f"{model} cannot follow {name}{why}: with the best drive it is off by {error} at "
+        f"{figure(worst)} s, and by more than 0.1 % of the stroke for {figure(time)} s in total."
     )
 
 
@@ -96,13 +91,13 @@ def compensation_figures(compensation: Compensation) -> tuple[list[str], list[li
         )
 
     rows = [
-        ["largest predicted error", error(compensation.max_error)],
-        ["rms predicted error", error(compensation.rms_error)],
         *(
             [["error to expect on the stage", compensation.expected]]
             if compensation.expected
             else []
         ),
+        ["of the inversion, largest", error(compensation.max_error)],
+        ["of the inversion, rms", error(compensation.rms_error)],
         ["discretisation", f"{figure(100 * compensation.numerics)} % of the stroke"],
         ["method", f"{compensation.method}, {compensation.iterations} iterations"],
         ["limits", _limits(compensation) or "none"],

@@ -2,6 +2,7 @@
 
 import json
 import shutil
+import subprocess
 from dataclasses import replace
 from pathlib import Path
 
@@ -14,6 +15,7 @@ from fracjax import blocks
 from fracjax._cli import run
 from fracjax._compensate import load_compensation
 from fracjax._parameters import set_values
+from fracjax._show import figure, quantity
 from tests.compensate.helpers import COUNT, SINE, STEP, TIMES, model, wanted
 from tests.helpers import without_progress
 
@@ -35,7 +37,7 @@ def fitted(tmp_path_factory) -> Path:
 @pytest.fixture
 def call(empty_folder, fitted):
     """The command in an empty folder with a trajectory, want.csv, in nanometres."""
-    fj.write("want.csv", {"time_s": TIMES, "displacement_nm": 1000 * (SINE - 29)})
+    fj.write("want.csv", {"time_s": TIMES, "displacement_nm": 1000 * (0.8 * SINE - 29)})
 
     def command(*words: str) -> int:
         return run(["compensate", "want.csv", "--fit", str(fitted), "--out", "out", *words])
@@ -46,7 +48,7 @@ def call(empty_folder, fitted):
 def test_the_command_writes_drive_result_and_report(call, capsys):
     assert call() == 0
     out, err = capsys.readouterr()
-    assert out.startswith("creep follows want.csv with a predicted error of ")
+    assert out.startswith("creep follows want.csv; the drive is ")
     assert without_progress(err) == ""
     assert {path.name for path in Path("out").iterdir()} == {
         "drive.csv",
@@ -58,7 +60,7 @@ def test_the_command_writes_drive_result_and_report(call, capsys):
     assert told.offset == pytest.approx(-30, abs=0.01)
     drive = fj.read("out/drive.csv")
     np.testing.assert_array_equal(drive.drive, told.drive)
-    np.testing.assert_allclose(drive.response, SINE - 29, atol=1e-9)
+    np.testing.assert_allclose(drive.response, 0.8 * SINE - 29, atol=1e-9)
     page = Path("out/report.html").read_text(encoding="utf-8")
     assert "follows want.csv" in page
     assert page.count("<svg") == 3
@@ -69,21 +71,26 @@ def test_the_command_writes_drive_result_and_report(call, capsys):
 def test_the_error_to_expect_on_the_stage_is_that_of_held_out_data_or_else_of_the_fit(
     call, fitted, capsys
 ):
-    """The inversion is exact to 1e-6, and the model errs by its noise of 1 nm in 30 um."""
+    """The inversion is exact to 1e-6, and what the model leaves is its noise of 1 nm in 30 um."""
     assert call() == 0
-    rms = json.loads(fitted.read_text(encoding="utf-8"))["scores"]["rmse"]
+    content = json.loads(fitted.read_text(encoding="utf-8"))
+    rms, noise = content["scores"]["rmse"], content["noise"]["sigma"]
     assert rms == pytest.approx(1e-3, rel=0.3)
-    said = f"On the stage expect {rms:.3g} µm rms"
+    own = max(rms**2 - noise**2, 0) ** 0.5
     output = capsys.readouterr().out
-    assert said in output
-    assert "as on the data it was fitted to." in output
-    assert said in Path("out/report.html").read_text(encoding="utf-8")
+    told = load_compensation("out/compensation.json")
+    assert told.expected_error == pytest.approx(np.hypot(own, told.rms_error), rel=1e-6)
+    assert f"On the stage expect {told.expected}." in output
+    assert "as on the data it was fitted to" in output
+    assert f"the sensor adds {quantity(noise, 'um')} of noise" in output
+    assert "On the stage expect" in Path("out/report.html").read_text(encoding="utf-8")
     shutil.copy(fitted, "fit.json")
     rows = [{"model": "foh", "unseen": {"rmse": 9.0}}, {"model": "creep", "unseen": {"rmse": 0.5}}]
     Path("comparison.json").write_text(json.dumps({"rows": rows}), encoding="utf-8")
     words = ["compensate", "want.csv", "--fit", "fit.json", "--out", "again", "--json"]
     assert run(words) == 0
-    assert json.loads(capsys.readouterr().out)["model_error"] == {"rms": 0.5, "on": "held-out data"}
+    error = json.loads(capsys.readouterr().out)["model_error"]
+    assert error == {"rms": 0.5, "on": "held-out data", "noise": noise, "spread": None}
     Path("comparison.json").unlink()
     held_out = {"base_folds": [3.0, 4.0], "extended_folds": [1.0]}
     content = {"model": "creep", "held_out": held_out}
@@ -92,6 +99,34 @@ def test_the_error_to_expect_on_the_stage_is_that_of_held_out_data_or_else_of_th
     assert run(words) == 0
     error = json.loads(capsys.readouterr().out)["model_error"]
     assert error["rms"] == pytest.approx(12.5**0.5)
+    assert error["spread"] == pytest.approx(3.5)  # the squares 9 and 16: 4.95/√2
+
+
+def test_one_error_is_expected_of_the_model_and_of_the_limits(call, fitted, capsys):
+    """As the mean squares of both, with the model's interval."""
+    shutil.copy(fitted, "fit.json")
+    content = {"model": "creep", "held_out": {"base_folds": [0.3, 0.4], "extended_folds": []}}
+    Path("diagnosis.json").write_text(json.dumps(content), encoding="utf-8")
+    words = ["--fit", "fit.json", "--limits", "0..60V"]
+    assert call(*words) == 0
+    told = load_compensation("out/compensation.json")
+    error = told.model_error
+    assert error is not None
+    own = (0.125 - error.noise**2) ** 0.5
+    assert told.expected_error == pytest.approx(np.hypot(own, told.rms_error))
+    out = " ".join(capsys.readouterr().out.split())
+    assert out.count("On the stage expect") == 1
+    low, high = ((0.125 + sign * 1.96 * 0.035 - error.noise**2) ** 0.5 for sign in (-1, 1))
+    assert f"({figure(low)} to {quantity(high, 'um')}) of the model, as on held-out data" in out
+    assert "of the limits; the sensor adds" in out
+
+
+def test_the_recorded_range_is_the_limit_unless_another_is_said(call, capsys):
+    assert call() == 0
+    told = load_compensation("out/compensation.json")
+    assert told.limits == pytest.approx((5.0, 95.0), abs=0.01)
+    assert call("--limits", "none") == 0
+    assert load_compensation("out/compensation.json").limits is None
 
 
 def test_limits_reach_the_inversion_and_the_verdict_is_no_failure(call, capsys):
@@ -147,16 +182,46 @@ def test_quiet_prints_nothing(call, capsys):
     assert capsys.readouterr() == ("", "")
 
 
-def test_streaming_writes_the_inverse_as_data_and_as_c(call, capsys):
-    assert call("--streaming") == 0
-    out, _ = capsys.readouterr()
-    assert "Streaming: " in out
-    told = json.loads(Path("out/inverse.json").read_text(encoding="utf-8"))
-    assert told["relative_error"] < 0.01
-    assert told["step_s"] == STEP
-    assert (
-        Path("out/inverse.h").read_text(encoding="utf-8").startswith("/* Linear inverse of creep")
-    )
+@pytest.mark.skipif(shutil.which("make") is None, reason="there is no make here")
+@pytest.mark.skipif(shutil.which("cc") is None, reason="there is no C compiler here")
+def test_a_target_writes_the_inverse_for_a_loop(fitted, empty_folder, capsys):
+    """Code that compiles and agrees with Python, and what it promises."""
+    words = ["compensate", "--fit", str(fitted), "--target", "c", "--step", "10 ms"]
+    assert run([*words, "--slew", "2 V/ms", "--out", "loop"]) == 0
+    out = " ".join(capsys.readouterr().out.split())
+    assert out.startswith("The inverse of creep runs every 0.01 s, and its linear parts hold to")
+    assert "What the model lacks comes on top." in out
+    assert sorted(path.name for path in Path("loop").iterdir()) == [
+        "Makefile", "stage.c", "stage.h", "stage_test.c", "stage_vector.csv",
+    ]  # fmt: skip
+    done = subprocess.run(["make", "-C", "loop", "check"], capture_output=True, text=True)
+    assert done.returncode == 0, done.stderr
+    assert "0 other flags" in done.stdout
+    assert run([*words, "--json", "--limits", "0..50 V", "--out", "loop"]) == 0
+    told = json.loads(capsys.readouterr().out)
+    assert told["limits"] == [0.0, 50.0]
+    assert told["step_s"] == 0.01
+    assert {*told["promise"][0]} == {"frequency", "height", "error", "limited"}
+
+
+@pytest.mark.parametrize(
+    ("words", "said"),
+    [
+        (["want.csv", "--target", "c", "--step", "1 ms"], "a trajectory or --target"),
+        ([], "found neither"),
+        (["--target", "c"], 'give --step "50 us"'),
+        (["--target", "c", "--step", "1 V"], "expected a value in s"),
+        (["--target", "c", "--step", "1 ms", "--limits", "none"], "lowest and highest drive"),
+        (["--target", "c", "--step", "1 ms", "--adaptive", "20 s"], "a model with hysteresis"),
+    ],
+)
+def test_unusable_calls_for_a_loop(fitted, empty_folder, words, said, capsys):
+    fj.write("want.csv", {"time_s": TIMES, "displacement_um": SINE})
+    assert run(["compensate", *words, "--fit", str(fitted), "--out", "out"]) == 2
+    err = capsys.readouterr().err
+    assert said in err
+    assert err.count("\n") == 1
+    assert not Path("out").exists()
 
 
 def test_what_did_not_converge_is_saved_and_said(call, capsys, monkeypatch):

@@ -34,6 +34,7 @@ LAYERS = [
     {"_posterior"},
     {"_diagnose"},
     {"_compensate"},
+    {"_streaming"},
     {"_report"},
     {"_registry", "_demo"},
     {"_app"},

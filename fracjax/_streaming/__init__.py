@@ -1,0 +1,11 @@
+"""Real time: inverse and model sample by sample, in Python and in C from one description."""
+
+from ._adaptive import Adaptation as Adaptation
+from ._program import FLAGS as FLAGS
+from ._promise import promise_table as promise_table
+from ._stepping import streaming_inverse as streaming_inverse
+from ._stepping import streaming_model as streaming_model
+from ._stepping import usual_band as usual_band
+from ._stream import Streamed as Streamed
+from ._stream import StreamingInverse as StreamingInverse
+from ._stream import StreamingModel as StreamingModel

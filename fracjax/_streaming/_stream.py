@@ -1,0 +1,269 @@
+"""A stream, and what it gives: inverse and model sample by sample."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from functools import cached_property
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+
+from .._models import Model
+from .._recording import InputError
+from .._show import Shown, Table, View, figure, quantity
+from ._adaptive import Adaptation
+from ._c import write_c
+from ._program import Described, InverseProgram, Output, Program, revived_step
+from ._promise import Promised, promised
+from ._sections import State
+
+SCHEMA = "fracjax.stream/1"
+EPS = float(np.finfo(float).eps)
+
+
+class Streamed(NamedTuple):
+    """What a stream gave for N samples.
+
+    Attributes:
+        output: The drive of an inverse, the response of a model (N,), in its unit.
+        predicted: The response that the model predicts (N,) [response].
+        flags: What happened at each sample (N,), a sum of the keys of `FLAGS`; 0 for nothing.
+        state: The state after the last sample, from which the stream goes on.
+    """
+
+    output: np.ndarray
+    predicted: np.ndarray
+    flags: np.ndarray
+    state: State
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class _Streaming(Shown):
+    """What an inverse and a model share.
+
+    Attributes:
+        model: Name of the model.
+        units: Units of drive and response.
+        step: The time step [s].
+        band: Lowest and highest frequency between which the linear parts hold [Hz].
+        error: Largest relative error of the linear parts within the band, compared with their
+            transfer functions.
+        limits: Lowest and highest drive [drive].
+        slew: Fastest change of the drive [drive/s]; None for no limit.
+        offset: What the sensor reads where the model's response is zero [response].
+        left_out: Names of the blocks left out because they belong to the recorded run alone.
+        whole: The model without the blocks left out.
+    """
+
+    model: str
+    units: tuple[str, str]
+    step: float
+    band: tuple[float, float]
+    error: float
+    limits: tuple[float, float]
+    slew: float | None
+    offset: float
+    left_out: tuple[str, ...]
+    whole: Model
+    program: Program
+
+    def start(self, drive: float = 0.0) -> State:
+        """The state of a stage that has rested at a drive for long.
+
+        Args:
+            drive: The drive [drive], within the limits.  Where the history of a stage is not known,
+                go to a limit and to 0 twice, and start there.
+
+        Returns:
+            The state, a tree of arrays of fixed sizes.
+        """
+        with jax.enable_x64(True):
+            return jax.tree.map(np.asarray, self.program.start(jnp.asarray(float(drive))))
+
+    @cached_property
+    def _scan(self) -> Any:
+        """The compiled recursion over samples (N, inputs)."""
+
+        def step(state: State, sample: tuple) -> tuple[State, Output]:
+            output, state = revived_step(self.program, jnp.asarray(EPS), state, sample)
+            return state, output
+
+        return jax.jit(lambda state, samples: jax.lax.scan(step, state, samples))
+
+    def _stream(self, samples: tuple[np.ndarray, ...], state: State) -> Streamed:
+        """The outputs for samples, each (N,), from a state."""
+        with jax.enable_x64(True):
+            after, out = self._scan(state, tuple(jnp.asarray(x, float) for x in samples))
+            return Streamed(
+                np.asarray(out.output),
+                np.asarray(out.predicted),
+                np.asarray(out.flags),
+                jax.tree.map(np.asarray, after),
+            )
+
+    def write_c(self, folder: str | Path, name: str = "stage", real: str = "double") -> list[Path]:
+        """Write the stream as C99: NAME.c and NAME.h, a test vector, and a Makefile that checks it.
+
+        Args:
+            folder: Where to write; it is made where missing.
+            name: The prefix of files, types and functions, a C identifier.
+            real: "double" or "float".
+
+        Returns:
+            The files.
+
+        Raises:
+            InputError: When the name is no C identifier or the type is another one.
+        """
+        described = Described(
+            self.program,
+            self.model,
+            self.units,
+            self.step,
+            self.limits,
+            str(self.summary()),
+            self.start,
+            lambda inputs, state: self._stream(inputs, state)[:3],
+        )
+        return write_c(described, Path(folder), name, real)
+
+    def to_dict(self) -> dict[str, Any]:
+        """What the stream is, as plain data.
+
+        Returns:
+            The content by key, with the units in the keys or under "units".
+        """
+        return {
+            "schema": SCHEMA,
+            "model": self.model,
+            "units": {"drive": self.units[0], "response": self.units[1]},
+            "step_s": self.step,
+            "band_Hz": list(self.band),
+            "relative_error": self.error,
+            "limits": list(self.limits),
+            "slew_per_s": self.slew,
+            "offset": self.offset,
+            "left_out": list(self.left_out),
+        }
+
+    def _view(self) -> View:
+        drive, _ = self.units
+        low, high = self.limits
+        slew = "" if self.slew is None else f", {quantity(self.slew, f'{drive}/s')} at most"
+        rows = [
+            ["step", quantity(self.step, "s")],
+            ["band", f"{figure(self.band[0])} to {quantity(self.band[1], 'Hz')}"],
+            ["linear parts within", f"{figure(100 * self.error)} % in the band"],
+            ["drive", f"{figure(low)} to {quantity(high, drive)}{slew}"],
+            *([["left out", ", ".join(self.left_out)]] if self.left_out else []),
+        ]
+        return View(f"{type(self).__name__} of {self.model}.", [Table([], rows)])
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StreamingInverse(_Streaming):
+    """The inverse of a model sample by sample: from desired response [response] to drive [drive].
+
+    `start` gives the state of a stage at rest, `run` the drive; `write_c` writes both as C.
+
+    Attributes:
+        adaptation: How the gains follow the stage in the loop; None where they are fixed.
+    """
+
+    adaptation: Adaptation | None = None
+
+    def settled(self, response: float) -> State:
+        """The state of a stage that has rested at a response for long.
+
+        Args:
+            response: The response [response].
+
+        Returns:
+            The state, at the drive within the limits whose response at rest is nearest.
+        """
+        program = self.program
+        assert isinstance(program, InverseProgram)
+        with jax.enable_x64(True):
+            drives = jnp.linspace(*self.limits, 257)
+            rests = jax.vmap(lambda u: program.chain.start(u)[0])(drives) + program.offset
+            sign = 1.0 if rests[-1] > rests[0] else -1.0
+            drive = jnp.interp(sign * response, sign * rests, drives)
+        return self.start(float(drive))
+
+    def promise(self) -> list[Promised]:
+        """The errors to expect of the inverse along sines, by frequency and height.
+
+        They are simulated by the whole model off the loop, and count what the stream approximates
+        and where its limits bind.  What the model itself lacks comes on top.
+
+        Returns:
+            A row for each sine, with its frequency [Hz], height [response] and error.
+        """
+        ends = [float(self.start(drive)["desired"]) for drive in self.limits]
+
+        def drive(desired: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+            streamed = self.run(desired)
+            return streamed.output, streamed.flags
+
+        return promised(drive, self.whole, self.step, self.offset, (ends[0], ends[1]))
+
+    def run(
+        self,
+        desired: np.ndarray,
+        state: State | None = None,
+        *,
+        measured: np.ndarray | None = None,
+    ) -> Streamed:
+        """The drive for a desired response, sample by sample.
+
+        Args:
+            desired: The desired response (N,) [response].
+            state: The state before the first sample; by default that of a stage which has rested at
+                the first value.
+            measured: The measured response (N,) [response], for an adaptive inverse only: each is
+                used for the samples after it.
+
+        Returns:
+            The drive (N,), the predicted response, the flags and the state at the end.
+
+        Raises:
+            InputError: When measured samples are missing, or given to an inverse that is fixed.
+        """
+        desired = np.asarray(desired, float)
+        if (measured is None) != (self.adaptation is None):
+            raise InputError.at(
+                "streaming inverse, measured",
+                "the measured response of an adaptive inverse, and of no other",
+                "none" if measured is None else "one for a fixed inverse",
+                "give measured=… with adaptive=…, or neither",
+            )
+        if state is None:
+            state = self.settled(float(desired[0]))
+        samples = (desired,) if measured is None else (desired, np.asarray(measured, float))
+        return self._stream(samples, state)
+
+
+@dataclass(frozen=True, eq=False, repr=False)
+class StreamingModel(_Streaming):
+    """A model sample by sample: from the applied drive [drive] to the response [response].
+
+    It observes the hysteresis of a driven stage, for a feed-forward or a Smith predictor.
+    """
+
+    def run(self, drive: np.ndarray, state: State | None = None) -> Streamed:
+        """The response to a drive, sample by sample.
+
+        Args:
+            drive: (N,) [drive].
+            state: The state before the first sample; by default that of a stage which has rested at
+                the first value.
+
+        Returns:
+            The response (N,), the flags and the state at the end.
+        """
+        drive = np.asarray(drive, float)
+        state = self.start(float(drive[0])) if state is None else state
+        return self._stream((drive,), state)

@@ -83,8 +83,8 @@ EFFECT = Effect(
     source="Genenko, Glaum, Hoffmann & Albe, Mater. Sci. Eng. B 192 (2015) 52",
     trials=_trials,
     separated_by={
-        "gain_drift": "the same loops after a rest: a warm actuator has cooled, a worn one is as it "
-        "was",
+        "gain_drift": "the same loops after a rest: a warm actuator has cooled, a worn one is "
+        "as it was",
         "thermal_drift": "a rest within the record: a drift goes on, degradation does not",
     },
     concealed_by="the gain, which absorbs its average",

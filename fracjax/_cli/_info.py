@@ -25,6 +25,11 @@ if TYPE_CHECKING:
     help="Draw what was understood, as .svg, .png or .pdf.",
 )
 @click.option(
+    "--shows",
+    is_flag=True,
+    help="Say how small an effect of dynamics this recording would show, whatever the hysteresis.",
+)
+@click.option(
     "--write-description",
     "description_file",
     type=click.Path(path_type=Path),
@@ -37,6 +42,7 @@ if TYPE_CHECKING:
 def info_command(
     recording: str | None,
     plot: Path | None,
+    shows: bool,
     description_file: Path | None,
     mask: tuple[str, ...],
     results: Results,
@@ -59,6 +65,11 @@ def info_command(
             description_file, segments[0].recording, segments[0].columns, given.columns
         )
     descriptions = [describe(each.recording, each.columns) for each in segments]
+    if shows:
+        from .._report import shown_by
+
+        for one, each in zip(descriptions, segments, strict=True):
+            one["can_show"] = shown_by(each.recording)
     # What stands in a file counts for all its segments, and is told once.
     descriptions[0]["not_used"] = [*segments[0].unused]
     if results.as_json:
@@ -68,6 +79,8 @@ def info_command(
             if number:
                 print()
             print_table([], _rows(one))
+            if shows:
+                print_table(["effect", "smallest size that would be named"], _shown(one))
             for warning in one["warnings"]:
                 print_text(f"Warning: {warning}")
             for line in one.get("not_used", ()):
@@ -141,3 +154,21 @@ def _period(period: dict[str, float] | None) -> str:
         f"{period['seconds']:.4g} s, {period['repeats']:.4g} repeats from "
         f"{period['from_s']:.4g} to {period['to_s']:.4g} s"
     )
+
+
+def _shown(description: dict[str, Any]) -> list[list[str]]:
+    """Each effect with the smallest size that would be seen, or why none would."""
+    from .._show import quantity
+
+    shown = description["can_show"]
+    if shown is None:
+        return [["–", "not known: the recording shows no noise; record a rest or repeat the drive"]]
+    return [
+        [
+            one["effect"],
+            f"not at any size: {one['reason']}"
+            if one["size"] is None
+            else f"{quantity(one['size'], one['unit'])} peak to peak",
+        ]
+        for one in shown
+    ]

@@ -7,6 +7,7 @@ from typing import Any
 
 import numpy as np
 
+from .._path import Signal, can_show, denoised
 from .._prepare import Noise, measured_noise, top_frequency
 from .._recording import Recording
 from ._doubts import doubts_about
@@ -68,6 +69,29 @@ def describe(
         "noise": None if noise is None else noise.to_dict(),
         "warnings": [*recording.warnings, *recording.checks(), *doubts_about(recording)],
     }
+
+
+def shown_by(recording: Recording) -> list[dict[str, Any]] | None:
+    """The smallest size of each effect of dynamics that a recording would show, whatever its law of
+    hysteresis; None where no noise can be read from it."""
+    noise = _noise_of(recording)
+    if noise is None or kind_of_drive(recording) == "rest":
+        return None
+    drive, error = denoised(recording.drive)
+    weights = np.ones(len(recording))
+    if recording.masked is not None:
+        weights[recording.masked] = 0.0
+    weights[: noise.filter.size - 1] = 0.0
+    signal = Signal(
+        drive=drive,
+        response=recording.response,
+        step=recording.dt,
+        periodic=False,
+        taps=noise.whitening,
+        weights=weights,
+        drive_error=error,
+    )
+    return [vars(shown) for shown in can_show([signal], recording.response_unit)]
 
 
 def _noise_of(recording: Recording) -> Noise | None:

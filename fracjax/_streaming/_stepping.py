@@ -10,7 +10,7 @@ from .._blocks import AbstractBlock
 from .._compensate import without_disturbances
 from .._fit import Fit
 from .._models import Model
-from .._recording import InputError, parse_quantity
+from .._recording import UNSTATED, InputError, parse_quantity
 from .._systems import Band
 from ._adaptive import Adaptation, Learning
 from ._chain import chain_of
@@ -90,7 +90,7 @@ def _given(
     change = high - low if slew is None else min(slew * step, high - low)
     shared = {
         "model": model.name,
-        "units": units or ("V", "um"),
+        "units": units or (UNSTATED["drive"], UNSTATED["response"]),
         "step": step,
         "band": (bottom, top),
         "limits": (low, high),

@@ -10,7 +10,7 @@ if TYPE_CHECKING:
     from ._compensation_page import compensation_sentence as compensation_sentence
     from ._compensation_page import compensation_warnings as compensation_warnings
     from ._description import describe as describe
-from ._description import shown_by as shown_by
+    from ._description import shown_by as shown_by
     from ._effect_picture import draw_effect as draw_effect
     from ._linked import Curve as Curve
     from ._linked import link as link
@@ -38,7 +38,7 @@ _HOMES = {
         "compensation_sentence",
         "compensation_warnings",
     ),
-    "_description": ("describe",),
+    "_description": ("describe", "shown_by"),
     "_effect_picture": ("draw_effect",),
     "_linked": ("Curve", "link", "linked_plots"),
     "_posterior_page": ("posterior_row",),

@@ -32,6 +32,7 @@ LAYERS = [
     {"_fit"},
     {"_frequency", "_crosscheck", "_batch"},
     {"_posterior"},
+    {"_inside"},
     {"_diagnose"},
     {"_compensate"},
     {"_report"},

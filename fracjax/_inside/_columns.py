@@ -1,0 +1,207 @@
+"""What each effect inside a machine would add to its response, to first order, and what else might.
+
+    y(θ, f) = y(θ, 0) + Σ_k a_k L[f_k(q)] + …
+
+f_k is the force or flow that effect k makes on the fitted motion q at its port, and L the response
+of the fitted machine to a force there, linearised along that motion.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any, NamedTuple
+
+import jax
+import jax.numpy as jnp
+import numpy as np
+from jax import Array
+from scipy.signal import cont2discrete, lfilter
+
+from .._blocks import INSIDE, AbstractForce, AbstractInside, Motion, Within
+from .._computing import compiled
+from .._operators import Grid
+from .._prepare import Problem
+from .._solve import Solved
+
+_FREQUENCIES, _DAMPINGS = 12, (0.03, 0.3, 1.0)
+"""Frequencies, from one period in the recording to half its rate, and damping ratios of the linear
+dynamics that may be missing; chosen by judgement."""
+_POWERS = (2, 3)
+"""Powers of a static curve of the drive or the response."""
+
+
+class Column(NamedTuple):
+    """One shape of one hypothesis.
+
+    Attributes:
+        block: the effect at unit weight, with its port; None for what is not inside.
+        site: that port; "" for what is not inside.
+        white: (ΣL, d) what it adds to the whitened responses.
+    """
+
+    block: AbstractInside | None
+    site: str
+    white: np.ndarray
+
+
+@dataclass(frozen=True)
+class Columns:
+    """What effects inside a fitted machine, and other hypotheses, would add to its response.
+
+    Attributes:
+        effects: by name, the shapes of each effect that a port of the machine admits, d = 1.
+        others: by name, what is not inside: `linear_dynamics`, one more pair of poles in parallel;
+            `drive_curve` and `response_curve`, a static curve before or after the machine.
+        residual: (ΣL,) whitened.
+        tangent: (ΣL, p) the whitened derivative by what is free: what the fit absorbs.
+    """
+
+    effects: dict[str, list[Column]]
+    others: dict[str, list[Column]]
+    residual: np.ndarray
+    tangent: np.ndarray
+
+
+def columns_of(solved: Solved) -> Columns:
+    """The columns about a fit of a machine, a `Within` block."""
+    problems = solved.preparation.problems()
+    pairs = [
+        (_recorded(block, problem), block, problem)
+        for block, problem in zip(solved.blocks, problems, strict=True)
+    ]
+    effects: dict[str, list[Column]] = {}
+    for name, effect in INSIDE.items():
+        for place, (site, port) in enumerate(pairs[0][1].machine.ports().items()):
+            if port.kind != effect.kind:
+                continue
+            together = Motion(
+                *(
+                    np.concatenate([getattr(m, q)[place] for (_, m), *_ in pairs])
+                    for q in Motion._fields
+                )
+            )
+            trials = effect.trials(together)
+            columns = [
+                _whitened(problem, _pushed_by(trials, place, motion, block, problem))
+                for (_, motion), block, problem in pairs
+            ]
+            effects.setdefault(name, []).extend(
+                Column(trial, site, np.concatenate([c[k] for c in columns])[:, None])
+                for k, trial in enumerate(trials)
+            )
+    return Columns(
+        effects, _others(pairs), np.concatenate(solved.whitened), solved.whitened_derivative()
+    )
+
+
+def _recorded(block: Within, problem: Problem) -> tuple[np.ndarray, Motion]:
+    """The response (M,) and the motion (p, M) at the ports on the fine grid."""
+    response, motion = _move(block, problem.drive, problem.grid)
+    return np.asarray(response), Motion(*map(np.asarray, motion))
+
+
+@compiled
+def _move(block: Within, drive: Any, grid: Grid) -> tuple[Array, Motion]:
+    return block.respond_to(jnp.asarray(drive), jnp.zeros((1, drive.size)), grid)
+
+
+def _pushed_by(
+    trials: Sequence[AbstractInside], place: int, motion: Motion, block: Within, problem: Problem
+) -> np.ndarray:
+    """What trials (K,) at a port add to the response (K, M), to first order."""
+    here = Motion(*(np.asarray(signal)[place] for signal in motion))
+    forces = np.stack([_acting(trial, here, problem.grid.step) for trial in trials])
+    return np.asarray(_propagated(block, problem.drive, forces, place, problem.grid))
+
+
+def _acting(effect: AbstractInside, motion: Motion, step: Any) -> np.ndarray:
+    """What an effect makes of a motion (M,): a force or flow (M,) in drive units."""
+    if isinstance(effect, AbstractForce):
+        return np.asarray(effect.force(motion)) + np.zeros(np.shape(motion.drive))
+    return np.asarray(_remembering(effect, motion, step))
+
+
+@compiled
+def _remembering(effect: AbstractInside, motion: Motion, step: Any) -> Array:
+    def advance(carry: tuple, now: Motion) -> tuple[tuple, Array]:
+        before, memory = carry
+        force, memory = effect.act(now, before, memory, step)
+        return (now, memory), force
+
+    motion = Motion(*map(jnp.asarray, motion))
+    first = Motion(*(signal[0] for signal in motion))
+    return jax.lax.scan(advance, (first, effect.memory()), motion)[1]
+
+
+@compiled
+def _propagated(block: Within, drive: Any, forces: Any, place: int, grid: Grid) -> Array:
+    """The change (K, M) of the response by forces (K, M) at a port, along the motion."""
+    drive, ports = jnp.asarray(drive), len(block.machine.ports())
+
+    def respond(force: Array) -> Array:
+        pushes = jnp.zeros((ports, drive.size)).at[place].set(force)
+        return block.respond_to(drive, pushes, grid)[0]
+
+    change = jax.linearize(respond, jnp.zeros(drive.size))[1]
+    return jax.vmap(change)(jnp.asarray(forces))
+
+
+def _whitened(problem: Problem, signals: np.ndarray) -> np.ndarray:
+    """Signals (K, M) on the fine grid, at the samples and whitened: (K, L)."""
+    return problem.whiten(np.ascontiguousarray(signals[:, :: problem.oversampling].T)).T
+
+
+def _others(
+    pairs: list[tuple[tuple[np.ndarray, Motion], Within, Problem]],
+) -> dict[str, list[Column]]:
+    """What is not inside the machine, by name."""
+    modes, drives, responses = [], [], []
+    for (response, _), block, problem in pairs:
+        drive = np.asarray(problem.drive)
+        modes.append([_whitened(problem, pair) for pair in _dynamics(problem)])
+        curves = np.stack([_centred(drive) ** power for power in _POWERS])
+        changed = np.stack(block.linearise(drive, problem.grid, (), list(curves))[2])
+        drives.append(_whitened(problem, changed))
+        curves = np.stack([_centred(response) ** power for power in _POWERS])
+        responses.append(_whitened(problem, curves))
+    return {
+        "linear_dynamics": [
+            Column(None, "", np.concatenate([of[k] for of in modes], axis=1).T)
+            for k in range(len(modes[0]))
+        ],
+        "drive_curve": [Column(None, "", np.concatenate(drives, axis=1).T)],
+        "response_curve": [Column(None, "", np.concatenate(responses, axis=1).T)],
+    }
+
+
+def _centred(signal: np.ndarray) -> np.ndarray:
+    """A signal minus its mean, of unit rms."""
+    centred = signal - signal.mean()
+    return centred / (centred.std() or 1.0)
+
+
+def _dynamics(problem: Problem) -> list[np.ndarray]:
+    """Position and rate (2, M) of modes that the drive moves beside the machine."""
+    drive, step = _centred(np.asarray(problem.drive)), float(problem.grid.step)
+    rate = 1 / (step * problem.oversampling)
+    pairs = []
+    for frequency in np.geomspace(1 / (step * drive.size), rate / 2, _FREQUENCIES):
+        for damping in _DAMPINGS:
+            w = 2 * np.pi * frequency
+            a = np.array([[0.0, w], [-w, -2 * damping * w]])
+            discrete = cont2discrete(
+                (a, np.array([[0.0], [w]]), np.eye(2), np.zeros((2, 1))), step, "foh"
+            )
+            poles = np.poly(discrete[0])
+            rows = []
+            for k in range(2):
+                b0, c = discrete[1][:, 0], discrete[2][k]
+                numerator = np.array([
+                    discrete[3][k, 0],
+                    c @ b0 + discrete[3][k, 0] * poles[1],
+                    c @ discrete[0] @ b0 + poles[1] * (c @ b0) + poles[2] * discrete[3][k, 0],
+                ])  # fmt: skip
+                rows.append(lfilter(numerator, poles, drive))
+            pairs.append(np.stack(rows))
+    return pairs

@@ -11,6 +11,7 @@ import equinox as eqx
 import jax.numpy as jnp
 from jax import Array
 
+from .._parameters import Parameter
 from ._machine import Motion, PortKind
 
 
@@ -93,6 +94,17 @@ class InsideEffect:
     trials: Callable[[Motion], Sequence[AbstractInside]]
     separated_by: dict[str, str] = field(default_factory=_no_experiment)
     one_sided: bool = False
+
+
+_DECADES = 1e5
+"""How far a positive parameter may move from where it starts, as a factor."""
+
+
+def positive(value: float, unit: str, *, fixed: bool = False) -> Parameter:
+    """A parameter that physics keeps above 0, fitted on a logarithmic scale about a value > 0."""
+    return Parameter(
+        value, unit, lower=value / _DECADES, upper=value * _DECADES, logarithmic=True, fixed=fixed
+    )
 
 
 def rms(signal: Any) -> float:

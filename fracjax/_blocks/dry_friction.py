@@ -9,7 +9,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from .._parameters import Parameter
-from ._inside import AbstractForce, AbstractInside, InsideEffect, rms
+from ._inside import AbstractForce, AbstractInside, InsideEffect, positive, rms
 from ._machine import Motion
 
 
@@ -50,15 +50,10 @@ class DryFriction(AbstractForce):
         stribeck: float = 1.0,
     ):
         plain = excess == 0
-        self.coulomb = Parameter(force_level, "drive")
-        self.creep = Parameter(
-            creep, "response*s^-1", lower=1e-6 * creep, upper=1e4 * creep, logarithmic=True
-        )
+        self.coulomb = positive(force_level, "drive")
+        self.creep = positive(creep, "response*s^-1")
         self.excess = Parameter(excess, lower=0.0, upper=10.0, plausible=(0.0, 1.0), fixed=plain)
-        self.stribeck = Parameter(
-            stribeck, "response*s^-1", lower=1e-6 * stribeck, upper=1e4 * stribeck,
-            logarithmic=True, fixed=plain,
-        )  # fmt: skip
+        self.stribeck = positive(stribeck, "response*s^-1", fixed=plain)
 
     def force(self, motion: Motion) -> Array:
         slow = jnp.exp(-((motion.velocity / self.stribeck.value) ** 2))
@@ -102,16 +97,10 @@ class LuGre(AbstractInside):
         stribeck: float = 1.0,
     ):
         plain = excess == 0
-        self.coulomb = Parameter(force_level, "drive")
-        self.presliding = Parameter(
-            presliding, "response", lower=1e-5 * presliding, upper=1e3 * presliding,
-            logarithmic=True,
-        )  # fmt: skip
+        self.coulomb = positive(force_level, "drive")
+        self.presliding = positive(presliding, "response")
         self.excess = Parameter(excess, lower=0.0, upper=10.0, plausible=(0.0, 1.0), fixed=plain)
-        self.stribeck = Parameter(
-            stribeck, "response*s^-1", lower=1e-6 * stribeck, upper=1e4 * stribeck,
-            logarithmic=True, fixed=plain,
-        )  # fmt: skip
+        self.stribeck = positive(stribeck, "response*s^-1", fixed=plain)
 
     def memory(self) -> Any:
         return jnp.zeros(())

@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 
 from .._parameters import Parameter
-from ._inside import AbstractForce, AbstractInside, InsideEffect, rms
+from ._inside import AbstractForce, AbstractInside, InsideEffect, positive, rms
 from ._machine import Motion
 
 
@@ -39,8 +39,8 @@ class EndStop(AbstractForce):
     size = "stiffness"
 
     def __init__(self, stiffness: float = 1.0, gap: float = 1.0, side: float = 1.0):
-        self.stiffness = Parameter(stiffness, "drive/response")
-        self.gap = Parameter(gap, "response", lower=1e-4 * gap, upper=1e4 * gap, logarithmic=True)
+        self.stiffness = positive(stiffness, "drive/response")
+        self.gap = positive(gap, "response")
         self.side = Parameter(side, fixed=True)
 
     def force(self, motion: Motion) -> Array:

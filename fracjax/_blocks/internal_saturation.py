@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 
 from .._parameters import Parameter
-from ._inside import AbstractForce, AbstractInside, InsideEffect, rms
+from ._inside import AbstractForce, AbstractInside, InsideEffect, positive, rms
 from ._machine import Motion
 
 
@@ -33,7 +33,7 @@ class InternalSaturation(AbstractForce):
     size = "overflow"
 
     def __init__(self, overflow: float = 1.0, limit: float = 1.0):
-        self.overflow = Parameter(overflow, "drive/response")
+        self.overflow = positive(overflow, "drive/response")
         self.limit = Parameter(limit, "response")
 
     def force(self, motion: Motion) -> Array:

@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 
 from .._parameters import Parameter
-from ._inside import AbstractForce, AbstractInside, InsideEffect, rms
+from ._inside import AbstractForce, AbstractInside, InsideEffect, positive, rms
 from ._machine import Motion
 
 
@@ -33,10 +33,8 @@ class NegativeStiffness(AbstractForce):
     size = "stiffness"
 
     def __init__(self, stiffness: float = 1.0, width: float = 1.0):
-        self.stiffness = Parameter(stiffness, "drive/response")
-        self.width = Parameter(
-            width, "response", lower=1e-4 * width, upper=1e4 * width, logarithmic=True
-        )
+        self.stiffness = positive(stiffness, "drive/response")
+        self.width = positive(width, "response")
 
     def force(self, motion: Motion) -> Array:
         x, a = motion.position, self.width.value

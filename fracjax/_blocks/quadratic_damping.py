@@ -8,7 +8,7 @@ import jax.numpy as jnp
 from jax import Array
 
 from .._parameters import Parameter
-from ._inside import AbstractForce, AbstractInside, InsideEffect, rms
+from ._inside import AbstractForce, AbstractInside, InsideEffect, positive, rms
 from ._machine import Motion
 
 
@@ -27,7 +27,7 @@ class QuadraticDamping(AbstractForce):
     size = "drag"
 
     def __init__(self, drag: float = 1.0):
-        self.drag = Parameter(drag, "drive/response*response^-1*s^2")
+        self.drag = positive(drag, "drive/response*response^-1*s^2")
 
     def force(self, motion: Motion) -> Array:
         return -self.drag.value * motion.velocity * jnp.abs(motion.velocity)

@@ -9,7 +9,7 @@ import numpy as np
 from jax import Array
 
 from .._parameters import Parameter
-from ._inside import AbstractForce, AbstractInside, InsideEffect, rms
+from ._inside import AbstractForce, AbstractInside, InsideEffect, positive, rms
 from ._machine import Motion
 
 
@@ -31,7 +31,7 @@ class RootOutflow(AbstractForce):
     size = "outflow"
 
     def __init__(self, outflow: float = 1.0, empty: float = 0.0):
-        self.outflow = Parameter(outflow, "drive*response^-0.5")
+        self.outflow = positive(outflow, "drive*response^-0.5")
         self.empty = Parameter(empty, "response")
 
     def force(self, motion: Motion) -> Array:

@@ -20,8 +20,6 @@ from ._machine import AbstractMachine, Motion, Port, System
 _ITERATIONS = 4
 """Newton's steps for the forces at the end of a step, before the last one, which is differentiated:
 they start from the forces before the step, or where the motion is stopped."""
-_UNROLLED = 4
-"""Steps per iteration of the compiled loop; chosen by judgement."""
 _CYCLES = 12
 """Newton's steps at most for the start of a steady cycle."""
 _HALVINGS, _TERMS = 20, 10
@@ -126,6 +124,13 @@ class Within(AbstractBlock):
         more = Within(self.machine, (*self.effects, effect), (*self.sites, site))
         return eqx.tree_at(lambda block: block.start, more, self.start)
 
+    def without(self, which: int) -> Within:
+        """This machine without one of its effects, by its place among them."""
+        effects, sites = list(self.effects), list(self.sites)
+        del effects[which], sites[which]
+        fewer = Within(self.machine, tuple(effects), tuple(sites))
+        return eqx.tree_at(lambda block: block.start, fewer, self.start)
+
     def __call__(self, drive: Array, grid: Grid) -> Array:
         return self.respond_to(drive, jnp.zeros((1, drive.size)), grid)[0]
 
@@ -160,7 +165,8 @@ class Within(AbstractBlock):
 
     def _follow(self, drive: Array, pushes: Array, grid: Grid) -> tuple[Array, Motion]:
         """The response of a machine whose drive is the motion itself: nothing acts back on it."""
-        velocity = grid.changes(drive) / grid.step
+        changes = grid.changes(drive) / grid.step
+        velocity = 0.5 * (changes + jnp.append(changes[1:], changes[-1]))
         motion = Motion(drive, velocity, drive)
 
         def step(carry: tuple, now: Motion) -> tuple[tuple, Array]:
@@ -173,7 +179,7 @@ class Within(AbstractBlock):
 
         first = Motion(*(signal[0] for signal in motion))
         begin = (first, tuple(effect.memory() for effect in self.effects))
-        forces = jax.lax.scan(step, begin, motion, unroll=_UNROLLED)[1] + pushes[0]
+        forces = jax.lax.scan(step, begin, motion)[1] + pushes[0]
         response = self.machine(drive, grid) - forces
         return response, Motion(*(signal[None] for signal in motion))
 
@@ -208,13 +214,19 @@ class Within(AbstractBlock):
         def motions(states: Array, u: Array) -> list[Motion]:
             return [Motion(jnp.sum(q * states), jnp.sum(v * states), u) for q, v in seen]
 
-        def acting(now: list[Motion], past: list[Motion], memories: tuple) -> tuple[Array, tuple]:
+        def acting(
+            effects: tuple, now: list[Motion], past: list[Motion], memories: tuple
+        ) -> tuple[Array, tuple]:
             """The forces (p,) at the used ports, and what is remembered."""
             totals, kept = [jnp.zeros(())] * p, []
-            for effect, port, memory in zip(self.effects, at, memories, strict=True):
+            for effect, port, memory in zip(effects, at, memories, strict=True):
                 force, memory = effect.act(now[port], past[port], memory, grid.step)
                 totals[port], kept = totals[port] + force, [*kept, memory]
             return jnp.stack(totals), tuple(kept)
+
+        def defect(f: Array, effects: tuple, free: Array, after: Array, rest: tuple) -> Array:
+            u, past, memories = rest
+            return f - acting(effects, motions(free + after @ f, u), past, memories)[0]
 
         def advance(carry: tuple, sample: tuple[Array, Array, Array]) -> tuple[tuple, tuple]:
             states, forces, memories = carry
@@ -223,34 +235,29 @@ class Within(AbstractBlock):
             free = step.carried @ states + outer + before @ forces
             if not p:
                 return (free, forces, memories), (free, forces)
-
-            def defect(f: Array) -> Array:
-                return f - acting(motions(free + after @ f, u), past, memories)[0]
-
             guess = forces
             if any(effect.sticks for effect in self.effects):
                 reach = jnp.stack([v @ after[:, k] for k, (_, v) in enumerate(seen)])
                 guess = -jnp.stack([v @ free for _, v in seen]) / reach
-            guess = jax.lax.stop_gradient(guess)
+            equation = self.effects, free, after, (u, past, memories)
+            frozen = jax.lax.stop_gradient(equation)
+
+            def improve(_: int, guess: Array) -> Array:
+                return guess - _solve(jax.jacfwd(defect)(guess, *frozen), defect(guess, *frozen))
+
+            guess = jax.lax.fori_loop(0, _ITERATIONS, improve, jax.lax.stop_gradient(guess))
             # One step that is differentiated, from the solution, gives the solution's derivative.
-            for last in [False] * _ITERATIONS + [True]:
-                value, slope = defect(guess), jax.jacfwd(defect)(guess)
-                if last:
-                    slope = jax.lax.stop_gradient(slope)
-                else:
-                    value, slope = jax.lax.stop_gradient((value, slope))
-                guess = guess - _solve(slope, value)
+            slope = jax.jacfwd(defect)(guess, *frozen)
+            guess = guess - _solve(slope, defect(guess, *equation))
             states = free + after @ guess
-            memories = acting(motions(states, u), past, memories)[1]
+            memories = acting(self.effects, motions(states, u), past, memories)[1]
             return (states, guess, memories), (states, guess)
 
         memories = tuple(effect.memory() for effect in self.effects)
         first = motions(start, drive[0])
-        forces = acting(first, first, memories)[0] if p else jnp.zeros(0)
+        forces = acting(self.effects, first, first, memories)[0] if p else jnp.zeros(0)
         samples = (outside, drive[:-1], drive[1:])
-        _, (later, acted) = jax.lax.scan(
-            advance, (start, forces, memories), samples, unroll=_UNROLLED
-        )
+        _, (later, acted) = jax.lax.scan(advance, (start, forces, memories), samples)
         inner = jnp.concatenate([forces[None], acted]).T
         every = pushes + (
             jnp.zeros((len(ports), p)).at[jnp.array(places, int), jnp.arange(p)].set(1.0) @ inner

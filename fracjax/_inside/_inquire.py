@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.special import softmax
@@ -20,16 +22,16 @@ _SHORTLIST = 4
 """Effects that are fitted in each round; chosen by judgement."""
 _WORTH = 0.1
 """The share of the residual below which an effect is not fitted, over that of the best."""
-_MOST_ROUNDS = 3
-"""Effects that are sought one after the other at most."""
+_MOST_ROUNDS, _TENTATIVE = 4, 2
+"""Effects that are sought one after the other at most, and of them beyond those that are named."""
 _STARTS = (1.0, 0.3)
 """Starts of an effect's size, over the one that the columns say: a large effect is overstated to
 first order."""
-
 _EVALUATIONS = 15
 """Evaluations of each of them, before the best is fitted to its end; chosen by judgement."""
 
 HeldOut = Callable[[Solved], float]
+"""The rms error of a fit on data that it has not used [response]."""
 
 
 def inquire_inside(
@@ -48,7 +50,7 @@ def inquire_inside(
     Args:
         block: the machine, with the effects that it is believed to have.
         preparation: the recordings with noise and history.
-        held_out: the rms error of a fit on data that it has not used [response].
+        held_out: the error of a fit on data that it has not used.
         progress: is called with a text at every step.
 
     Returns:
@@ -57,28 +59,78 @@ def inquire_inside(
     within = block if isinstance(block, Within) else Within(block)
     with computing():
         progress("fitting the machine")
-        base = solve_from([within], preparation)
-        rounds: list[Round] = []
-        extended = base
-        while len(rounds) < _MOST_ROUNDS and not time_is_over():
-            one, extended = _round(extended, progress)
-            rounds.append(one)
-            if not one.named:
-                break
+        base = solve_from([within], _unweighted(preparation))
+        named, found = _search(base, progress)
+        extended = found[named - 1].solved if named else base
         errors = [held_out(s) if held_out else None for s in (base, extended)]
-        return Inside(base, extended, tuple(rounds), *errors)
+        return Inside(base, extended, tuple(f.round for f in found), named, *errors)
 
 
-def _round(solved: Solved, progress: Progress) -> tuple[Round, Solved]:
-    """One more effect sought about a fit, and the fit with it, or the same where none is named."""
+def _unweighted(preparation: Preparation) -> Preparation:
+    """The recordings with white noises of their levels.
+
+    What the model leaves out is far above the noise, and the colour of a rest or of a converter is
+    not its own: whitened by that, a fit would follow frequencies at which nothing happens.
+    """
+    noises = [take.noise for take in preparation.takes]
+    if any(noise is None for noise in noises):
+        return replace(preparation, takes=tuple(replace(t, noise=None) for t in preparation.takes))
+    return preparation.with_noises([noise.uncoloured() for noise in noises if noise])
+
+
+class _Found(NamedTuple):
+    """A round, and the fit with its most probable effect, or without where there is none."""
+
+    round: Round
+    solved: Solved
+
+
+def _search(base: Solved, progress: Progress) -> tuple[int, list[_Found]]:
+    """The rounds, and how many of them name their effect.
+
+    A round that explains less than half is kept for the next one: of two effects of equal size
+    neither explains most alone.  All rounds so far name their effects once each effect, taken away,
+    would more than double what is left.
+    """
+    named, found = 0, []
+    solved, believed = base, len(base.block.effects)  # type: ignore[attr-defined]
+    while len(found) < min(named + _TENTATIVE, _MOST_ROUNDS) and not time_is_over():
+        before, one = solved, _round(solved, progress)
+        found.append(one)
+        solved = one.solved
+        if not one.round.candidates:
+            break
+        others = range(named, len(found) - 1)
+        if _dominates(solved.cost, before.cost) and all(
+            _dominates(solved.cost, _cost_without(solved, believed + k)) for k in others
+        ):
+            named = len(found)
+    return named, found
+
+
+def _dominates(left: float, before: float) -> bool:
+    """Whether what an effect explains is more than all that it leaves."""
+    return left < (1 - DOMINANT) * before
+
+
+def _cost_without(solved: Solved, at: int) -> float:
+    """χ² of the best fit without one of the effects."""
+    block: Within = solved.block  # type: ignore[assignment]
+    descent = begin(block.without(at), solved.preparation.problems(), solved.preparation.conditions)
+    return descend(descent, _EVALUATIONS).cost
+
+
+def _round(solved: Solved, progress: Progress) -> _Found:
+    """One more effect sought about a fit."""
     one_sided = frozenset(name for name, effect in INSIDE.items() if effect.one_sided)
-    weighed = weigh(columns_of(solved), one_sided)
+    progress("comparing effects")
+    weighed = tuple(weigh(columns_of(solved), one_sided))
     inside = [w for w in weighed if w.best.block is not None]
     best = max((w.share for w in inside), default=0.0)
-    tried = [w for w in inside if w.share > _WORTH * best][:_SHORTLIST]
+    tried = [w for w in inside if w.log_evidence > 0 and w.share > _WORTH * best][:_SHORTLIST]
     outside = max((w.share for w in weighed if w.best.block is None), default=0.0)
     if not tried or (outside > DOMINANT and outside > best):
-        return Round(tuple(weighed), (), False), solved
+        return _Found(Round(weighed, ()), solved)
     fits = []
     for each in tried:
         progress(f"fitting {each.name}")
@@ -87,39 +139,34 @@ def _round(solved: Solved, progress: Progress) -> tuple[Round, Solved]:
     least = min(fits, key=lambda fit: fit.cost)
     residual = least.objective.residual(least.position)
     samples = independent_samples(residual, residual != 0)
-    free = [fit.position.size for fit in fits]
-    scores = [
-        -0.5 * samples * np.log(fit.cost) - 0.5 * count * np.log(samples)
-        for fit, count in zip(fits, free, strict=True)
-    ]
-    order = np.argsort(scores)[::-1]
-    probabilities = softmax(scores)
-    best_fit = fits[order[0]]
-    progress(f"fitting {tried[order[0]].name} to its end")
-    extended = solve_from([_block_at(best_fit)], solved.preparation)
+    scores = [-0.5 * (samples * np.log(f.cost) + f.position.size * np.log(samples)) for f in fits]
+    probabilities, order = softmax(scores), np.argsort(scores)[::-1]
+    first = order[0]
+    progress(f"fitting {tried[first].name} to its end")
+    extended = solve_from([_block_at(fits[first])], solved.preparation)
     candidates = tuple(
         Candidate(
-            name=tried[k].name,
-            block=extended.block if k == order[0] else _block_at(fits[k]),  # type: ignore[arg-type]
-            left=(extended.cost if k == order[0] else fits[k].cost) / solved.cost,
-            probability=float(probabilities[k]),
+            tried[k].name,
+            _block_at(fits[k]) if k != first else extended.block,  # type: ignore[arg-type]
+            (fits[k].cost if k != first else extended.cost) / solved.cost,
+            float(probabilities[k]),
         )
         for k in order
     )
-    named = candidates[0].left < 1 - DOMINANT
-    return Round(tuple(weighed), candidates, named), extended if named else solved
+    return _Found(Round(weighed, candidates), extended)
 
 
 def _descent(solved: Solved, weighed: Weighed) -> Descent:
     """The better descent, from several sizes, of the model with one more effect, all free."""
     effect, column = weighed.best.block, float(weighed.coefficients[0])
     assert effect is not None
+    block: Within = solved.block  # type: ignore[assignment]
     size, problems = effect.size, solved.preparation.problems()
 
     def descent(factor: float) -> Descent:
         value = getattr(effect, size).value * column * factor
-        block = solved.block.at(weighed.best.site, set_values(effect, {size: value}))  # type: ignore[attr-defined]
-        return descend(begin(block, problems, solved.preparation.conditions), _EVALUATIONS)
+        more = block.at(weighed.best.site, set_values(effect, {size: value}))
+        return descend(begin(more, problems, solved.preparation.conditions), _EVALUATIONS)
 
     return min(map_in_threads(descent, _STARTS), key=lambda each: each.cost)
 

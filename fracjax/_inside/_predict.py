@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 
 from .._blocks import AbstractBlock
+from .._computing import computing
 from .._operators import History
 from .._parameters import set_values
 from .._prepare import Preparation, take_of
@@ -31,6 +32,14 @@ def error_on(
     Returns:
         The rms [response] over the samples after `settling`, and the simulation [response].
     """
+    with computing():
+        return _error_on(solved, recording, history, settling, read)
+
+
+def _error_on(
+    solved: Solved, recording: Recording, history: History, settling: int, read: int
+) -> tuple[float, np.ndarray]:
+    """`error_on` in double precision."""
     take = take_of(recording, None, history, 0)
     (problem,) = Preparation((take,), solved.preparation.oversampling).problems()
     block: AbstractBlock = solved.block

@@ -33,13 +33,11 @@ class Round:
     Attributes:
         weighed: every hypothesis about the residual to first order, the most probable first.
         candidates: those that were fitted, the most probable first; empty where what is not inside
-            was more probable than all effects.
-        named: whether the first of them is named.
+            was more probable than all effects, or none was probable.
     """
 
     weighed: tuple[Weighed, ...]
     candidates: tuple[Candidate, ...]
-    named: bool
 
 
 @dataclass(frozen=True)
@@ -49,7 +47,8 @@ class Inside:
     Attributes:
         base: the fit without it.
         extended: the fit with all effects that are named; the base where none is.
-        rounds: how they were sought, in order; the last one names nothing.
+        rounds: how they were sought, in order.
+        named: how many of the first rounds name their effect.
         base_error: the rms error of the base on the held-out recording [response], None without.
         extended_error: that of the extended model.
     """
@@ -57,30 +56,29 @@ class Inside:
     base: Solved
     extended: Solved
     rounds: tuple[Round, ...]
+    named: int
     base_error: float | None
     extended_error: float | None
 
     @property
     def names(self) -> tuple[str, ...]:
         """The effects that are named, in the order of their finding."""
-        return tuple(r.candidates[0].name for r in self.rounds if r.named)
+        return tuple(dict.fromkeys(r.candidates[0].name for r in self.rounds[: self.named]))
 
     @property
     def sets(self) -> tuple[tuple[str, ...], ...]:
-        """Of each effect that is named, those that it may be instead, itself first."""
+        """Of each round that names an effect, those that it may be instead, itself first."""
         return tuple(
             tuple(c.name for c in r.candidates if c.probability >= ALTERNATIVE)
-            for r in self.rounds
-            if r.named
+            for r in self.rounds[: self.named]
         )
 
     @property
     def outside(self) -> str:
         """What explains most of what is left where that is no effect inside; "" otherwise."""
-        last = self.rounds[-1]
-        if last.named or not last.weighed:
+        if self.named == len(self.rounds):
             return ""
-        best = last.weighed[0]
+        best = max(self.rounds[self.named].weighed, key=lambda w: w.share)
         return best.name if best.best.block is None and best.share >= DOMINANT else ""
 
     @property

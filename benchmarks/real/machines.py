@@ -1,0 +1,239 @@
+"""Public benchmarks of machines whose missing physics is documented, inside their dynamics.
+
+    python -m benchmarks.real.machines [NAME …]
+
+What is documented is written down here before any of them is diagnosed.  Each is fitted on its
+benchmark's own estimation data by a linear machine; the effects that the diagnosis names are beside
+what is documented, and the errors of the linear and the extended machine are those on the
+benchmark's own test data.  The recordings are in the registry and never part of this package.
+"""
+
+from __future__ import annotations
+
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from typing import Any, NamedTuple
+
+import h5py
+import numpy as np
+from scipy.io import loadmat
+from scipy.signal import butter, filtfilt
+
+import fracjax as fj
+from benchmarks.real.recordings import path_of, rounded, table
+from fracjax import blocks
+from fracjax._inside import Inside, error_on, inquire_inside
+from fracjax._operators import History
+from fracjax._prepare import prepare
+from fracjax._solve import Solved
+
+_EMPS_BAND = 40.0
+"""The band that drive and response are both cut to [Hz], the benchmark's for its regression."""
+
+
+class Case(NamedTuple):
+    """A benchmark.
+
+    Attributes:
+        documented: the names of the physics that its authors document, in the catalogue's words.
+        source: where they do.
+        machine: the linear machine that it is believed to be.
+        training: recordings for the fit.
+        tests: recordings for the error, by the name of the test.
+        history: of all their drives.
+        oversampling: steps of the simulation per sample.
+        settling: first samples that are neither fitted nor scored.
+        read: first samples of a test that its start is read from.
+        best: the best published error on the first test, and whose.
+    """
+
+    documented: tuple[str, ...]
+    source: str
+    machine: Any
+    training: list[fj.Recording]
+    tests: dict[str, fj.Recording]
+    history: History = "rest"
+    oversampling: int = 2
+    settling: int = 0
+    read: int = 0
+    best: str = ""
+
+
+def silverbox() -> Case:
+    """A circuit that is a mass on a cubic spring: odd multisines, and an arrow head of noise."""
+    drive, response = np.genfromtxt(
+        path_of("machines/SNLS80mV.csv"), delimiter=",", skip_header=1
+    ).T[:2]
+
+    def part(begin: int, end: int) -> fj.Recording:
+        return fj.Recording(
+            drive[begin:end], response[begin:end], 2**14 / 1e7, drive_unit="V", response_unit="V",
+            source="silverbox",
+        )  # fmt: skip
+
+    span = float(np.ptp(response) / np.ptp(drive))
+    return Case(
+        documented=("cubic_stiffness",),
+        source="Wigren & Schoukens, European Control Conference (2013), pp. 2933-2938",
+        machine=blocks.Oscillator(span, 60.0, 0.1),
+        training=[part(40_650, 40_650 + 16_384)],
+        tests={"arrow head": part(0, 40_000), "multisine": part(61_000, 127_500)},
+        best="0.00026 V, Marconato et al. (2012), polynomial state space",
+    )
+
+
+def emps() -> Case:
+    """A motor's stage on a guide in closed loop, position to force, both low-passed (IDIM-LS)."""
+    return Case(
+        documented=("dry_friction",),
+        source="Janot, Gautier & Brunot, Nonlinear System Identification Benchmarks (2019)",
+        machine=blocks.Impedance(stiffness=0.0, damping=200.0, mass=100.0, springpot=None),
+        training=[_emps("machines/DATA_EMPS.mat")],
+        tests={"pulses": _emps("machines/DATA_EMPS_PULSES.mat")},
+        history="constant",
+        oversampling=1,
+        settling=100,
+        best="",
+    )
+
+
+def _emps(name: str) -> fj.Recording:
+    """Position [m] and motor force [N] at 500 Hz, both low-passed alike."""
+    data = {key: np.ravel(value) for key, value in loadmat(path_of(name)).items() if key[0] != "_"}
+    force = data["gtau"][0] * data["vir"] + data.get("pulses_N", 0.0)
+    low_pass = butter(4, _EMPS_BAND / 500)
+    position, force = (filtfilt(*low_pass, signal) for signal in (data["qm"], force))
+    return fj.Recording(
+        position[::2], force[::2], 2e-3, drive_unit="m", response_unit="N", source=name
+    )
+
+
+def tanks() -> Case:
+    """Two tanks, one above the other, which overflow."""
+    columns = np.genfromtxt(path_of("machines/dataBenchmark.csv"), delimiter=",", skip_header=1)
+    estimation, validation = (
+        fj.Recording(
+            columns[:, k], columns[:, k + 2], 4.0, drive_unit="V", response_unit="V", source="tanks"
+        )
+        for k in (0, 1)
+    )
+    return Case(
+        documented=("root_outflow", "internal_saturation"),
+        source="Schoukens & Noel, IFAC-PapersOnLine 50 (2017) 446",
+        machine=blocks.Lag(3.0, (100.0, 100.0)),
+        training=[estimation],
+        tests={"validation": validation},
+        history="constant",
+        oversampling=2,
+        read=50,
+        best="",
+    )
+
+
+def bouc_wen() -> Case:
+    """A simulated mass on a spring with hysteresis, driven by multisines."""
+    with (
+        h5py.File(path_of("machines/bw_train.h5")) as train,
+        h5py.File(path_of("machines/bw_test.h5")) as test,
+    ):
+
+        def part(file: h5py.File, name: str, begin: int, end: int | None) -> fj.Recording:
+            drive, response = (np.ravel(file[f"{name}/{s}"])[begin:end] for s in "uy")
+            return fj.Recording(
+                drive, 1e3 * response, 1 / 750, drive_unit="N", response_unit="mm", source=name
+            )
+
+        return Case(
+            documented=("hysteretic_spring",),
+            source="Noel & Schoukens, Hysteretic benchmark with a dynamic nonlinearity (2016)",
+            machine=blocks.Oscillator(0.02, 35.0, 0.05),
+            training=[part(train, "multisine", 0, 8192)],
+            tests={
+                "multisine": part(test, "multisine", 0, None),
+                "sine sweep": part(test, "sinesweep", 0, None),
+            },
+            history="rest",
+            oversampling=4,
+            settling=0,
+            best="",
+        )
+
+
+CASES: dict[str, Callable[[], Case]] = {
+    "silverbox": silverbox,
+    "emps": emps,
+    "tanks": tanks,
+    "bouc_wen": bouc_wen,
+}
+
+
+def answer(case: Case) -> tuple[Inside, dict[str, tuple[float, float]], float]:
+    """The inquiry, the errors of the linear and the extended machine by test, and seconds."""
+    began = time.perf_counter()
+    preparation = prepare(case.training, history=case.history, settling=case.settling)
+    preparation = replace(preparation, oversampling=case.oversampling)
+    inside = inquire_inside(case.machine, preparation)
+    seconds = time.perf_counter() - began
+
+    def error(solved: Solved, recording: fj.Recording) -> float:
+        return error_on(solved, recording, case.history, case.settling, case.read)[0]
+
+    errors = {
+        name: (error(inside.base, recording), error(inside.extended, recording))
+        for name, recording in case.tests.items()
+    }
+    return inside, errors, seconds
+
+
+def _next(inside: Inside) -> str:
+    """The effect that would have been named next, and the share that it explains."""
+    for one in inside.rounds[inside.named : inside.named + 1]:
+        for candidate in one.candidates[:1]:
+            return f"{candidate.name} {rounded(1 - candidate.left)}"
+    return ""
+
+
+def main() -> None:
+    """Answer every case that is asked for, and write the table."""
+    rows = []
+    for name in sys.argv[1:] or CASES:
+        case = CASES[name]()
+        inside, errors, seconds = answer(case)
+        for one in inside.rounds:
+            print([(w.name, rounded(w.share), rounded(w.log_evidence)) for w in one.weighed[:8]])
+            print([(c.name, rounded(c.left), rounded(c.probability)) for c in one.candidates])
+        print(fj.Model(inside.block), flush=True)
+        for test, (linear, extended) in errors.items():
+            recording = case.tests[test]
+            rows.append(
+                {
+                    "benchmark": name,
+                    "documented": " + ".join(case.documented),
+                    "named": " + ".join(inside.names),
+                    "sets": " + ".join("|".join(names) for names in inside.sets),
+                    "next": _next(inside),
+                    "outside": inside.outside,
+                    "test": test,
+                    "unit": case.training[0].response_unit,
+                    "rms": rounded(np.std(recording.response)),
+                    "linear": rounded(linear),
+                    "extended": rounded(extended),
+                    "parameters": sum(
+                        p.value.size
+                        for p in fj.Model(inside.block).parameters.values()
+                        if not p.fixed
+                    ),
+                    "published": case.best,
+                    "seconds": rounded(seconds),
+                    "source": case.source,
+                }
+            )
+            print(rows[-1], flush=True)
+    if not sys.argv[1:]:
+        table("machines", rows)
+
+
+if __name__ == "__main__":
+    main()

@@ -113,7 +113,13 @@ from .sensor_lag import SensorLag as SensorLag
 from .sensor_nonlinearity import SensorNonlinearity as SensorNonlinearity
 from .single_operator import SingleOperator as SingleOperator
 from .slew_rate_limit import SlewRateLimit as SlewRateLimit
+from .static_curve import StaticCurve as StaticCurve
 from .thermal_drift import ThermalDrift as ThermalDrift
+from .viscoelastic import AbstractMaterial as AbstractMaterial
+from .viscoelastic import FractionalKelvinVoigt as FractionalKelvinVoigt
+from .viscoelastic import FractionalMaxwell as FractionalMaxwell
+from .viscoelastic import FractionalZener as FractionalZener
+from .viscoelastic import Springpot as Springpot
 from .viscoelastic_layer import MaxwellLayer as MaxwellLayer
 from .viscoelastic_layer import ViscoelasticLayer as ViscoelasticLayer
 from .within import Within as Within

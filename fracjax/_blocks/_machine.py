@@ -84,11 +84,6 @@ class AbstractMachine(AbstractLinearBlock):
         """(n,) the unit that each state is measured in, over the response's [s^k]."""
 
     @property
-    def leads(self) -> bool:
-        """Whether its response may lead its drive, as a force leads the motion that it causes."""
-        return False
-
-    @property
     def settles(self) -> bool:
         """Whether a constant drive leads to an equilibrium, as it does where a spring holds."""
         return True

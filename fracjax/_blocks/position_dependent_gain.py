@@ -12,7 +12,7 @@ from ._machine import Motion
 
 
 class PositionDependentGain(AbstractForce):
-    r"""The force per drive varies along the stroke, as a voice coil's does at the ends of its field:
+    r"""The force per drive varies along the stroke, as a voice coil's at the ends of its field:
 
         f = (a x + b x²) u
 

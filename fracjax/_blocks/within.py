@@ -46,7 +46,8 @@ class _Step(NamedTuple):
 class Within(AbstractBlock):
     r"""A machine with forces or flows at its ports that depend on its motion:
 
-        dx/dt = A x + b u + Σ_i e_i f_i(q_i, dq_i/dt, u),   q_i = p_i x,   y = c x + d u + Σ_i d_i f_i
+        dx/dt = A x + b u + Σ_i e_i f_i(q_i, dq_i/dt, u),    q_i = p_i x
+        y = c x + d u + Σ_i d_i f_i
 
     The linear part is exact for a drive and forces that are straight between samples (an
     exponential integrator); the forces at the end of each step solve their equation by Newton's
@@ -96,6 +97,10 @@ class Within(AbstractBlock):
     @property
     def linear(self) -> bool:
         return False
+
+    @property
+    def leads(self) -> bool:
+        return self.machine.leads
 
     def __matmul__(self, effect: AbstractInside) -> Within:
         """This machine with one more effect at its first port of the effect's kind."""
@@ -318,7 +323,7 @@ def _stepped(system: System, enters: Array, step: Any) -> tuple[_Step, tuple[Arr
 
 
 def _exponential(matrix: Array) -> Array:
-    """exp of a matrix, by its series at 2^-20 of it and squarings of exp - 1, which cancels nothing.
+    """exp of a matrix: its series at 2^-20 of it, and squarings of exp - 1, which cancel nothing.
 
     It compiles in a tenth of the time of JAX's own.
     Source: Moler & Van Loan, SIAM Rev. 45 (2003) 3, method 3.

@@ -6,8 +6,8 @@ is the Bayes factor of d columns that explain the share R² of n independent sam
 them, with an unknown noise level and coefficients as uncertain as one sample leaves them.  A
 coloured residual holds fewer independent samples than it has.
 
-Source: Liang, Paulo, Molina, Clyde & Berger, J. Am. Stat. Assoc. 103 (2008) 410, g priors; Bartlett,
-J. R. Stat. Soc. 98 (1935) 536, correlation between series that are coloured.
+Source: Liang, Paulo, Molina, Clyde & Berger, J. Am. Stat. Assoc. 103 (2008) 410, g priors;
+Bartlett, J. R. Stat. Soc. 98 (1935) 536, correlation between series that are coloured.
 """
 
 from __future__ import annotations

@@ -24,6 +24,7 @@ LAYERS = [
     {"_operators"},
     {"_blocks"},
     {"_naming", "_aliases", "_systems"},
+    {"_catalogue"},
     {"_models"},
     {"_simulate"},
     {"_io"},

@@ -5,29 +5,45 @@
 What is documented is written down here before any of them is diagnosed.  Each is fitted on its
 benchmark's own estimation data by a linear machine; the effects that the diagnosis names are beside
 what is documented, and the errors of the linear and the extended machine are those on the
-benchmark's own test data.  The recordings are in the registry and never part of this package.
+benchmark's own test data.  The recordings are listed in machines.txt and never part of this
+package.
 """
 
 from __future__ import annotations
 
+import os
 import sys
 import time
 from collections.abc import Callable
 from dataclasses import replace
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import h5py
 import numpy as np
+import pooch
 from scipy.io import loadmat
 from scipy.signal import butter, filtfilt
 
 import fracjax as fj
-from benchmarks.real.recordings import path_of, rounded, table
+from benchmarks.real.recordings import HERE, rounded, table
 from fracjax import blocks
 from fracjax._inside import Inside, error_on, inquire_inside
 from fracjax._operators import History
 from fracjax._prepare import prepare
 from fracjax._solve import Solved
+
+_ORIGIN = pooch.create(path=pooch.os_cache("fracjax"), base_url="")
+_ORIGIN.load_registry(HERE / "machines.txt")
+
+
+def path_of(name: str) -> str:
+    """Where a recording lies: where FRACJAX_DATA points, else fetched from its origin."""
+    local = Path(os.environ.get("FRACJAX_DATA", "")) / name
+    if local.is_file() and pooch.file_hash(str(local)) == _ORIGIN.registry[name]:
+        return str(local)
+    return _ORIGIN.fetch(name)
+
 
 _EMPS_BAND = 40.0
 """The band that drive and response are both cut to [Hz], the benchmark's for its regression."""
@@ -41,10 +57,11 @@ class Case(NamedTuple):
         source: where they do.
         machine: the linear machine that it is believed to be.
         training: recordings for the fit.
-        tests: recordings for the error, by the name of the test.
+        tests: recordings for the error by the name of the test, and how many of their first samples
+            are not scored.
         history: of all their drives.
         oversampling: steps of the simulation per sample.
-        settling: first samples that are neither fitted nor scored.
+        settling: first samples that are not fitted.
         read: first samples of a test that its start is read from.
         best: the best published error on the first test, and whose.
     """
@@ -53,7 +70,7 @@ class Case(NamedTuple):
     source: str
     machine: Any
     training: list[fj.Recording]
-    tests: dict[str, fj.Recording]
+    tests: dict[str, tuple[fj.Recording, int]]
     history: History = "rest"
     oversampling: int = 2
     settling: int = 0
@@ -79,7 +96,10 @@ def silverbox() -> Case:
         source="Wigren & Schoukens, European Control Conference (2013), pp. 2933-2938",
         machine=blocks.Oscillator(span, 60.0, 0.1),
         training=[part(40_650, 40_650 + 16_384)],
-        tests={"arrow head": part(0, 40_000), "multisine": part(61_000, 127_500)},
+        tests={
+            "arrow head": (part(0, 40_000), 0),
+            "multisine": (part(61_000, 127_500), 500),
+        },
         best="0.00026 V, Marconato et al. (2012), polynomial state space",
     )
 
@@ -91,7 +111,10 @@ def emps() -> Case:
         source="Janot, Gautier & Brunot, Nonlinear System Identification Benchmarks (2019)",
         machine=blocks.Impedance(stiffness=0.0, damping=200.0, mass=100.0, springpot=None),
         training=[_emps("machines/DATA_EMPS.mat")],
-        tests={"pulses": _emps("machines/DATA_EMPS_PULSES.mat")},
+        tests={
+            "pulses": (_emps("machines/DATA_EMPS_PULSES.mat"), 100),
+            "estimation": (_emps("machines/DATA_EMPS.mat"), 100),
+        },
         history="constant",
         oversampling=1,
         settling=100,
@@ -124,7 +147,7 @@ def tanks() -> Case:
         source="Schoukens & Noel, IFAC-PapersOnLine 50 (2017) 446",
         machine=blocks.Lag(3.0, (100.0, 100.0)),
         training=[estimation],
-        tests={"validation": validation},
+        tests={"validation": (validation, 0)},
         history="constant",
         oversampling=2,
         read=50,
@@ -133,32 +156,30 @@ def tanks() -> Case:
 
 
 def bouc_wen() -> Case:
-    """A simulated mass on a spring with hysteresis, driven by multisines."""
-    with (
-        h5py.File(path_of("machines/bw_train.h5")) as train,
-        h5py.File(path_of("machines/bw_test.h5")) as test,
-    ):
+    """A simulated mass on a spring with hysteresis, driven by multisines and a sine sweep.
 
-        def part(file: h5py.File, name: str, begin: int, end: int | None) -> fj.Recording:
-            drive, response = (np.ravel(file[f"{name}/{s}"])[begin:end] for s in "uy")
-            return fj.Recording(
-                drive, 1e3 * response, 1 / 750, drive_unit="N", response_unit="mm", source=name
-            )
+    The test's multisine is a steady period: it is simulated twice, and the second scored.
+    """
 
-        return Case(
-            documented=("hysteretic_spring",),
-            source="Noel & Schoukens, Hysteretic benchmark with a dynamic nonlinearity (2016)",
-            machine=blocks.Oscillator(0.02, 35.0, 0.05),
-            training=[part(train, "multisine", 0, 8192)],
-            tests={
-                "multisine": part(test, "multisine", 0, None),
-                "sine sweep": part(test, "sinesweep", 0, None),
-            },
-            history="rest",
-            oversampling=4,
-            settling=0,
-            best="",
-        )
+    def recording(name: str, signal: str, samples: int | None, repeats: int) -> fj.Recording:
+        with h5py.File(path_of(f"machines/{name}.h5")) as file:
+            drive, response = (np.ravel(file[f"{signal}/{s}"])[:samples] for s in "uy")
+        return fj.Recording(
+            np.tile(drive, repeats), np.tile(1e3 * response, repeats), 1 / 750,
+            drive_unit="N", response_unit="mm", source=f"{name} {signal}",
+        )  # fmt: skip
+
+    return Case(
+        documented=("hysteretic_spring",),
+        source="Noel & Schoukens, Hysteretic benchmark with a dynamic nonlinearity (2016)",
+        machine=blocks.Oscillator(0.02, 35.0, 0.05),
+        training=[recording("train", "multisine", 8192, 1)],
+        tests={
+            "multisine": (recording("test", "multisine", None, 2), 8192),
+            "sine sweep": (recording("test", "sinesweep", None, 1), 0),
+        },
+        oversampling=4,
+    )
 
 
 CASES: dict[str, Callable[[], Case]] = {
@@ -177,12 +198,12 @@ def answer(case: Case) -> tuple[Inside, dict[str, tuple[float, float]], float]:
     inside = inquire_inside(case.machine, preparation)
     seconds = time.perf_counter() - began
 
-    def error(solved: Solved, recording: fj.Recording) -> float:
-        return error_on(solved, recording, case.history, case.settling, case.read)[0]
+    def error(solved: Solved, recording: fj.Recording, skipped: int) -> float:
+        return error_on(solved, recording, case.history, skipped, case.read)[0]
 
     errors = {
-        name: (error(inside.base, recording), error(inside.extended, recording))
-        for name, recording in case.tests.items()
+        name: (error(inside.base, *test), error(inside.extended, *test))
+        for name, test in case.tests.items()
     }
     return inside, errors, seconds
 
@@ -191,7 +212,7 @@ def _next(inside: Inside) -> str:
     """The effect that would have been named next, and the share that it explains."""
     for one in inside.rounds[inside.named : inside.named + 1]:
         for candidate in one.candidates[:1]:
-            return f"{candidate.name} {rounded(1 - candidate.left)}"
+            return f"{candidate.name} {rounded(1 - candidate.ratio)}"
     return ""
 
 
@@ -203,10 +224,10 @@ def main() -> None:
         inside, errors, seconds = answer(case)
         for one in inside.rounds:
             print([(w.name, rounded(w.share), rounded(w.log_evidence)) for w in one.weighed[:8]])
-            print([(c.name, rounded(c.left), rounded(c.probability)) for c in one.candidates])
+            print([(c.name, rounded(c.ratio), rounded(c.probability)) for c in one.candidates])
         print(fj.Model(inside.block), flush=True)
         for test, (linear, extended) in errors.items():
-            recording = case.tests[test]
+            recording, _ = case.tests[test]
             rows.append(
                 {
                     "benchmark": name,
@@ -217,7 +238,7 @@ def main() -> None:
                     "outside": inside.outside,
                     "test": test,
                     "unit": case.training[0].response_unit,
-                    "rms": rounded(np.std(recording.response)),
+                    "rms": rounded(np.sqrt(np.mean(recording.response**2))),
                     "linear": rounded(linear),
                     "extended": rounded(extended),
                     "parameters": sum(

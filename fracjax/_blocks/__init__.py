@@ -50,9 +50,10 @@ from ._inside import AbstractForce as AbstractForce
 from ._inside import AbstractInside as AbstractInside
 from ._inside import InsideEffect as InsideEffect
 from ._machine import AbstractMachine as AbstractMachine
-from ._machine import Motion as Motion
-from ._machine import Port as Port
-from ._machine import System as System
+from ._machine import Within as Within
+from ._port import Motion as Motion
+from ._port import Port as Port
+from ._port import System as System
 from ._response import Bode as Bode
 from ._response import bode as bode
 from ._response import frequency_response as frequency_response
@@ -122,7 +123,6 @@ from .viscoelastic import FractionalZener as FractionalZener
 from .viscoelastic import Springpot as Springpot
 from .viscoelastic_layer import MaxwellLayer as MaxwellLayer
 from .viscoelastic_layer import ViscoelasticLayer as ViscoelasticLayer
-from .within import Within as Within
 
 EFFECTS: dict[str, Effect] = {  # in the order in which the command line lists them
     module.EFFECT.name: module.EFFECT

@@ -12,11 +12,11 @@ import jax.numpy as jnp
 from jax import Array
 
 from .._parameters import Parameter
-from ._machine import Motion, PortKind
+from ._port import Motion, PortKind
 
 
 class AbstractInside(eqx.Module):
-    """Physics at a port of a machine: what acts there follows from the motion there.
+    """Physics at a port of a machine, in units of its drive: it follows from the motion there.
 
     A new one is a class with its parameters, `kind`, `size` and `act`; one without memory derives
     from `AbstractForce` and has `force` instead of `act`.  It then works in every machine with such
@@ -81,7 +81,8 @@ class InsideEffect:
         equation: the equation, in plain text.
         source: the literature.
         trials: from the motion (arrays (N,)) of a fitted machine, blocks at typical sizes and
-            several shapes; each is a column of the diagnosis and a start of the refit.
+            several shapes; each is a column of the diagnosis and a start of the refit.  Motion and
+            effects are in the units of drive and response.
         separated_by: for each look-alike, the experiment that distinguishes the two.
         one_sided: whether its trials have the only sign that physics allows, as friction has.
     """

@@ -10,7 +10,7 @@ from jax import Array
 
 from .._parameters import Parameter
 from ._inside import AbstractForce, AbstractInside, InsideEffect, positive, rms
-from ._machine import Motion
+from ._port import Motion
 
 
 class Clearance(AbstractForce):

@@ -10,7 +10,7 @@ from jax import Array
 
 from .._parameters import Parameter
 from ._inside import AbstractInside, InsideEffect, positive, rms
-from ._machine import Motion
+from ._port import Motion
 
 _FLAT = 1e-6
 """Rates below which an exponential is its series; the error is their square."""
@@ -20,11 +20,12 @@ class HystereticSpring(AbstractInside):
     r"""A restoring force with hysteresis (Bouc–Wen), as of a bolted joint or a wire rope:
 
         f = -k_h d z,    d dz/dx = 1 - (1 - β) |z| where the spring is loaded (z ẋ > 0),
-                         d dz/dx = 1 - β |z| where it is relieved
+                         d dz/dx = 1 + β |z| where it is relieved
 
     d is the deflection at which the hysteretic force yields and k_h its stiffness before.  With
-    β = 0 it is relieved with the stiffness k_h, as elastic and plastic springs are; with β > 1 it
-    hardens.  Along a way in one direction the equation is linear and is solved exactly.
+    β = 0 it is relieved with the stiffness k_h, as elastic and plastic springs are, with β > 0
+    faster; with β > 1 it hardens under load.  Along a way in one direction the equation is linear
+    and is solved exactly.
 
     Attributes:
         stiffness: k_h, one number [drive/response].
@@ -43,7 +44,7 @@ class HystereticSpring(AbstractInside):
     def __init__(self, stiffness: float = 1.0, deflection: float = 1.0, release: float = 0.0):
         self.stiffness = positive(stiffness, "drive/response")
         self.deflection = positive(deflection, "response")
-        self.release = Parameter(release, lower=-1.0, upper=2.0, plausible=(-0.5, 1.5))
+        self.release = Parameter(release, lower=0.0, upper=2.0, plausible=(0.0, 1.5))
 
     def memory(self) -> Any:
         return jnp.zeros(())
@@ -52,17 +53,13 @@ class HystereticSpring(AbstractInside):
         way = (now.position - before.position) / self.deflection.value
         direction, length, beta = jnp.sign(way), jnp.abs(way), self.release.value
         level = memory * direction
-        # Relieved first, from a level below 0 to 0, which it may not reach; then loaded.
+        # Relieved first, from a level below 0 to 0; then loaded.
         below = jnp.minimum(level, 0.0)
-        inner = beta * below
-        reached = inner > -1 + _FLAT
-        safe = jnp.where(reached, inner, -0.5)
         flat = jnp.abs(beta) < _FLAT
         steep = jnp.where(flat, 1.0, beta)
-        to_zero = jnp.where(flat, -below, -jnp.log1p(safe) / steep)
-        to_zero = jnp.where(reached, to_zero, jnp.inf)
+        to_zero = jnp.where(flat, -below, jnp.log1p(-steep * below) / steep)
         relieved = jnp.minimum(length, to_zero)
-        falling = below * jnp.exp(beta * relieved) + _grown(beta, relieved)
+        falling = below * jnp.exp(-beta * relieved) + _grown(-beta, relieved)
         loaded = length - relieved
         rise = jnp.maximum(level, 0.0) * jnp.exp((beta - 1) * loaded) + _grown(beta - 1, loaded)
         z = direction * jnp.where((level < 0) & (length < to_zero), falling, rise)

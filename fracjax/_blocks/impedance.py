@@ -8,7 +8,8 @@ from jax.typing import ArrayLike
 
 from .._operators import Grid
 from .._parameters import Parameter
-from ._machine import AbstractMachine, Port, System
+from ._machine import AbstractMachine
+from ._port import Port, System
 
 
 class Impedance(AbstractMachine):

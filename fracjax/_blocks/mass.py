@@ -8,7 +8,8 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from .._parameters import Parameter
-from ._machine import AbstractMachine, Port, System
+from ._machine import AbstractMachine
+from ._port import Port, System
 
 
 class Mass(AbstractMachine):

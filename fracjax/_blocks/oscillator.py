@@ -11,7 +11,8 @@ from jax import Array
 from jax.typing import ArrayLike
 
 from .._parameters import Parameter
-from ._machine import AbstractMachine, Port, System
+from ._machine import AbstractMachine
+from ._port import Port, System
 
 Measured = Literal["position", "velocity", "acceleration"]
 _POWERS: dict[Measured, int] = {"position": 0, "velocity": 1, "acceleration": 2}

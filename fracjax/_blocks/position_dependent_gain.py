@@ -8,7 +8,7 @@ from jax import Array
 
 from .._parameters import Parameter
 from ._inside import AbstractForce, AbstractInside, InsideEffect, rms
-from ._machine import Motion
+from ._port import Motion
 
 
 class PositionDependentGain(AbstractForce):

@@ -54,6 +54,6 @@ class StaticCurve(AbstractBlock):
         values = jnp.asarray(self.values.value)
         pieces = values.size - 1
         place = (drive - self.low.value) / (self.high.value - self.low.value) * pieces
-        left = jnp.clip(jnp.floor(place), 0, pieces - 1).astype(int)
-        share = place - left
-        return values[left] * (1 - share) + values[left + 1] * share
+        below = jnp.clip(jnp.floor(place), 0, pieces - 1).astype(int)
+        share = place - below
+        return values[below] * (1 - share) + values[below + 1] * share

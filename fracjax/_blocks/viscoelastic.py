@@ -17,7 +17,10 @@ _REACH, _NODES = 30.0, 4001
 
 
 class AbstractMaterial(AbstractLinearBlock):
-    """A material from strain (or displacement) to stress (or force), which leads it by nature."""
+    """A material: strain (or displacement) as drive, stress (or force) as response, in their units.
+
+    A stress leads its strain by nature.
+    """
 
     @property
     def leads(self) -> bool:

@@ -60,8 +60,8 @@ def independent_samples(residual: np.ndarray, counted: np.ndarray) -> float:
 def log_bayes_factor(share: float, samples: float, columns: int) -> float:
     """log B of so many columns that explain a share of so many independent samples."""
     freedom = samples - 1
-    left = max(1.0 - share, 1e-15)
-    return 0.5 * (freedom - columns) * np.log1p(samples) - 0.5 * freedom * np.log1p(samples * left)
+    rest = max(1.0 - share, 1e-15)
+    return 0.5 * (freedom - columns) * np.log1p(samples) - 0.5 * freedom * np.log1p(samples * rest)
 
 
 def weigh(columns: Columns, one_sided: frozenset[str] = frozenset()) -> list[Weighed]:
@@ -76,7 +76,7 @@ def weigh(columns: Columns, one_sided: frozenset[str] = frozenset()) -> list[Wei
 
     residual = free(columns.residual)
     samples = independent_samples(residual, columns.residual != 0)
-    found = []
+    scored = []
     for name, shapes in (columns.effects | columns.others).items():
         scores = [_explained(free(s.white), s.white, residual) for s in shapes]
         usable = [
@@ -87,11 +87,11 @@ def weigh(columns: Columns, one_sided: frozenset[str] = frozenset()) -> list[Wei
         share, coefficients, best = max(usable, key=lambda each: each[0])
         # One model in as many shapes: their mean.
         evidence = float(logsumexp(factors) - np.log(len(factors)))
-        found.append((name, share, evidence, best, coefficients))
-    total = logsumexp([0.0, *(evidence for _, _, evidence, _, _ in found)])
+        scored.append((name, share, evidence, best, coefficients))
+    total = logsumexp([0.0, *(evidence for _, _, evidence, _, _ in scored)])
     weighed = [
         Weighed(name, float(share), evidence, float(np.exp(evidence - total)), best, coefficients)
-        for name, share, evidence, best, coefficients in found
+        for name, share, evidence, best, coefficients in scored
     ]
     return sorted(weighed, key=lambda each: -each.log_evidence)
 
@@ -108,5 +108,5 @@ def _explained(
     scaled = columns[:, usable] / norms[usable]
     solution, *_ = np.linalg.lstsq(scaled, residual, rcond=1e-9)
     coefficients[usable] = solution / norms[usable]
-    left = residual - scaled @ solution
-    return 1 - float(left @ left) / float(residual @ residual), coefficients
+    rest = residual - scaled @ solution
+    return 1 - float(rest @ rest) / float(residual @ residual), coefficients

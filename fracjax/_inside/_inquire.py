@@ -60,10 +60,10 @@ def inquire_inside(
     with computing():
         progress("fitting the machine")
         base = solve_from([within], _unweighted(preparation))
-        named, found = _search(base, progress)
-        extended = found[named - 1].solved if named else base
+        named, outcomes = _search(base, progress)
+        extended = outcomes[named - 1].solved if named else base
         errors = [held_out(s) if held_out else None for s in (base, extended)]
-        return Inside(base, extended, tuple(f.round for f in found), named, *errors)
+        return Inside(base, extended, tuple(o.round for o in outcomes), named, *errors)
 
 
 def _unweighted(preparation: Preparation) -> Preparation:
@@ -78,39 +78,39 @@ def _unweighted(preparation: Preparation) -> Preparation:
     return preparation.with_noises([noise.uncoloured() for noise in noises if noise])
 
 
-class _Found(NamedTuple):
+class _Outcome(NamedTuple):
     """A round, and the fit with its most probable effect, or without where there is none."""
 
     round: Round
     solved: Solved
 
 
-def _search(base: Solved, progress: Progress) -> tuple[int, list[_Found]]:
+def _search(base: Solved, progress: Progress) -> tuple[int, list[_Outcome]]:
     """The rounds, and how many of them name their effect.
 
     A round that explains less than half is kept for the next one: of two effects of equal size
     neither explains most alone.  All rounds so far name their effects once each effect, taken away,
     would more than double what is left.
     """
-    named, found = 0, []
+    named, outcomes = 0, []
     solved, believed = base, len(base.block.effects)  # type: ignore[attr-defined]
-    while len(found) < min(named + _TENTATIVE, _MOST_ROUNDS) and not time_is_over():
+    while len(outcomes) < min(named + _TENTATIVE, _MOST_ROUNDS) and not time_is_over():
         before, one = solved, _round(solved, progress)
-        found.append(one)
+        outcomes.append(one)
         solved = one.solved
         if not one.round.candidates:
             break
-        others = range(named, len(found) - 1)
+        others = range(named, len(outcomes) - 1)
         if _dominates(solved.cost, before.cost) and all(
             _dominates(solved.cost, _cost_without(solved, believed + k)) for k in others
         ):
-            named = len(found)
-    return named, found
+            named = len(outcomes)
+    return named, outcomes
 
 
-def _dominates(left: float, before: float) -> bool:
+def _dominates(after: float, before: float) -> bool:
     """Whether what an effect explains is more than all that it leaves."""
-    return left < (1 - DOMINANT) * before
+    return after < (1 - DOMINANT) * before
 
 
 def _cost_without(solved: Solved, at: int) -> float:
@@ -120,7 +120,7 @@ def _cost_without(solved: Solved, at: int) -> float:
     return descend(descent, _EVALUATIONS).cost
 
 
-def _round(solved: Solved, progress: Progress) -> _Found:
+def _round(solved: Solved, progress: Progress) -> _Outcome:
     """One more effect sought about a fit."""
     one_sided = frozenset(name for name, effect in INSIDE.items() if effect.one_sided)
     progress("comparing effects")
@@ -130,7 +130,7 @@ def _round(solved: Solved, progress: Progress) -> _Found:
     tried = [w for w in inside if w.log_evidence > 0 and w.share > _WORTH * best][:_SHORTLIST]
     outside = max((w.share for w in weighed if w.best.block is None), default=0.0)
     if not tried or (outside > DOMINANT and outside > best):
-        return _Found(Round(weighed, ()), solved)
+        return _Outcome(Round(weighed, ()), solved)
     fits = []
     for each in tried:
         progress(f"fitting {each.name}")
@@ -153,7 +153,7 @@ def _round(solved: Solved, progress: Progress) -> _Found:
         )
         for k in order
     )
-    return _Found(Round(weighed, candidates), extended)
+    return _Outcome(Round(weighed, candidates), extended)
 
 
 def _descent(solved: Solved, weighed: Weighed) -> Descent:

@@ -16,13 +16,13 @@ class Candidate:
     Attributes:
         name: the effect's name.
         block: the machine with it; of the first recording.
-        left: the residual's sum of squares, over that before.
+        ratio: the residual's sum of squares, over that before.
         probability: among the candidates of its round, after their fits.
     """
 
     name: str
     block: Within
-    left: float
+    ratio: float
     probability: float
 
 

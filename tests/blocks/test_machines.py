@@ -202,7 +202,7 @@ def test_a_hysteretic_spring_is_the_equation_and_does_no_work_of_its_own():
 
     def slope(x, z, way):
         loaded = z * way > 0
-        return (1 - (0.8 if loaded else 0.2) * abs(z[0])) / 0.3
+        return (1 + (-0.8 if loaded else 0.2) * abs(z[0])) / 0.3
 
     values, z = [], 0.0
     for k in range(4):  # from turn to turn

@@ -60,4 +60,5 @@ INSIDE = InsideEffect(
         "cubic_stiffness": "small amplitudes, where a clearance is lost and a cube vanishes",
         "dry_friction": "a free decay: friction ends it, a clearance does not",
     },
+    one_sided=True,
 )

@@ -52,9 +52,9 @@ def independent_samples(residual: np.ndarray, counted: np.ndarray) -> float:
     power = np.abs(scipy.fft.rfft(values - values.mean(), length)) ** 2
     products = scipy.fft.irfft(power, length)[:n]
     rho = products / (products[0] or 1.0)
-    # Correlations of chance, 1/N each, add up to 1 over all lags on both sides.
-    worth = 1 + 2 * np.sum(np.maximum(rho[1:] ** 2 - 1 / n, 0.0))
-    return float(max(n / worth, 2.0))
+    # Correlations of chance, of variance (n - k)/n² times the same worth, add half of it.
+    worth = np.sum(rho[1:] ** 2) + 0.5
+    return float(max(n / max(worth, 1.0), 2.0))
 
 
 def log_bayes_factor(share: float, samples: float, columns: int) -> float:

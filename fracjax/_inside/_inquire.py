@@ -10,7 +10,7 @@ import numpy as np
 from scipy.special import softmax
 
 from .._blocks import INSIDE, AbstractMachine, Within
-from .._computing import computing, map_in_threads, time_is_over
+from .._computing import computing, time_is_over
 from .._parameters import set_values
 from .._prepare import Preparation
 from .._solve import Descent, Progress, Solved, begin, descend, silent, solve_from
@@ -57,7 +57,8 @@ def inquire_inside(
         The effects, what else was considered, and the fits.
     """
     within = block if isinstance(block, Within) else Within(block)
-    with computing():
+    # A start far from the recordings may overflow: its χ² is infinite, and it is not taken.
+    with computing(), np.errstate(over="ignore", invalid="ignore"):
         progress("fitting the machine")
         base = solve_from([within], _unweighted(preparation))
         named, outcomes = _search(base, progress)
@@ -168,7 +169,8 @@ def _descent(solved: Solved, weighed: Weighed) -> Descent:
         more = block.at(weighed.best.site, set_values(effect, {size: value}))
         return descend(begin(more, problems, solved.preparation.conditions), _EVALUATIONS)
 
-    return min(map_in_threads(descent, _STARTS), key=lambda each: each.cost)
+    # NumPy's handling of overflow is a thread's own, so that there are no threads here.
+    return min(map(descent, _STARTS), key=lambda each: each.cost)
 
 
 def _block_at(descent: Descent) -> Within:

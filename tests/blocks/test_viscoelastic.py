@@ -4,7 +4,6 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.integrate import quad
 from scipy.special import erfcx
 
 from fracjax._blocks import (
@@ -24,6 +23,12 @@ MATERIALS = {
 }
 
 
+def integral(of) -> float:
+    """Over the logarithm of time, by the trapezoidal rule, which converges fast there."""
+    nodes = np.linspace(-50, 3, 1500)
+    return float(np.trapezoid([of(q) for q in nodes], nodes))
+
+
 def test_mittag_leffler_is_known_at_one_half():
     x = np.array([0.0, 1e-3, 0.1, 1.0, 5.0, 40.0])
     np.testing.assert_allclose(mittag_leffler(0.5, x), erfcx(x), rtol=1e-8)
@@ -35,8 +40,11 @@ def test_the_modulus_transforms_to_the_transfer_function(name):
     """∫ (G(t) - G(∞)) e^(-st) dt + G(∞)/s = G(s)/s at real s, G(∞) the static gain."""
     block, s = MATERIALS[name], 7.0
     limit = float(np.asarray(block.static_gain()))
-    total = quad(lambda q: (float(np.ravel(block.relaxation(np.exp(q)))[0]) - limit)
-                 * np.exp(q - s * np.exp(q)), -60, 4, limit=400)[0]  # fmt: skip
+
+    def weighted(q: float) -> float:
+        return float(block.relaxation([np.exp(q)])[0] - limit) * np.exp(q - s * np.exp(q))
+
+    total = integral(weighted)
     with jax.enable_x64(True):
         wanted = complex(block.symbol(jnp.asarray([s + 0j]))[0]).real / s
     assert total + limit / s == pytest.approx(wanted, rel=1e-5)
@@ -45,8 +53,11 @@ def test_the_modulus_transforms_to_the_transfer_function(name):
 @pytest.mark.parametrize("name", MATERIALS)
 def test_the_compliance_is_the_inverse(name):
     block, s = MATERIALS[name], 7.0
-    total = quad(lambda q: float(np.ravel(block.compliance(np.exp(q)))[0]) * np.exp(q - s * np.exp(q)),
-                 -60, 4, limit=400)[0]  # fmt: skip
+
+    def weighted(q: float) -> float:
+        return float(block.compliance([np.exp(q)])[0]) * np.exp(q - s * np.exp(q))
+
+    total = integral(weighted)
     with jax.enable_x64(True):
         gain = complex(block.symbol(jnp.asarray([s + 0j]))[0]).real
     assert total == pytest.approx(1 / (s * gain), rel=1e-5)

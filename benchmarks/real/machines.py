@@ -64,7 +64,6 @@ class Case(NamedTuple):
         oversampling: steps of the simulation per sample.
         settling: first samples that are not fitted.
         read: first samples of a test that its start is read from.
-        best: the best published error on the first test, and whose.
     """
 
     documented: tuple[str, ...]
@@ -76,7 +75,6 @@ class Case(NamedTuple):
     oversampling: int = 2
     settling: int = 0
     read: int = 0
-    best: str = ""
 
 
 def silverbox() -> Case:
@@ -101,7 +99,6 @@ def silverbox() -> Case:
             "arrow head": (part(0, 40_000), 0),
             "multisine": (part(61_000, 127_500), 500),
         },
-        best="0.00026 V, Marconato et al. (2012), polynomial state space",
     )
 
 
@@ -119,7 +116,6 @@ def emps() -> Case:
         history="constant",
         oversampling=1,
         settling=100,
-        best="",
     )
 
 
@@ -153,7 +149,6 @@ def tanks() -> Case:
         history="constant",
         oversampling=2,
         read=50,
-        best="",
     )
 
 
@@ -248,7 +243,6 @@ def main() -> None:
                         for p in fj.Model(inside.block).parameters.values()
                         if not p.fixed
                     ),
-                    "published": case.best,
                     "seconds": rounded(seconds),
                     "source": case.source,
                 }

@@ -146,8 +146,8 @@ def tanks() -> Case:
         machine=blocks.Lag(3.0, (100.0, 100.0)),
         training=[estimation],
         tests={"validation": (validation, 0)},
-        history="constant",
-        oversampling=2,
+        history="rest",
+        oversampling=1,
         read=50,
     )
 

@@ -20,8 +20,8 @@ class Lag(AbstractMachine):
 
     The response is the level of the last store, such as a tank's, a temperature or a charge.  What
     leaves the first enters the second.  At the ports acts a flow into a store, in units of the
-    drive: at `outflow` (two stores: of the first) it is lost to the next store or gained from it,
-    at `spill` it enters the first from outside, and at `last` the last of two.
+    drive: at `outflow` into the first, where it is taken from the second, at `last` into the last
+    of two.
 
     Args:
         gain: initial g.
@@ -70,7 +70,6 @@ class Lag(AbstractMachine):
         return {
             "outflow": Port("flow", flow * (rows[0] - rows[1]), rows[0], none, 0.0),
             "last": Port("flow", flow * rows[1], rows[1], none, 0.0),
-            "spill": Port("flow", flow * rows[0], rows[0], none, 0.0),
         }
 
     def scales(self) -> Array:

@@ -57,4 +57,5 @@ INSIDE = InsideEffect(
     source="Schoukens & Noel, IFAC-PapersOnLine 50 (2017) 446",
     trials=_trials,
     separated_by={"internal_saturation": "low levels, at which a store does not overflow"},
+    one_sided=True,
 )

@@ -18,7 +18,7 @@ import numpy as np
 from jax import Array
 from scipy.signal import cont2discrete, lfilter
 
-from .._blocks import INSIDE, AbstractForce, AbstractInside, Motion, Within
+from .._blocks import INSIDE, AbstractForce, AbstractInside, InsideEffect, Motion, Within
 from .._computing import compiled
 from .._operators import Grid
 from .._prepare import Problem
@@ -31,17 +31,19 @@ _POWERS = (2, 3)
 """Powers of a static curve of the drive or the response."""
 
 
+_Recorded = list[tuple[tuple[np.ndarray, Motion], Within, Problem]]
+"""Per recording: response and motion on the fine grid, the block and the problem."""
+
+
 class Column(NamedTuple):
     """One shape of one hypothesis.
 
     Attributes:
-        block: the effect at unit weight, with its port; None for what is not inside.
-        site: that port; "" for what is not inside.
-        white: (ΣL, d) what it adds to the whitened responses.
+        inside: (d,) the ports where it acts, and the effect at each; empty for what is not inside.
+        white: (ΣL, d) what each of them, or of its columns, adds to the whitened responses.
     """
 
-    block: AbstractInside | None
-    site: str
+    inside: tuple[tuple[str, AbstractInside], ...]
     white: np.ndarray
 
 
@@ -50,7 +52,8 @@ class Columns:
     """What effects inside a fitted machine, and other hypotheses, would add to its response.
 
     Attributes:
-        effects: by name, the shapes of each effect that a port of the machine admits, d = 1.
+        effects: by name, the shapes of each effect that a port of the machine admits, at each alone
+            and at all of them.
         others: by name, what is not inside: `linear_dynamics`, one more pair of poles in parallel;
             `drive_curve` and `response_curve`, a static curve before or after the machine.
         residual: (ΣL,) whitened.
@@ -70,29 +73,39 @@ def columns_of(solved: Solved) -> Columns:
         (_recorded(block, problem), block, problem)
         for block, problem in zip(solved.blocks, problems, strict=True)
     ]
-    effects: dict[str, list[Column]] = {}
+    effects = {}
     for name, effect in INSIDE.items():
-        for place, (site, port) in enumerate(pairs[0][1].machine.ports().items()):
-            if port.kind != effect.kind:
-                continue
-            together = Motion(
-                *(
-                    np.concatenate([getattr(m, q)[place] for (_, m), *_ in pairs])
-                    for q in Motion._fields
+        ports = pairs[0][1].machine.ports().items()
+        places = [k for k, (_, port) in enumerate(ports) if port.kind == effect.kind]
+        single = [_shapes(effect, place, pairs) for place in places]
+        if places:
+            effects[name] = [shape for shapes in single for shape in shapes]
+        if len(places) > 1:  # all stores drain alike
+            effects[name] += [
+                Column(
+                    tuple(pair for shape in shapes for pair in shape.inside),
+                    np.concatenate([shape.white for shape in shapes], axis=1),
                 )
-            )
-            trials = effect.trials(together)
-            columns = [
-                _whitened(problem, _pushed_by(trials, place, motion, block, problem))
-                for (_, motion), block, problem in pairs
+                for shapes in zip(*single, strict=True)
             ]
-            effects.setdefault(name, []).extend(
-                Column(trial, site, np.concatenate([c[k] for c in columns])[:, None])
-                for k, trial in enumerate(trials)
-            )
     return Columns(
         effects, _others(pairs), np.concatenate(solved.whitened), solved.whitened_derivative()
     )
+
+
+def _shapes(effect: InsideEffect, place: int, pairs: _Recorded) -> list[Column]:
+    """An effect's trials at one port."""
+    site = list(pairs[0][1].machine.ports())[place]
+    motions = [Motion(*(signal[place] for signal in motion)) for (_, motion), *_ in pairs]
+    trials = effect.trials(Motion(*map(np.concatenate, zip(*motions, strict=True))))
+    columns = [
+        _whitened(problem, _pushed_by(trials, place, motion, block, problem))
+        for (_, motion), block, problem in pairs
+    ]
+    return [
+        Column(((site, trial),), np.concatenate([c[k] for c in columns])[:, None])
+        for k, trial in enumerate(trials)
+    ]
 
 
 def _recorded(block: Within, problem: Problem) -> tuple[np.ndarray, Motion]:
@@ -152,9 +165,7 @@ def _whitened(problem: Problem, signals: np.ndarray) -> np.ndarray:
     return problem.whiten(np.ascontiguousarray(signals[:, :: problem.oversampling].T)).T
 
 
-def _others(
-    pairs: list[tuple[tuple[np.ndarray, Motion], Within, Problem]],
-) -> dict[str, list[Column]]:
+def _others(pairs: _Recorded) -> dict[str, list[Column]]:
     """What is not inside the machine, by name."""
     modes, drives, responses = [], [], []
     for (response, _), block, problem in pairs:
@@ -167,11 +178,11 @@ def _others(
         responses.append(_whitened(problem, curves))
     return {
         "linear_dynamics": [
-            Column(None, "", np.concatenate([of[k] for of in modes], axis=1).T)
+            Column((), np.concatenate([of[k] for of in modes], axis=1).T)
             for k in range(len(modes[0]))
         ],
-        "drive_curve": [Column(None, "", np.concatenate(drives, axis=1).T)],
-        "response_curve": [Column(None, "", np.concatenate(responses, axis=1).T)],
+        "drive_curve": [Column((), np.concatenate(drives, axis=1).T)],
+        "response_curve": [Column((), np.concatenate(responses, axis=1).T)],
     }
 
 

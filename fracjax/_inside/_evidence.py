@@ -80,7 +80,7 @@ def weigh(columns: Columns, one_sided: frozenset[str] = frozenset()) -> list[Wei
     for name, shapes in (columns.effects | columns.others).items():
         scores = [_explained(free(s.white), s.white, residual) for s in shapes]
         usable = [
-            (share if name not in one_sided or c[0] > 0 else 0.0, c, shape)
+            (share if name not in one_sided or np.all(c > 0) else 0.0, c, shape)
             for (share, c), shape in zip(scores, shapes, strict=True)
         ]
         factors = [log_bayes_factor(s, samples, shape.white.shape[1]) for s, _, shape in usable]

@@ -94,16 +94,18 @@ def _search(base: Solved, progress: Progress) -> tuple[int, list[_Outcome]]:
     would more than double what is left.
     """
     named, outcomes = 0, []
-    solved, believed = base, len(base.block.effects)  # type: ignore[attr-defined]
+    solved, counts = base, [len(base.block.effects)]  # type: ignore[attr-defined]
     while len(outcomes) < min(named + _TENTATIVE, _MOST_ROUNDS) and not time_is_over():
         before, one = solved, _round(solved, progress)
         outcomes.append(one)
         solved = one.solved
         if not one.round.candidates:
             break
+        counts.append(len(solved.block.effects))  # type: ignore[attr-defined]
         others = range(named, len(outcomes) - 1)
         if _dominates(solved.cost, before.cost) and all(
-            _dominates(solved.cost, _cost_without(solved, believed + k)) for k in others
+            _dominates(solved.cost, _cost_without(solved, range(*counts[k : k + 2])))
+            for k in others
         ):
             named = len(outcomes)
     return named, outcomes
@@ -114,10 +116,12 @@ def _dominates(after: float, before: float) -> bool:
     return after < (1 - DOMINANT) * before
 
 
-def _cost_without(solved: Solved, at: int) -> float:
-    """χ² of the best fit without one of the effects."""
+def _cost_without(solved: Solved, which: range) -> float:
+    """χ² of the best fit without some of the effects, by their places."""
     block: Within = solved.block  # type: ignore[assignment]
-    descent = begin(block.without(at), solved.preparation.problems(), solved.preparation.conditions)
+    for at in reversed(which):
+        block = block.without(at)
+    descent = begin(block, solved.preparation.problems(), solved.preparation.conditions)
     return descend(descent, _EVALUATIONS).cost
 
 
@@ -126,10 +130,10 @@ def _round(solved: Solved, progress: Progress) -> _Outcome:
     one_sided = frozenset(name for name, effect in INSIDE.items() if effect.one_sided)
     progress("comparing effects")
     weighed = tuple(weigh(columns_of(solved), one_sided))
-    inside = [w for w in weighed if w.best.block is not None]
+    inside = [w for w in weighed if w.best.inside]
     best = max((w.share for w in inside), default=0.0)
     tried = [w for w in inside if w.log_evidence > 0 and w.share > _WORTH * best][:_SHORTLIST]
-    outside = max((w.share for w in weighed if w.best.block is None), default=0.0)
+    outside = max((w.share for w in weighed if not w.best.inside), default=0.0)
     if not tried or (outside > DOMINANT and outside > best):
         return _Outcome(Round(weighed, ()), solved)
     fits = []
@@ -159,14 +163,13 @@ def _round(solved: Solved, progress: Progress) -> _Outcome:
 
 def _descent(solved: Solved, weighed: Weighed) -> Descent:
     """The better descent, from several sizes, of the model with one more effect, all free."""
-    effect, column = weighed.best.block, float(weighed.coefficients[0])
-    assert effect is not None
-    block: Within = solved.block  # type: ignore[assignment]
-    size, problems = effect.size, solved.preparation.problems()
+    problems = solved.preparation.problems()
 
     def descent(factor: float) -> Descent:
-        value = getattr(effect, size).value * column * factor
-        more = block.at(weighed.best.site, set_values(effect, {size: value}))
+        more: Within = solved.block  # type: ignore[assignment]
+        for (site, effect), column in zip(weighed.best.inside, weighed.coefficients, strict=True):
+            value = getattr(effect, effect.size).value * float(column) * factor
+            more = more.at(site, set_values(effect, {effect.size: value}))
         return descend(begin(more, problems, solved.preparation.conditions), _EVALUATIONS)
 
     # NumPy's handling of overflow is a thread's own, so that there are no threads here.

@@ -43,7 +43,8 @@ def _error_on(
     take = take_of(recording, None, history, 0)
     (problem,) = Preparation((take,), solved.preparation.oversampling).problems()
     block: AbstractBlock = solved.block
-    at = np.zeros(np.shape(block.start.value))  # type: ignore[attr-defined]
+    # Where it is read, from where the fit's own recording began; else as the history says.
+    at = (1.0 if read else 0.0) * np.asarray(block.start.value)  # type: ignore[attr-defined]
     count, offset = len(recording), float(solved.own[0][0])
 
     def simulated(start: np.ndarray) -> tuple[np.ndarray, np.ndarray]:

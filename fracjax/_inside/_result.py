@@ -79,7 +79,7 @@ class Inside:
         if self.named == len(self.rounds):
             return ""
         best = max(self.rounds[self.named].weighed, key=lambda w: w.share)
-        return best.name if best.best.block is None and best.share >= DOMINANT else ""
+        return best.name if not best.best.inside and best.share >= DOMINANT else ""
 
     @property
     def block(self) -> Within:

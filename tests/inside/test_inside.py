@@ -99,7 +99,8 @@ def test_a_column_is_the_derivative_by_the_effect():
         solved = solve_from([Within(Oscillator(1.0, 3.5, 0.1))], preparation)
         columns = columns_of(solved)
         (column,) = columns.effects["cubic_stiffness"]
-        size, (problem,) = float(column.block.stiffness.value), preparation.problems()
+        ((_, effect),) = column.inside
+        size, (problem,) = float(effect.stiffness.value), preparation.problems()
         ends = [
             problem.linearised(solved.block @ CubicStiffness(factor * size), ())[0]
             for factor in (1e-4, -1e-4)

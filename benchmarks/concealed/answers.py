@@ -43,8 +43,9 @@ _KINDS = ({"s", "ms", "us", "µs", "μs", "second"}, {"Hz", "hertz", "kHz", "rad
 class Answer:
     """A diagnosis in the words that the grading needs; `failed` when there is none.
 
-    `chance` is the stated probability that the recommended record tells the look-alikes apart, and
-    `after` the answer when that record was there too.
+    `can_show` says of effects the smallest size that the drive would show, in um or None; `rms_um`
+    is the residual of the last fit.  `chance` is the stated probability that the recommended record
+    tells the look-alikes apart, and `after` the answer when that record was there too.
     """
 
     verdict: str
@@ -53,6 +54,8 @@ class Answer:
     holdout_um: float | None = None
     chance: float | None = None
     after: Answer | None = None
+    can_show: tuple[Mapping, ...] = ()
+    rms_um: float | None = None
 
     @property
     def names(self) -> list[str]:
@@ -80,14 +83,20 @@ def read_answer(file: File) -> Answer:
         return Answer("failed")
     d = json.loads(file.read_text())
     scores = d["fit"].get("extended") or d["fit"]["base"]
-    rmse = scores.get("holdout_rmse")
-    rmse = None if rmse is None else rmse * UNITS.get(d["fit"]["unit"], float("nan"))
+    um = UNITS.get(d["fit"]["unit"], float("nan"))
+    rmse, rms = (
+        None if x is None else x * um for x in map(scores.get, ("holdout_rmse", "train_rmse"))
+    )
     chance = d.get("next_experiment", {}).get("probability")
     after = file.parent / "after"
     second = read_answer(after / file.name) if after.exists() else None
-    return Answer(
-        d["verdict"], tuple(d["effects"]), tuple(d["where"]["axes"]), rmse, chance, second
-    )
+    sizes = tuple(x | {"size": _in_um(x["size"], x["unit"])} for x in d.get("can_show", ()))
+    effects, axes = tuple(d["effects"]), tuple(d["where"]["axes"])
+    return Answer(d["verdict"], effects, axes, rmse, chance, second, sizes, rms)
+
+
+def _in_um(size: float | None, unit: str) -> float | None:
+    return None if size is None else size * UNITS.get(unit, float("nan"))
 
 
 def label_value(effect: Mapping, parameter: str) -> float | None:

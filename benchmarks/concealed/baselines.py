@@ -37,10 +37,9 @@ from scipy.stats import norm
 import fracjax as fj
 from fracjax._computing import computing
 from fracjax._diagnose._fitted import fitted
-from fracjax._diagnose._names import Judge
 from fracjax._diagnose._refits import explained_by
-from fracjax._diagnose._thresholds import APART, SIGNIFICANCE
-from fracjax._diagnose._view import View, columns_of, view_of
+from fracjax._diagnose._thresholds import SIGNIFICANCE
+from fracjax._diagnose._views import ModelView, model_view
 from fracjax._fit import fit_of, settle
 from fracjax._prepare import prepare
 from fracjax._solve import Solved
@@ -52,6 +51,7 @@ from .measures import Pair, measure_all
 
 STARTS, SEED = 8, 0
 ALIKE = 0.9  # of the largest correlation
+APART = 14.0  # of chi squared, odds of a thousand to one: less does not exclude
 DELTA_BIC = 10.0  # what an effect has to gain: strong evidence by Kass & Raftery (1995)
 MOST = 3  # effects
 SPARSE, RIDGE = 0.3, 0.25
@@ -92,7 +92,7 @@ class Seen:
     """
 
     nominal: fj.AbstractBlock
-    view: View
+    view: ModelView
     residual: np.ndarray
     columns: dict[str, np.ndarray]
     terms: list[str]
@@ -121,9 +121,9 @@ def seen_of(recording: fj.Recording, base: str) -> Seen:
         white = found.whitened(signals)
         return white - np.multiply.outer(constant, constant @ white)
 
-    view = view_of(found, columns_of(found), np.inf)
+    view = model_view(found)
     columns: dict[str, list[np.ndarray]] = {}
-    for group in view.columns.groups:
+    for group in view.groups:
         columns.setdefault(group.effect.name, []).append(unit(projected(group.columns).T))
     terms, drawn = library_of(take.recording, found.simulations[0])
     padded = np.zeros((constant.size, len(terms)))
@@ -235,9 +235,9 @@ def forward(seen: Seen) -> dict:
 @computing()
 def refit_all(seen: Seen) -> dict:
     """The effects that lower BIC the most, each fitted together with the base."""
-    judge, gains = Judge(seen.view, seen.view, np.inf), {}
+    gains = {}
     for name in seen.columns:
-        found = explained_by([name], judge, seen.nominal, seen.view.fitted.preparation, 0.0)
+        found = explained_by([name], seen.view, seen.nominal, seen.view.fitted.preparation)
         gains[name] = gain_in_bic(seen.solved, found.fitted.solved)
     return said([within(APART, gains)] if max(gains.values()) >= DELTA_BIC else [])
 

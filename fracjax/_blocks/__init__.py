@@ -9,6 +9,7 @@ from . import (
     creep,
     cubic_nonlinearity,
     cubic_stiffness,
+    degradation,
     delay,
     drive_lag,
     dry_friction,
@@ -71,6 +72,7 @@ from .creep import KelvinVoigtCreep as KelvinVoigtCreep
 from .creep import LogarithmicCreep as LogarithmicCreep
 from .cubic_nonlinearity import CubicNonlinearity as CubicNonlinearity
 from .cubic_stiffness import CubicStiffness as CubicStiffness
+from .degradation import Degradation as Degradation
 from .delay import Delay as Delay
 from .drive_circuit import DriveCircuit as DriveCircuit
 from .drive_lag import DriveLag as DriveLag
@@ -144,6 +146,7 @@ EFFECTS: dict[str, Effect] = {  # in the order in which the command line lists t
         slew_rate_limit,
         thermal_drift,
         gain_drift,
+        degradation,
         sensor_nonlinearity,
         mains_interference,
         viscoelastic_layer,

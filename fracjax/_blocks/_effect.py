@@ -83,6 +83,8 @@ class Effect:
         elsewhere: the classes of blocks that are inserted at another site, with that site.
         one_sided: whether its trials have the only sign that physics allows, such as a delay, which
             is never an advance.
+        rate_independent: whether it only changes the shape of a loop, at every rate alike, so that
+            it is not distinguished from another law of hysteresis.
         special_case: the effect whose model is this one's with some parameters zero; "" if none.
         beyond: from this effect's block with the parameters that the special case was fitted with,
             further blocks to start a refit from.
@@ -99,6 +101,7 @@ class Effect:
     axes: tuple[str, ...] = field(default=("time",))
     elsewhere: Mapping[type[AbstractBlock], Site] = field(default_factory=dict)
     one_sided: bool = False
+    rate_independent: bool = False
     special_case: str = ""
     beyond: Callable[[Any], Sequence[AbstractBlock]] = _no_further_starts
 

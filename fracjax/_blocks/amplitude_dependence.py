@@ -98,4 +98,5 @@ EFFECT = Effect(
     concealed_by="the gain and the width of the hysteresis, if the amplitude does not change",
     axes=("level", "reversal", "phase", "harmonics"),
     one_sided=True,
+    rate_independent=True,
 )

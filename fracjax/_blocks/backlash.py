@@ -85,4 +85,5 @@ EFFECT = Effect(
     concealed_by="the width of the hysteresis loop",
     axes=("reversal", "phase", "harmonics", "level"),
     one_sided=True,
+    rate_independent=True,
 )

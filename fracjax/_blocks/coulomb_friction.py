@@ -210,4 +210,5 @@ EFFECT = Effect(
     concealed_by="the width of the hysteresis loop, if the drive has one amplitude",
     axes=("reversal", "phase", "harmonics"),
     one_sided=True,
+    rate_independent=True,
 )

@@ -88,4 +88,5 @@ EFFECT = Effect(
     },
     concealed_by="the gain k_l of the hysteresis, if the amplitude does not change",
     axes=("level", "harmonics", "phase"),
+    rate_independent=True,
 )

@@ -26,7 +26,7 @@ class DriveLag(AbstractLinearBlock):
 
     def __init__(self, time_constant: float = 1e-3):
         self.time_constant = Parameter(
-            time_constant, "s", lower=1e-7, upper=1.0, plausible=(1e-6, 0.05), logarithmic=True
+            time_constant, "s", lower=1e-7, upper=1e4, plausible=(1e-6, 100.0), logarithmic=True
         )
 
     def symbol(self, s: Array) -> Array:

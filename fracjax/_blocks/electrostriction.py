@@ -67,4 +67,5 @@ EFFECT = Effect(
     },
     concealed_by="the asymmetry term k_p of the hysteresis",
     axes=("level", "harmonics", "phase"),
+    rate_independent=True,
 )

@@ -169,4 +169,5 @@ EFFECT = Effect(
     concealed_by="the asymmetry term k_p of the hysteresis",
     axes=("level", "phase", "harmonics"),
     one_sided=True,
+    rate_independent=True,
 )

@@ -198,4 +198,5 @@ EFFECT = Effect(
     },
     concealed_by="the hysteresis, if the drive covers only one major loop",
     axes=("reversal", "level", "phase", "harmonics"),
+    rate_independent=True,
 )

@@ -95,4 +95,5 @@ EFFECT = Effect(
     concealed_by="the noise, if it exceeds a third of a step",
     axes=("level", "phase", "time"),
     one_sided=True,
+    rate_independent=True,
 )

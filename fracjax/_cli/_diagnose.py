@@ -24,7 +24,12 @@ from ._results import Results
 
 @click.command("diagnose")
 @recordings_argument
-@click.option("--model", "name", required=True, help="The model to diagnose; see `models`.")
+@click.option(
+    "--model",
+    "name",
+    help="The model to diagnose; see `models`. Without one: which dynamics the recordings show, "
+    "whatever their law of hysteresis.",
+)
 @folder_option
 @click.option("--holdout", metavar="FILE", help="A recording for validation alone; no fit uses it.")
 @click.option(
@@ -52,7 +57,7 @@ from ._results import Results
 @takes_results
 def diagnose_command(
     recordings: tuple[str, ...],
-    name: str,
+    name: str | None,
     out: Path,
     holdout: str | None,
     repeat: tuple[str, ...],
@@ -63,14 +68,15 @@ def diagnose_command(
     given: Given,
     results: Results,
 ) -> int:
-    """Say whether, where and why a model and recordings differ.
+    """Say whether, where and why a model and recordings differ, or which dynamics they show.
 
     Writes diagnosis.json, report.html and fit.json (the model with the effects that were
     identified).  If several effects explain the recordings equally well, it also writes
     next_experiment.csv, the drive that would distinguish them.  --mask and, for several recordings,
     --repeat may be given more than once.
     """
-    data, (model,) = given.understood(recordings, [name])
+    data, models = given.understood(recordings, [name] if name else [])
+    model = models[0] if models else None
     requested: dict[str, Any] = {
         "holdout": holdout and given.read(holdout),
         "repeat": [given.read(each) for each in repeat] or None,
@@ -79,7 +85,7 @@ def diagnose_command(
         "max_time": max_time,
     }
     settings = given.how(data)
-    content = Content("diagnosis", [each.source for each in data], [model.name])
+    content = Content("diagnosis", [each.source for each in data], [m.name for m in models])
     with folder(out, content), stages(results.quiet, max_time) as progress:
         diagnosis = diagnose_and_save(
             model, data, out, results, progress, **requested, **asked, **settings

@@ -19,7 +19,7 @@ if TYPE_CHECKING:
 
 
 def diagnose_and_save(
-    model: Model,
+    model: Model | None,
     recordings: list[Recording],
     out: Path,
     results: Results,

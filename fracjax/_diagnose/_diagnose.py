@@ -10,6 +10,7 @@ from .._blocks import BoucWen, PrandtlIshlinskii
 from .._computing import Clock, computing, within
 from .._fit import settle
 from .._models import Model
+from .._path import Visible, can_show
 from .._prepare import (
     HistoryOption,
     Mask,
@@ -26,11 +27,11 @@ from .._prepare import (
 from .._recording import InputError, Recording, require_units_of
 from .._solve import Progress, discretisation_warnings, silent
 from ._drive import shortened, thinned, unrounded, without_spikes, wrong_way
+from ._extension import ANY_LOOP, extended_by
 from ._findings import Findings
 from ._fitted import fitted
 from ._held_out import predict_recording, predict_stretches
 from ._inquiry import inquire
-from ._nearest import Nearest, nearest_model
 from ._next_experiment import Limits, parse_limits, propose, recorded_limits, survey
 from ._result import Diagnosis, NextExperiment
 from ._sentence import (
@@ -41,6 +42,7 @@ from ._sentence import (
     survey_sentence,
     where_of,
 )
+from ._views import path_view, signals_of, with_residual_as_noise
 
 _SO_FAR = (
     " This is the verdict so far: the time was over, or it was interrupted, before all fits had "
@@ -53,7 +55,7 @@ _MAX_TIME = 120.0
 
 
 def diagnose(
-    model: Model | str,
+    model: Model | str | None,
     recordings: Recording | Sequence[Recording],
     *,
     holdout: Recording | None = None,
@@ -70,7 +72,9 @@ def diagnose(
     """State whether, where and why a model and recordings differ by more than the noise.
 
     Args:
-        model: the base model, or the name of one.
+        model: the base model, or the name of one: the question is then what it leaves out.  None
+            asks which dynamics the recordings show, whatever their law of hysteresis; a sum of
+            plays stands for the law where a model is needed.
         recordings: one recording or several, each with a drive (N,) and a response (N,) in its
             units.
         holdout: a recording that no fit uses; without one, stretches of the recordings are held
@@ -99,7 +103,7 @@ def diagnose(
         InputError: if the recordings have different units, or an option is unusable.
     """
     listed = recordings_of(recordings)
-    model = model_of(model, listed)
+    law = model_of(ANY_LOOP if model is None else model, listed)
     if holdout is not None:
         require_recording(holdout, "holdout")
     repeats = [] if repeat is None else recordings_of(repeat, "repeat")
@@ -128,31 +132,37 @@ def diagnose(
             settling=settling,
             mask=mask,
         )
-        progress(f"fitting {model.name} from {_STARTS} starts")
-        solved = settle(model.block, preparation, history=history, starts=_STARTS, seed=seed)
+        progress("following the path of the drive")
+        path, preparation = path_view(preparation)
+        progress(f"fitting {law.name} from {_STARTS} starts")
+        solved = settle(law.block, preparation, history=history, starts=_STARTS, seed=seed)
         preparation = solved.preparation
         progress("correcting the discretisation error")
         base = fitted([solved.block], preparation)
+        other = with_residual_as_noise(base)
+        if other is not None:
+            base = fitted([base.solved.block], other)
+            path, preparation = path_view(other)
         unseen = None if holdout is None else held_out_take(preparation.takes[0], holdout)
         predict = predict_stretches if unseen is None else partial(predict_recording, take=unseen)
         # A model with rates of its own may lead its drive; one without follows with odd parameters.
-        follows = not (base.displaced and isinstance(model.block, BoucWen | PrandtlIshlinskii))
-        doubts = [t for t in (wrong_way(r, model.block, follows=follows) for r in listed) if t]
+        follows = not (base.displaced and isinstance(law.block, BoucWen | PrandtlIshlinskii))
+        doubts = [t for t in (wrong_way(r, law.block, follows=follows) for r in listed) if t]
         # The misfit of a fit that had to end early is not that of its model.
         may_name = not doubts and not clock.is_over
-        inquiry = inquire(base, model.block, progress, clock, may_name=may_name)
-        findings = Findings(model, inquiry, unseen, predict, tuple(doubts))
-        if findings.plays_predict_worse:
-            findings = replace(findings, with_plays=False)
+        inquiry = inquire(
+            base, law.block, path, progress, clock,
+            has_model=model is not None, may_name=may_name,
+        )  # fmt: skip
+        extension = None
+        if may_name:
+            extension = extended_by(inquiry, law, predict, history, progress, clock)
+        findings = Findings(law, inquiry, unseen, predict, tuple(doubts), extension)
         if findings.is_refuted:
-            findings = replace(findings, inquiry=inquiry.unnamed())
-        nearest = None
-        if findings.is_far:
-            rmse = findings.predicted[0].rmse
-            predict = findings.predict_determined
-            nearest = nearest_model(model, rmse, preparation, history, predict, progress, clock)
+            findings = replace(findings, inquiry=inquiry.unnamed(), extension=None)
+        shows = can_show(signals_of(preparation), listed[0].response_unit)
         limits = limits or recorded_limits(listed)
-        return _concluded(findings, nearest, limits, corrected, progress, clock)
+        return _concluded(findings, shows, limits, corrected, progress, clock)
 
 
 def held_out_take(first: Take, holdout: Recording) -> Take:
@@ -167,7 +177,7 @@ def held_out_take(first: Take, holdout: Recording) -> Take:
 
 def _concluded(
     findings: Findings,
-    nearest: Nearest | None,
+    shows: Sequence[Visible],
     limits: Limits,
     corrected: Sequence[str],
     progress: Progress,
@@ -176,14 +186,10 @@ def _concluded(
     """The diagnosis: its verdict and everything that supports it."""
     progress("writing the verdict")
     verdict, effects, axes = findings.verdict, findings.effects, findings.axes
-    inquiry = findings.inquiry
-    named = [name.effect for name in inquiry.names]
-    # Where a refit explains all, the columns about the base do not tell what is left.
-    nothing = verdict == "none" or inquiry.is_carried
-    most_like = None if nothing else inquiry.judge.most_like(named)
+    named = [name.effect for name in findings.inquiry.names]
     return Diagnosis(
         verdict=verdict,
-        sentence=sentence_of(findings, most_like, nearest) + (_SO_FAR if clock.stopped else ""),
+        sentence=sentence_of(findings) + (_SO_FAR if clock.stopped else ""),
         base=findings.base_fit,
         extended=findings.extended_fit,
         effects=effects,
@@ -197,6 +203,7 @@ def _concluded(
         next_experiment=_next_experiment(findings, limits, progress, clock),
         warnings=(*corrected, *findings.doubts, *_warnings(findings)),
         shape=findings.shape,
+        can_show=tuple(shows),
         complete=not clock.stopped,
     )
 
@@ -206,19 +213,20 @@ def _next_experiment(
 ) -> NextExperiment | None:
     """The drive that distinguishes the effects that this recording does not, or else, where more is
     missing than is named, one that shows of what kind it is."""
-    rivals = max(findings.inquiry.rivals, key=len, default=())
     preparation, fit = findings.base.preparation, findings.base_fit
     if clock.is_over:
         return None
+    split = next((n for n in findings.inquiry.names if n.alike), None)
+    explained = {e.names: e for e in findings.inquiry.refits}
+    names = () if split is None else (split.effect, *split.alike)
+    rivals = [explained[name,] for name in names if (name,) in explained]
     if len(rivals) < 2:
-        if not is_incomplete(findings):
+        if not is_incomplete(findings) and split is None:
             return None
         return afterwards(survey_sentence(survey(preparation, limits)), fit)
     blocks = [e.fitted.solved.block for e in rivals]
-    common = set.intersection(*(set(e.names) for e in rivals))
-    names = [next(n for n in e.names if n not in common) for e in rivals]
     proposal = propose(blocks, preparation, limits, progress)
-    return afterwards(next_experiment(names, proposal), fit)
+    return afterwards(next_experiment([e.names[0] for e in rivals], proposal), fit)
 
 
 def _warnings(findings: Findings) -> tuple[str, ...]:

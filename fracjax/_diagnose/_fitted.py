@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
@@ -26,29 +26,15 @@ _OF_MISFIT = 0.01
 by judgement."""
 
 
-class Shaped(Problem):
-    """A problem with loop shapes D in the noise: the residual along the whitened and orthonormal
-    `directions` (L, k) is multiplied by the factors `kept` (k,), which is (1 + τ² DDᵀ)^(-1/2)."""
-
-    directions: np.ndarray
-    kept: np.ndarray
-
-    def whiten(self, signals: np.ndarray) -> np.ndarray:
-        white = super().whiten(signals)
-        return white - self.directions @ ((1 - self.kept) * (self.directions.T @ white).T).T
-
-
 @dataclass(frozen=True)
 class Corrected(Preparation):
     """A preparation on a coarse grid with corrected responses.
 
     `defects` (L,), one per recording: the simulation on a fine grid minus that on the coarse one,
-    subtracted from the response.  `shapes`: the directions and factors of a `Shaped` problem; none
-    if the loop has the model's shape.
+    subtracted from the response.
     """
 
     defects: tuple[np.ndarray, ...] = ()
-    shapes: tuple[tuple[np.ndarray, np.ndarray], ...] = field(default=(), repr=False)
 
     def problems(self, oversampling: int | None = None) -> tuple[Problem, ...]:
         if oversampling not in (None, self.oversampling):
@@ -61,11 +47,7 @@ class Corrected(Preparation):
         for k, problem in enumerate(super().problems()):
             parts = {name: getattr(problem, name) for name in Problem.__dataclass_fields__}
             parts["response"] = problem.response - self.defects[k]
-            corrected.append(
-                Shaped(**parts, directions=self.shapes[k][0], kept=self.shapes[k][1])
-                if self.shapes
-                else Problem(**parts)
-            )
+            corrected.append(Problem(**parts))
         return tuple(corrected)
 
 
@@ -126,7 +108,7 @@ class Fitted:
         return _FREE * self.tangent / lengths
 
     def whitened(self, signals: np.ndarray) -> np.ndarray:
-        """Signals (ΣL, …) through each recording's whitening filter, without loop shapes."""
+        """Signals (ΣL, …) through each recording's whitening filter."""
         ends = np.cumsum([len(problem.response) for problem in self.problems])
         parts = np.split(signals, ends[:-1])
         pairs = zip(self.problems, parts, strict=True)
@@ -147,7 +129,6 @@ class Fitted:
 def fitted(
     starts: Sequence[AbstractBlock],
     preparation: Preparation,
-    shapes: tuple[tuple[np.ndarray, np.ndarray], ...] = (),
     hopeless: float = np.inf,
 ) -> Fitted:
     """Fit from the starts on the coarse grid; the change of the simulation by a fine grid is
@@ -163,7 +144,7 @@ def fitted(
         finest *= 2
     own = {name: getattr(preparation, name) for name in Preparation.__dataclass_fields__}
     nothing = tuple(np.zeros(len(p.response)) for p in preparation.problems())
-    coarse = Corrected(**own, defects=nothing, shapes=shapes)
+    coarse = Corrected(**own, defects=nothing)
     if isinstance(preparation, Corrected):
         coarse = replace(coarse, defects=preparation.defects)
     solved = solve_from(list(starts), coarse, hopeless)

@@ -50,6 +50,14 @@ class Prediction:
         return Prediction(some(self.folds), some(self.counts), some(self.determined))
 
 
+def of_determined(predictions: Sequence[Prediction]) -> list[Prediction]:
+    """Predictions of the held-out folds that the others determine under every model, if there are
+    any: a recording's only step, held out, says nothing about creep."""
+    each = zip(*(prediction.determined for prediction in predictions), strict=True)
+    common = [k for k, determined in enumerate(each) if all(determined)]
+    return [p.of(common) for p in predictions] if common else list(predictions)
+
+
 Predict = Callable[[Fitted], Prediction]
 
 

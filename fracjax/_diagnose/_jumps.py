@@ -10,7 +10,7 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._view import View
+from ._views import ModelView
 
 _GRID, _FINER = 96, 24
 """Times that are tried at first in all recordings, and again about the best; chosen by
@@ -22,39 +22,38 @@ judgement."""
 
 class Jumps(NamedTuple):
     """The samples (k,) of all recordings at which the response jumps, by how much, in the
-    response's unit, the reduction of χ² minus its price, and χ² per sample beside them."""
+    response's unit, the reduction of χ² minus its price, and the excess κ - 1 beside them."""
 
     samples: tuple[int, ...]
     sizes: tuple[float, ...]
     worth: float
-    misfit: float
+    excess: float
 
 
-def jumps_of(view: View, tau: float) -> Jumps:
-    """The jumps that explain most of a fit's residual beside loop shapes of size τ, one after
-    another, as many as are worth their price of 2 ln N."""
-    gram, counted = view.gram, np.flatnonzero(view.fitted.counted)
-    ends = np.cumsum([len(problem.response) for problem in view.fitted.problems])
+def jumps_of(view: ModelView) -> Jumps:
+    """The jumps that explain most of a fit's residual, one after another, as many as are worth
+    their price of 2 ln N."""
+    fitted, counted = view.fitted, np.flatnonzero(view.fitted.counted)
+    ends = np.cumsum([len(problem.response) for problem in fitted.problems])
     times = np.arange(ends[-1])[:, None]
 
     def steps(samples: np.ndarray) -> np.ndarray:
-        """Whitened steps (ΣL, k) that last to the end of their recording."""
+        """Whitened steps (ΣL, k) that last to the end of their recording, beside the fit."""
         last = ends[np.searchsorted(ends, samples, side="right")]
-        return view.fitted.whitened(((times >= samples) & (times < last)).astype(float))
+        raw = ((times >= samples) & (times < last)).astype(float)
+        return view.prior.weighted(fitted.whitened(raw))
 
-    remaining = gram.weighted(gram.residual[:, None], tau)[:, 0]
-    chosen, earlier = np.zeros(0, dtype=int), np.zeros((ends[-1], 0))
+    remaining = view.prior.weighted(fitted.whitened(fitted.error)[:, None])[:, 0]
+    chosen, earlier, worth = np.zeros(0, dtype=int), np.zeros((ends[-1], 0)), 0.0
+    price = 2 * np.log(view.law.count)
 
     def falls(columns: np.ndarray) -> np.ndarray:
         """The reductions of χ² (k,) by each column beside the earlier ones."""
-        shared = gram.weighted(earlier, tau)
-        inverse, across = np.linalg.inv(earlier.T @ shared), columns.T @ shared
-        along = columns.T @ remaining - across @ (inverse @ (earlier.T @ remaining))
-        squares = np.sum(columns * gram.weighted(columns, tau), axis=0)
-        squares = squares - np.sum((across @ inverse) * across, axis=1)
-        return along**2 / np.maximum(squares, _SEEN)
+        basis = np.linalg.qr(earlier)[0]
+        beside = columns - basis @ (basis.T @ columns)
+        squares = np.sum(beside**2, axis=0)
+        return (beside.T @ remaining) ** 2 / np.maximum(squares, _SEEN)
 
-    price, worth = 2 * np.log(gram.count), 0.0
     # A step at the first sample is the offset.
     later = counted[1:]
     grid = later[:: max(1, counted.size // _GRID)]
@@ -69,9 +68,10 @@ def jumps_of(view: View, tau: float) -> Jumps:
             break
         chosen, worth = np.append(chosen, close[k]), worth + float(each[k]) - price
         earlier = np.concatenate([earlier, columns[:, [k]]], axis=1)
-    heights = np.linalg.solve(earlier.T @ gram.weighted(earlier, tau), earlier.T @ remaining)
+    heights = np.linalg.lstsq(earlier, remaining, rcond=None)[0]
+    square = float(np.sum((remaining - earlier @ heights) ** 2))
     order = np.argsort(chosen)
-    square = float(gram.residual @ remaining) - worth - price * chosen.size
     return Jumps(
-        tuple(chosen[order].tolist()), tuple(heights[order].tolist()), worth, square / gram.count
-    )
+        tuple(chosen[order].tolist()), tuple(heights[order].tolist()), worth,
+        square / view.law.count - 1,
+    )  # fmt: skip

@@ -47,6 +47,15 @@ def wrapped(block: AbstractBlock, layers: Sequence[Layer]) -> AbstractBlock:
     return block
 
 
+def parts_of(block: AbstractBlock, layers: Sequence[Layer]) -> tuple[AbstractBlock, list[Layer]]:
+    """The model inside a block, and the effects around it as in it, the first innermost."""
+    around = []
+    for layer in reversed(layers):
+        around.append(Layer(layer.effect, getattr(block, layer.place)))
+        block = getattr(block, layer.inside)
+    return block, around[::-1]
+
+
 def path_of(layers: Sequence[Layer], k: int) -> str:
     """Dotted path of layer k's own block within the whole."""
     inward = "".join(f"{layer.inside}." for layer in reversed(layers[k + 1 :]))

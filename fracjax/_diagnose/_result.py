@@ -12,6 +12,7 @@ import numpy as np
 from .._fit import Estimate, Fit, estimate_row
 from .._models import Model
 from .._operators import History
+from .._path import Visible
 from .._prepare import Noise
 from .._recording import Recording, item
 from .._show import Shown, Table, View, figure, quantity
@@ -202,7 +203,10 @@ class Diagnosis(Shown):
         held_out: the scores of both models on data that no fit has used.
         next_experiment: what to record next, or None.
         warnings: reasons for doubt, in words.
-        shape: how far the loop's shape is from the model's, None where that is not sure.
+        shape: how far the loop's shape is from the model's, None where another law does not
+            predict better.
+        can_show: the smallest size of each effect of dynamics that the recordings would show,
+            whatever their law of hysteresis, from drive and noise alone.
         complete: false if the time was over, or the user interrupted, before all refits were made.
     """
 
@@ -221,6 +225,7 @@ class Diagnosis(Shown):
     next_experiment: NextExperiment | None
     warnings: tuple[str, ...]
     shape: Shape | None = None
+    can_show: tuple[Visible, ...] = ()
     complete: bool = True
 
     @property
@@ -398,6 +403,7 @@ class Diagnosis(Shown):
                 "extended_folds": list(self.held_out.extended_folds),
             },
             "warnings": list(self.warnings),
+            "can_show": [vars(shown) for shown in self.can_show],
             "complete": self.complete,
         }
         if self.shape is not None:

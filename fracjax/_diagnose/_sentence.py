@@ -8,6 +8,8 @@ from dataclasses import replace
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+import numpy as np
+
 from .._fit import Fit
 from .._prepare import Noise
 from ._next_experiment import LIKELY, Drive, Proposal
@@ -17,13 +19,15 @@ from ._thresholds import SIGNIFICANCE
 
 if TYPE_CHECKING:
     from ._findings import Findings
-    from ._nearest import Nearest
 
 _CLEARLY = 0.4
 """Excess of χ² per sample above which a residual without a significant effect is not called
 agreement; chosen by judgement."""
 _FAR = 2.0
 """Ratio of an error to the noise above which the sentence mentions it; chosen by judgement."""
+_LEFT = 1.3
+"""Noise floors that even path curves leave above which the sentence mentions it; chosen by
+judgement."""
 _MOST_LISTED = 4
 """Recordings whose residual is listed at most; chosen by judgement."""
 
@@ -71,71 +75,87 @@ def _place(axis: Axis) -> str:
     return axis.axis + (f", at {stretches}{unit}" if axis.intervals else " as a whole")
 
 
-def sentence_of(findings: Findings, most_like: str | None, nearest: Nearest | None = None) -> str:
-    """The diagnosis in plain words, or the reasons why the recording cannot be diagnosed.
-
-    `most_like`: the effect that is most similar to what remains without a name; `nearest`: a model
-    that is nearer.
-    """
+def sentence_of(findings: Findings) -> str:
+    """The diagnosis in plain words, or the reasons why the recording cannot be diagnosed."""
     if findings.doubts:
         return f"{' '.join(findings.doubts)} Until then no effect is named."
+    if findings.inquiry.model is None:
+        return _dynamics(findings)
     base, verdict = findings.base_fit, findings.verdict
-    several = len(base.preparation.takes) > 1
-    recorded = "the recordings" if several else "the recording"
+    recorded = _recorded(findings)
     if verdict == "none":
         return _agreement(findings, recorded)
-    shape = "" if findings.shape is None else f" {findings.shape.summary}."
-    if verdict == "unexplained":
-        place = where_of(findings.axes, verdict).removeprefix("The mismatch stands out ")
-        if all(axis.p_value >= SIGNIFICANCE for axis in findings.axes):
-            place = "along no axis in particular"
-        like = f" It is most similar to {most_like}." if most_like is not None else ""
-        like = f" {findings.jumps}" if findings.jumps else like
-        useless = ""
-        if findings.follows_nothing:
-            useless = f" Begin with another model: {base.shortcomings[0]}."
-        return (
-            f"{base.model.name} and {recorded} differ by more than the noise {place.rstrip('.')}, "
-            f"and no effect of the catalogue explains it.{shape}{like}{_nearer(findings, nearest)}"
-            f"{useless}"
-        )
-    smaller = ""
-    if most_like is not None:
-        smaller = (
-            f" A smaller residual remains, most similar to {most_like}, but too small to name an "
-            "effect."
-        )
-    return f"{_named(findings)}{shape}{_improvement(findings)}{smaller}{_nearer(findings, nearest)}"
-
-
-def _nearer(findings: Findings, nearest: Nearest | None) -> str:
-    """The sentence on a model that is nearer to the recording, or ""."""
-    if nearest is None:
-        return ""
-    own = findings.held_out.base_rmse
+    if verdict == "missing" or verdict == "confusable":
+        shape = "" if findings.shape is None else f" {findings.shape.summary}."
+        return f"{_named(findings)}{shape}{_improvement(findings)}{_remaining(findings)}"
+    place = where_of(findings.axes, verdict).removeprefix("The mismatch stands out ")
+    if all(axis.p_value >= SIGNIFICANCE for axis in findings.axes):
+        place = "along no axis in particular"
+    jumps = f" {findings.jumps}" if findings.jumps else ""
+    useless = ""
+    if findings.follows_nothing:
+        useless = f" Begin with another model: {base.shortcomings[0]}."
     return (
-        f" The model {nearest.name} is nearer: its error on held-out data is {nearest.rmse:.3g} "
-        f"{findings.noise.unit}, that of {findings.base_fit.model.name} {own:.3g}."
+        f"{base.model.name} and {recorded} differ by more than the noise {place.rstrip('.')}, "
+        f"and no effect of the catalogue explains it.{jumps}{useless}{_remaining(findings)}"
     )
+
+
+def _recorded(findings: Findings) -> str:
+    """The recording or the recordings, in words."""
+    return "the recordings" if len(findings.base.preparation.takes) > 1 else "the recording"
+
+
+def _dynamics(findings: Findings) -> str:
+    """The sentence where no model is asked about."""
+    recorded, noise = _recorded(findings), findings.noise
+    shows = "show" if recorded.endswith("s") else "shows"
+    floors = np.sqrt(1 + max(findings.inquiry.path_misfit, 0.0))
+    whatever = "Whatever law of hysteresis the actuator has"
+    if findings.effects:
+        return f"{whatever}, {recorded} {shows} {_listed(findings)}.{_remaining(findings)}"
+    if findings.verdict == "none":
+        return (
+            f"{whatever}, {recorded} {shows} no dynamics beyond the "
+            f"noise floor of {noise.sigma:.3g} {noise.unit} ({noise.method}); what the drive "
+            "could not have shown is listed."
+        )
+    return (
+        f"No rate-independent law of hysteresis describes {recorded}, whatever its shape: "
+        f"{floors:.2g} times the noise is left, and no effect of the catalogue explains it."
+    )
+
+
+def _remaining(findings: Findings) -> str:
+    """The sentence on what even path curves with the named effects leave, or ""."""
+    floors = np.sqrt(1 + max(findings.inquiry.path_misfit, 0.0))
+    if findings.inquiry.is_adequate or floors < _LEFT:
+        return ""
+    return (
+        f" Beside any law of hysteresis {floors:.2g} times the noise is left, which nothing here "
+        "explains."
+    )
+
+
+def _listed(findings: Findings) -> str:
+    """The named effects with their physics and their look-alikes."""
+    physical = [e for e in findings.effects if e.name != HYSTERESIS_SHAPE.name]
+    parts = " and ".join(f"{e.name} ({entry_of(e.name).sentence})" for e in physical)
+    others = sorted({other for e in physical for other in e.confusable_with})
+    if others:
+        parts += f", or an effect that this drive cannot distinguish from it: {', '.join(others)}"
+    return parts
 
 
 def _named(findings: Findings) -> str:
     """The sentence on the effects that the model leaves out."""
-    name, effects = findings.base_fit.model.name, findings.effects
-    physical = [e for e in effects if e.name != HYSTERESIS_SHAPE.name]
-    if not physical:
+    name = findings.base_fit.model.name
+    if all(e.name == HYSTERESIS_SHAPE.name for e in findings.effects):
         return (
             f"The hysteresis loop of {name} does not have the actuator's shape; no other effect is "
             "significant."
         )
-    parts = " and ".join(f"{e.name} ({entry_of(e.name).sentence})" for e in physical)
-    others = sorted({other for e in physical for other in e.confusable_with})
-    if others:
-        return (
-            f"{name} leaves out {parts}, or an effect that this drive cannot distinguish from it: "
-            f"{', '.join(others)}."
-        )
-    return f"{name} leaves out {parts}."
+    return f"{name} leaves out {_listed(findings)}."
 
 
 def _improvement(findings: Findings) -> str:

@@ -8,7 +8,7 @@ from scipy.stats import norm
 
 from fracjax._blocks import EFFECTS, Quantisation
 from fracjax._diagnose._fitted import fitted
-from fracjax._diagnose._view import columns_of, view_of
+from fracjax._diagnose._views import model_view
 from fracjax._prepare import prepare
 from fracjax._recording import resolution
 from tests.blocks.motion import BASE, DRIVE, GRID, NAMES, PLAIN, recorded
@@ -84,9 +84,9 @@ def test_noise_of_many_digits_lies_on_no_grid():
 def scored(name: str, response: np.ndarray, sigma: float) -> float:
     """The effect's largest |z| after FOH has been fitted to the response."""
     base = fitted([BASE], prepare([recorded(response)], noise=specified(sigma), history="constant"))
-    view = view_of(base, columns_of(base), small=np.inf)
-    inner = view.gram.under(0.0)
-    own = [k for kind in view.kinds if kind.name == name for k in range(kind.start, kind.stop)]
+    law = model_view(base).law
+    inner = law.inner
+    own = [k for kind in law.kinds if kind.name == name for k in range(kind.start, kind.stop)]
     lengths = np.sqrt(np.diag(inner.columns)[own])
     return float(np.abs(inner.along[own] / np.maximum(lengths, 1e-300)).max())
 

@@ -21,7 +21,7 @@ ROOT = ""  # fracjax/__init__.py, which may gather anything but the command line
 LAYERS = [
     {"_show"},
     {"_recording", "_parameters", "_computing"},
-    {"_operators"},
+    {"_operators", "_path"},
     {"_blocks"},
     {"_naming", "_aliases", "_systems"},
     {"_catalogue"},

@@ -8,7 +8,7 @@ recording did, so that both have one zero.
 from __future__ import annotations
 
 import math
-from collections.abc import Callable
+from collections.abc import Callable, Mapping
 from itertools import pairwise
 
 import numpy as np
@@ -160,12 +160,11 @@ def others(name: str) -> list[str]:
     return [k for k in (MIDDLE if name in MIDDLE else BOTTOM) if k != name]
 
 
-def make_drive(
-    name: str, seed: int, rate: float, samples: int, volts: tuple[float, float]
-) -> Drive:
+def make_drive(name: str, seed: int, rate: float, samples: int, volts: tuple[float, float],
+               shapes: Mapping[str, Shape] = SHAPES) -> Drive:  # fmt: skip
     """A drive of a shape, about `samples` long at `rate` in Hz, over the range `volts` in V."""
     g = np.random.default_rng([seed, 3])
-    pieces, repeats = SHAPES[name](g, samples, rate)
+    pieces, repeats = shapes[name](g, samples, rate)
     unit = compose(name, pieces, repeats, 1.0)
     n, whole = round(unit.duration), unit.duration / repeats
     half, middle = 0.5 * (volts[1] - volts[0]), 0.5 * (volts[1] + volts[0])

@@ -1,0 +1,83 @@
+"""The model extended by the named effects, under the law that predicts held-out parts best."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+from .._blocks import EFFECTS, AbstractBlock
+from .._computing import Clock
+from .._fit import settle
+from .._models import Model
+from .._prepare import HistoryOption, Preparation, model_of
+from .._solve import Progress
+from ._fitted import Fitted, fitted
+from ._held_out import Predict, of_determined
+from ._inquiry import Inquiry
+from ._layers import Layer, wrapped
+from ._thresholds import BETTER
+from ._views import block_of
+
+ANY_LOOP = "prandtl_ishlinskii"
+"""The model that stands for a loop of any shape."""
+_STARTS = 4
+"""Starts of its fit; chosen by judgement."""
+
+
+@dataclass(frozen=True, eq=False)
+class Extension:
+    """A law with effects around it, the first innermost; `is_other_law` where the law is not the
+    model that was asked about."""
+
+    law: str
+    layers: tuple[Layer, ...]
+    fitted: Fitted
+    is_other_law: bool
+
+
+def extended_by(
+    inquiry: Inquiry,
+    model: Model,
+    predict: Predict,
+    history: HistoryOption | None,
+    progress: Progress,
+    clock: Clock,
+) -> Extension | None:
+    """The model with the named effects.  Where the model does not describe the recordings, a sum of
+    plays takes its place if it predicts held-out data better; None if nothing is added."""
+    if inquiry.explanation is not None:
+        explanation = inquiry.explanation
+        return Extension(model.name, explanation.layers, explanation.fitted, False)
+    layers = tuple(_layer(inquiry, name.effect) for name in inquiry.names)
+    if clock.is_over or inquiry.is_adequate:
+        return None
+    base, preparation = inquiry.base, inquiry.base.preparation
+    own = None
+    if layers:
+        progress(f"refitting {model.name} with {' and '.join(n.effect for n in inquiry.names)}")
+        own = Extension(model.name, layers, _with(layers, base.solved.block, preparation), False)
+    if model.name == ANY_LOOP or inquiry.model is None:
+        return own
+    progress(f"comparing with {ANY_LOOP}")
+    recordings = [take.recording for take in preparation.takes]
+    block = model_of(ANY_LOOP, recordings).block
+    solved = settle(block, preparation, history=history, starts=_STARTS, seed=0)
+    plain = fitted([solved.block], solved.preparation)
+    other = _with(layers, plain.solved.block, preparation) if layers else plain
+    mine = [base] if own is None else [base, own.fitted]
+    *before, after = of_determined([predict(each) for each in (*mine, other)])
+    if after.rmse < BETTER * min(each.rmse for each in before):
+        return Extension(ANY_LOOP, layers, other, True)
+    return own
+
+
+def _layer(inquiry: Inquiry, name: str) -> Layer:
+    """An effect with the shape that it has under path curves."""
+    effect, setting = EFFECTS[name], inquiry.base.preparation.setting
+    return Layer(effect, block_of(effect, inquiry.path.shape_of(name), setting))
+
+
+def _with(layers: Sequence[Layer], block: AbstractBlock, preparation: Preparation) -> Fitted:
+    """A law fitted with effects around it: from their shapes as found, and as they usually are."""
+    usual = [Layer(la.effect, la.effect.trials(preparation.setting)[0]) for la in layers]
+    return fitted([wrapped(block, layers), wrapped(block, usual)], preparation)

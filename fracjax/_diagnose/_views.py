@@ -1,0 +1,192 @@
+"""Recordings under the two hypotheses on the law: the user's model is exact, or no law is known."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from functools import cached_property
+
+import numpy as np
+
+from .._blocks import EFFECTS, AbstractBlock, Effect, Setting
+from .._parameters import named_parameters, set_values
+from .._path import (
+    DIRECTIONS,
+    Hypothesis,
+    Kind,
+    Law,
+    Motion,
+    PathView,
+    Posterior,
+    Prior,
+    Signal,
+    apart,
+    denoised,
+    misfit,
+    scanned_modes,
+    select,
+    view_of,
+)
+from .._prepare import Preparation, Residual, levels_of_residuals, residual_noises
+from ._columns import Group, groups_of
+from ._fitted import Fitted
+
+FORM = 0.1
+"""How far the form of a real effect is from that of its block, over its size: what an effect's
+column leaves of it looks like a second effect."""
+MODEL = "model"
+"""The name of the law of the user's model."""
+
+
+@dataclass(frozen=True, eq=False)
+class ModelView:
+    """The posterior over effects if the model is exact but for them.
+
+    Attributes:
+        fitted: the model.
+        groups: the effects' columns.
+        posterior: over sets of effects.
+        law: the inner products of the columns beside the model's tangent.
+        whole: (K,) the length of each whitened column, before what the fit can absorb.
+        prior: the covariance of the tangent.
+    """
+
+    fitted: Fitted
+    groups: list[Group]
+    posterior: Posterior
+    law: Law
+    whole: np.ndarray
+    prior: Prior
+
+    @cached_property
+    def matrix(self) -> np.ndarray:
+        """The columns (ΣL, K) of all groups [response unit]."""
+        return np.concatenate([group.columns for group in self.groups], axis=1)
+
+    @property
+    def base_misfit(self) -> float:
+        """κ - 1 without any effect, the excess of χ² per sample."""
+        return misfit(self.law, Hypothesis(0.0, 0.0, MODEL, (), (), ()))
+
+
+View = ModelView | PathView
+
+
+def model_view(fitted: Fitted) -> ModelView:
+    """The posterior over effects about a fitted model."""
+    white, tangent = fitted.whitened(fitted.error), fitted.whitened(fitted.free_directions)
+    prior = Prior(tangent, lambda signals: signals, 0.0)
+    simulations = [
+        np.pad(s, (0, len(p.response) - s.size), mode="edge")
+        for s, p in zip(fitted.simulations, fitted.problems, strict=True)
+    ]
+    steps = zip(fitted.preparation.takes, simulations, strict=True)
+    motions = [
+        Motion(s, s, np.ones_like(s), t.recording.dt, periodic=t.history == "periodic")
+        for t, s in steps
+    ]
+    groups, setting = groups_of(fitted), fitted.preparation.setting
+    for mode in scanned_modes(motions, fitted.whitened, prior, white):
+        effect = EFFECTS[mode.effect]
+        groups.append(Group(effect, (block_of(effect, mode.shape, setting),), mode.values))
+    kinds, at = [], 0
+    for group in groups:
+        width = group.columns.shape[1]
+        kinds.append(Kind(group.effect.name, at, at + width, group.effect.one_sided))
+        at += width
+    columns = fitted.whitened(np.concatenate([group.columns for group in groups], axis=1))
+    count = int(np.count_nonzero(fitted.counted)) - fitted.tangent.shape[1]
+    inner = prior.inner(columns, white)
+    excess = max(inner.square / count - 1, 0.0)
+    law = Law(MODEL, kinds, inner, count, FORM**2 * excess / DIRECTIONS, _apart())
+    posterior = select(law)
+    whole = np.linalg.norm(columns, axis=0)
+    return ModelView(fitted, groups, posterior, law, whole, prior)
+
+
+def block_of(effect: Effect, shape: dict[str, float], setting: Setting) -> AbstractBlock:
+    """A trial block of an effect with the parameters of a shape, as far as it has them."""
+    trial = effect.trials(setting)[0]
+    own = named_parameters(trial)
+    values = {
+        key: np.clip(value, own[key].lower, own[key].upper)
+        for key, value in shape.items()
+        if key in own
+    }
+    return set_values(trial, values)
+
+
+def signals_of(preparation: Preparation) -> list[Signal]:
+    """What path curves need of prepared recordings; where the noise is not known, white noise of
+    the level of the response's second differences."""
+    takes = preparation.takes
+    levels = levels_of_residuals(
+        [Residual(t.recording.response, t.used, t.recording) for t in takes]
+    )
+    noises = [t.noise or level for t, level in zip(takes, levels, strict=True)]
+    signals = []
+    for take, problem, noise in zip(takes, preparation.problems(), noises, strict=True):
+        samples = len(take.recording)
+        weights = np.array(problem.weights[:samples])
+        weights[: noise.filter.size - 1] = 0.0
+        recording = take.recording
+        drive, drive_error = denoised(recording.drive)
+        signals.append(
+            Signal(
+                drive=drive,
+                response=recording.response,
+                step=recording.dt,
+                periodic=take.history == "periodic",
+                taps=noise.whitening,
+                weights=weights,
+                drive_error=drive_error,
+            )
+        )
+    return signals
+
+
+def path_view(preparation: Preparation) -> tuple[PathView, Preparation]:
+    """The posterior over dynamics under path curves, and the preparation whose noise, where it was
+    not known, is what the curves leave: path states that are met again show it."""
+    view = view_of(signals_of(preparation))
+    takes = preparation.takes
+    if all(take.noise is not None for take in takes):
+        return view, preparation
+    ends = np.cumsum([len(take.recording) for take in takes])[:-1]
+    residuals = [
+        Residual(part, take.used, take.recording)
+        for part, take in zip(np.split(view.residual, ends), takes, strict=True)
+    ]
+    read = [replace(noise, is_leftover=False) for noise in residual_noises(residuals)]
+    noises = [take.noise or noise for take, noise in zip(takes, read, strict=True)]
+    preparation = preparation.with_noises(noises)
+    return view_of(signals_of(preparation)), preparation
+
+
+def with_residual_as_noise(fitted: Fitted) -> Preparation | None:
+    """The preparation whose noises are what a model leaves of each recording, where that is no more
+    than the noise in level but of another colour: a short rest shows a level and hardly a colour.
+    None where nothing changes."""
+    takes = fitted.preparation.takes
+    pairs = zip(takes, fitted.simulations, strict=True)
+    residuals = [Residual(t.recording.response - s, t.used, t.recording) for t, s in pairs]
+    noises = []
+    for take, residual in zip(takes, residuals, strict=True):
+        noise = take.noise
+        assert noise is not None  # a diagnosis has one
+        level = float(np.std(residual.samples[residual.counted]))
+        if noise.method != "static" or level**2 > (1 + 3 * noise.doubt()) * noise.sigma**2:
+            return None
+        (read,) = residual_noises([residual])
+        noises.append(replace(read, is_leftover=False, method=noise.method))
+    return fitted.preparation.with_noises(noises)
+
+
+def _apart() -> dict[str, set[str]]:
+    """Effects that are not combined: those of one family, and one whose model is another's with
+    some parameters zero."""
+    barred = apart()
+    for effect in EFFECTS.values():
+        if effect.special_case:
+            barred.setdefault(effect.name, set()).add(effect.special_case)
+            barred.setdefault(effect.special_case, set()).add(effect.name)
+    return barred

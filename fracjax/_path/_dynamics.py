@@ -1,0 +1,384 @@
+"""What each effect of dynamics would add to a response, whatever the law of its hysteresis.
+
+The response without them is given, as the curve that was found for it, and its slope by the drive;
+an effect on the drive's side acts through that slope.  No model is fitted and nothing is compiled.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Iterator, Sequence
+from functools import cached_property
+from typing import NamedTuple
+
+import numpy as np
+from numpy.polynomial import Polynomial
+from scipy.linalg import block_diag
+from scipy.signal import lfilter
+
+from . import _kernels as kernels
+from ._fading import path_length
+
+MODE_DAMPINGS = (0.01, 0.03, 0.1)
+"""Damping ratios of modes; frequencies are tried half the width of a peak apart."""
+_HIGHEST = 0.9
+"""The highest frequency of a mode, over Nyquist's."""
+_LEAST_PERIODS = 10.0
+"""The fewest periods of the slowest mode that the recordings hold: a slower one is a lag."""
+_MAINS, _HARMONICS = (50.0, 60.0), 3
+"""Frequencies of the mains [Hz], and how many of their harmonics."""
+_OFF = 0.002
+"""How far the mains' frequency may be from its nominal value, relative: the band of normal
+operation of the grids of Europe and of America."""
+_STATIC = 3
+"""Order of the static curve without which a loop's opening is left."""
+_SLOWEST_SENSOR = 1.5
+"""The largest time constant of a sensor [s], of a corner of .1 Hz: slower is the drive's side."""
+_DRIFT, _CREEP, _LAYER, _HUM, _SKEW = 0.02, 0.02, 0.05, 0.002, 1e-4
+"""Typical sizes: drifts over the span or the gain, creep per decade, a layer's share, interference
+over the span, a clock's error; what a prior calls 1."""
+
+
+class Motion:
+    """One recording's drive (N,) and the response (N,) without effects, with its slope (N,) by the
+    drive; of steady cycles `periodic`."""
+
+    def __init__(
+        self,
+        drive: np.ndarray,
+        response: np.ndarray,
+        slope: np.ndarray,
+        step: float,
+        *,
+        periodic: bool,
+    ):
+        self.drive, self.response, self.slope = drive, response, slope
+        self.step, self.periodic = step, periodic
+        self.times = np.arange(drive.size) * step
+
+    @cached_property
+    def of_response(self) -> kernels.Convolution:
+        """The response, ready to be convolved."""
+        return kernels.Convolution(self.response, self.step, periodic=self.periodic)
+
+    @cached_property
+    def of_drive(self) -> kernels.Convolution:
+        """The drive, ready to be convolved."""
+        return kernels.Convolution(self.drive, self.step, periodic=self.periodic)
+
+    def warming(self, time_constant: float, losses: float) -> np.ndarray:
+        """The temperature (N,) by losses |ẋ|^p |x - x0|^(2-p), mean 1 after a long run."""
+        rate = np.abs(np.diff(self.response, prepend=self.response[0])) / self.step
+        size = np.abs(self.response - self.response[0])
+        power = rate**losses * size ** (2 - losses)
+        kept = np.exp(-self.step / time_constant)
+        return lfilter([1 - kept], [1, -kept], power / max(power.mean(), 1e-300))
+
+
+class Columns(NamedTuple):
+    """One shape of an effect.
+
+    Attributes:
+        effect: its name in the catalogue.
+        shape: the parameters of the shape, by name, in s and Hz.
+        values: (ΣN, k), in the response's unit, for the typical size.
+        one_sided: whether its coefficient cannot be negative.
+    """
+
+    effect: str
+    shape: dict[str, float]
+    values: np.ndarray
+    one_sided: bool
+
+
+class Scale(NamedTuple):
+    """The magnitudes of recordings that shapes depend on: the shortest step and the longest
+    duration [s], the response's span, the longest path in strokes, and the drive's largest change
+    in a step."""
+
+    step: float
+    duration: float
+    span: float
+    strokes: float
+    jump: float
+
+    @classmethod
+    def of(cls, motions: Sequence[Motion]) -> Scale:
+        """The magnitudes of recordings."""
+        return cls(
+            min(m.step for m in motions),
+            max(float(m.times[-1]) for m in motions),
+            max(float(np.ptp(m.response)) for m in motions),
+            max(float(path_length(m.drive)[-1]) for m in motions),
+            max(float(np.abs(np.diff(m.drive)).max()) for m in motions),
+        )
+
+
+Shape = dict[str, float]
+
+
+class Family(NamedTuple):
+    """All shapes of an effect.
+
+    Attributes:
+        effect: its name in the catalogue.
+        shapes: the shapes that are tried.
+        column: what a shape adds to a recording (N,) or (N, k).
+        one_sided: whether its coefficient cannot be negative.
+        spacing: the logarithm of the ratio of a parameter to that of the next shape.
+        each: whether every recording has coefficients of its own, such as a phase.
+    """
+
+    effect: str
+    shapes: Callable[[Scale], list[Shape]]
+    column: Callable[[Motion, Shape, Scale], np.ndarray]
+    one_sided: bool
+    spacing: Callable[[Shape, Scale], Shape]
+    each: bool = False
+
+    def columns(self, motions: Sequence[Motion], shape: Shape, scale: Scale) -> Columns:
+        """The columns of one shape."""
+        parts = [self.column(m, shape, scale).reshape(m.times.size, -1) for m in motions]
+        values = block_diag(*parts) if self.each else np.concatenate(parts)
+        return Columns(self.effect, shape, values, self.one_sided)
+
+
+def dynamics_of(motions: Sequence[Motion]) -> list[Columns]:
+    """The shapes of all effects but modes, whose frequencies are scanned (`modes_of`)."""
+    scale = Scale.of(motions)
+    return [
+        family.columns(motions, shape, scale)
+        for family in FAMILIES.values()
+        for shape in family.shapes(scale)
+    ]
+
+
+def modes_of(motions: Sequence[Motion]) -> Iterator[list[Columns]]:
+    """Modes at frequencies that are half the width of a peak apart, the list of each damping."""
+    scale = Scale.of(motions)
+    lowest, highest = _LEAST_PERIODS / scale.duration, 0.5 * _HIGHEST / scale.step
+    for damping in MODE_DAMPINGS:
+        count = 1 + int(np.log(highest / lowest) / damping)
+        yield [
+            MODE.columns(motions, {"frequency": float(f), "damping": damping}, scale)
+            for f in np.geomspace(lowest, highest, count)
+        ]
+
+
+def refined(motions: Sequence[Motion], found: Sequence[Columns], finer: float) -> list[Columns]:
+    """Shapes about those that were found, this many times as near to each other."""
+    scale, columns = Scale.of(motions), []
+    for one in found:
+        family = MODE if one.effect == MODE.effect else FAMILIES[one.effect]
+        shapes = [one.shape]
+        for name, spacing in family.spacing(one.shape, scale).items():
+            for step in (-1.0, -0.5, 0.5, 1.0):
+                factor = float(np.exp(step * spacing / finer))
+                shapes.append(one.shape | {name: one.shape[name] * factor})
+        columns += [family.columns(motions, shape, scale) for shape in shapes]
+    return columns
+
+
+def _constants(scale: Scale) -> np.ndarray:
+    """Time constants of lags [s], four a decade, from a tenth of a step to a third of the longest
+    recording."""
+    ends = 0.1 * scale.step, scale.duration / 3
+    return np.geomspace(*ends, 1 + int(4 * np.log10(ends[1] / ends[0])))
+
+
+def _each_of(name: str, values: Callable[[Scale], Iterable[float]]):
+    """Shapes of one parameter."""
+    return lambda scale: [{name: float(value)} for value in values(scale)]
+
+
+def _apart(**ratios: float) -> Callable[[Shape, Scale], Shape]:
+    """The distances of shapes, by the ratio of each parameter to the next."""
+    return lambda shape, scale: {name: float(np.log(ratio)) for name, ratio in ratios.items()}
+
+
+def _onsets(scale: Scale) -> np.ndarray:
+    first = max(scale.step, 1e-4 * scale.duration)
+    return np.geomspace(first, 0.1 * scale.duration, 5)
+
+
+def _corners(scale: Scale) -> list[float]:
+    return [1 / (2 * np.pi * c) for c in _constants(scale) if c < _SLOWEST_SENSOR]
+
+
+def _frequencies(scale: Scale) -> list[float]:
+    """The mains', a quarter of the width of a line apart."""
+    return [
+        f
+        for low in _MAINS
+        if 2 * low * scale.step < 1
+        for f in low * np.linspace(1 - _OFF, 1 + _OFF, 1 + 2 * int(4 * _OFF * low * scale.duration))
+    ]
+
+
+def _lagging(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    return m.of_response.with_departure(kernels.lag(1 / (2 * np.pi * shape["corner"])))
+
+
+def _lagging_before(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    return m.slope * m.of_drive.with_departure(kernels.lag(shape["time_constant"]))
+
+
+def _late(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    return m.of_response.with_departure(kernels.delay(shape["delay"]))
+
+
+def _creeping(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    return _CREEP * m.of_response.with_departure(kernels.creep(shape["onset"]))
+
+
+def _yielding(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    departure = kernels.yielding(shape["time_constant"], shape["order"])
+    return _LAYER * m.of_response.with_departure(departure)
+
+
+def _ringing(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    return m.of_response.with_departure(kernels.mode(shape["frequency"], shape["damping"]))
+
+
+def _drifting(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    """A line and an exponential of time."""
+    decay = 1 - np.exp(-m.times / shape["time_constant"])
+    return _DRIFT * scale.span * np.stack([m.times / scale.duration, decay], axis=1)
+
+
+def _warmed(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    """A gain that changes with the warmth of the losses, and the unknown zero times it."""
+    warmth = m.warming(shape["time_constant"], shape["losses"])
+    moved = m.response - m.response[0]
+    return _DRIFT * np.stack([moved * warmth, scale.span * warmth], axis=1)
+
+
+def _worn(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    """A gain, an offset, a curvature and a loop's opening that change with the path travelled: what
+    wears need not be the gain."""
+    wear = -np.expm1(-path_length(m.drive) / shape["path"])
+    scaled = 2 * (m.drive - m.drive.min()) / np.ptp(m.drive) - 1
+    opening = m.response - Polynomial.fit(scaled, m.response, _STATIC)(scaled)
+    moved = m.response - m.response[0]
+    shapes = [moved, np.full_like(wear, scale.span), scale.span * scaled**2, opening]
+    return _DRIFT * wear[:, None] * np.stack(shapes, axis=1)
+
+
+def _humming(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    """Lines of the mains below Nyquist's frequency."""
+    low = shape["frequency"]
+    orders = [k for k in range(1, _HARMONICS + 1) if 2 * k * low * m.step < 1]
+    angles = 2 * np.pi * low * np.outer(m.times, orders)
+    return _HUM * scale.span * np.concatenate([np.cos(angles), np.sin(angles)], axis=1)
+
+
+def _limited(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    """A drive whose rate is limited, through the slope."""
+    limited, rate = m.drive.copy(), shape["rate"] * m.step
+    last = -1
+    for k in np.flatnonzero(np.abs(np.diff(m.drive)) > rate).tolist():
+        # From a step that is too fast on, until the drive is caught up.
+        k = max(k, last)
+        while k + 1 < limited.size:
+            gap = m.drive[k + 1] - limited[k]
+            limited[k + 1] = limited[k] + min(max(gap, -rate), rate)
+            k += 1
+            if limited[k] == m.drive[k]:
+                break
+        last = k
+    return m.slope * (limited - m.drive)
+
+
+def _skewed(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    """A clock that runs too fast: a delay that grows in time."""
+    return _SKEW * m.times * np.gradient(m.response, m.step)
+
+
+def _lines_apart(shape: Shape, scale: Scale) -> Shape:
+    return {"frequency": 0.25 / (scale.duration * shape["frequency"])}
+
+
+def _peaks_apart(shape: Shape, scale: Scale) -> Shape:
+    return {"frequency": shape["damping"], "damping": float(np.log(3))}
+
+
+_QUARTER = 10**0.25
+_SHARES = (0.1, 0.3, 1.0)
+_LATE = 30
+"""The longest delay, in steps: a longer one is a clock's, or two files'."""
+
+MODE = Family("resonance", lambda scale: [], _ringing, True, _peaks_apart)
+"""A mode, whose shapes are scanned."""
+FAMILIES: dict[str, Family] = {
+    family.effect: family
+    for family in (
+        Family("creep", _each_of("onset", _onsets), _creeping, True, _apart(onset=5.6)),
+        Family("sensor_lag", _each_of("corner", _corners), _lagging, True, _apart(corner=_QUARTER)),
+        Family(
+            "drive_lag",
+            _each_of("time_constant", _constants),
+            _lagging_before,
+            True,
+            _apart(time_constant=_QUARTER),
+        ),
+        Family(
+            "delay",
+            _each_of("delay", lambda s: [c for c in _constants(s) if c < _LATE * s.step]),
+            _late,
+            True,
+            _apart(delay=_QUARTER),
+        ),
+        Family(
+            "viscoelastic_layer",
+            lambda s: [
+                {"time_constant": float(c), "order": order}
+                for order in (0.15, 0.35, 0.7)
+                for c in np.geomspace(s.step, s.duration, 4)
+            ],
+            _yielding,
+            False,
+            _apart(time_constant=10.0, order=2.0),
+        ),
+        Family(
+            "thermal_drift",
+            _each_of("time_constant", lambda s: [share * s.duration for share in _SHARES]),
+            _drifting,
+            False,
+            _apart(time_constant=3.0),
+            each=True,
+        ),
+        Family(
+            "gain_drift",
+            lambda s: [
+                {"time_constant": share * s.duration, "losses": losses}
+                for share in _SHARES
+                for losses in (1.0, 2.0)
+            ],
+            _warmed,
+            False,
+            _apart(time_constant=3.0),
+        ),
+        Family(
+            "degradation",
+            _each_of("path", lambda s: [share * s.strokes for share in _SHARES]),
+            _worn,
+            False,
+            _apart(path=3.0),
+        ),
+        Family(
+            "mains_interference",
+            _each_of("frequency", _frequencies),
+            _humming,
+            False,
+            _lines_apart,
+            each=True,
+        ),
+        Family(
+            "slew_rate_limit",
+            _each_of("rate", lambda s: [q * s.jump / s.step for q in (0.97, 0.9, 0.8, 0.65, 0.5)]),
+            _limited,
+            True,
+            _apart(rate=1.2),
+        ),
+        Family("clock_skew", lambda scale: [{}], _skewed, False, _apart()),
+    )
+}

@@ -62,17 +62,16 @@ class HystereticSpring(AbstractInside):
         falling = below * jnp.exp(-beta * relieved) + _grown(-beta, relieved)
         loaded = length - relieved
         rise = jnp.maximum(level, 0.0) * jnp.exp((beta - 1) * loaded) + _grown(beta - 1, loaded)
-        z = direction * jnp.where((level < 0) & (length < to_zero), falling, rise)
+        z: Any = direction * jnp.where((level < 0) & (length < to_zero), falling, rise)
         z = jnp.where(direction == 0, memory, z)
         return -self.stiffness.value * self.deflection.value * z, z
 
 
-def _grown(rate: Any, way: Any) -> Array:
+def _grown(rate: Any, way: Any) -> Any:
     """(exp(rate way) - 1) / rate, also where the rate is 0."""
     flat = jnp.abs(rate) < _FLAT
-    return jnp.where(
-        flat, way * (1 + rate * way / 2), jnp.expm1(rate * way) / jnp.where(flat, 1.0, rate)
-    )
+    steep: Any = jnp.where(flat, 1.0, rate)
+    return jnp.where(flat, way * (1 + rate * way / 2), jnp.expm1(rate * way) / steep)
 
 
 def _trials(motion: Motion) -> Sequence[AbstractInside]:

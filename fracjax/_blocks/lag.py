@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
@@ -38,7 +40,7 @@ class Lag(AbstractMachine):
     gain: Parameter
     time_constants: Parameter
 
-    def __init__(self, gain: float = 1.0, time_constants: ArrayLike = (1.0,)):
+    def __init__(self, gain: float = 1.0, time_constants: Sequence[float] | np.ndarray = (1.0,)):
         start = np.atleast_1d(np.asarray(time_constants, dtype=float))
         self.gain = Parameter(gain, "response/drive", gain=True)
         self.time_constants = Parameter(

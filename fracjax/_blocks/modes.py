@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
@@ -51,18 +53,18 @@ class Modes(AbstractMachine):
 
     def __init__(
         self,
-        gains: ArrayLike = (1.0, 0.5),
-        frequencies: ArrayLike = (50.0, 120.0),
-        dampings: ArrayLike = (0.02, 0.02),
+        gains: Sequence[float] | np.ndarray = (1.0, 0.5),
+        frequencies: Sequence[float] | np.ndarray = (50.0, 120.0),
+        dampings: Sequence[float] | np.ndarray = (0.02, 0.02),
         measured: Measured = "position",
     ):
         start = np.asarray(frequencies, dtype=float)
-        self.gains = Parameter(gains, gain_unit(measured), gain=True)
+        self.gains = Parameter(np.asarray(gains), gain_unit(measured), gain=True)
         self.frequencies = Parameter(
             start, "Hz", lower=1e-6, upper=1e8, plausible=(start / 2, 2 * start), logarithmic=True
         )
         self.dampings = Parameter(
-            dampings, lower=1e-4, upper=2.0, plausible=(2e-3, 0.2), logarithmic=True
+            np.asarray(dampings), lower=1e-4, upper=2.0, plausible=(2e-3, 0.2), logarithmic=True
         )
         self.joint = Parameter(np.ones(start.shape), lower=-1e3, upper=1e3, fixed=True)
         self.direct = Parameter(0.0, "response/drive", gain=True)

@@ -37,7 +37,7 @@ class RootOutflow(AbstractForce):
     def force(self, motion: Motion) -> Array:
         head = motion.position - self.empty.value
         # The root must be finite in the unused branch too, for its derivative.
-        root = jnp.sqrt(jnp.where(head > 0, head, 1.0))
+        root = jnp.sqrt(jnp.asarray(jnp.where(head > 0, head, 1.0)))
         return -self.outflow.value * jnp.where(head > 0, root, 0.0)
 
 

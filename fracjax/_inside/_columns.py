@@ -10,13 +10,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from dataclasses import dataclass
-from typing import Any, NamedTuple
+from typing import Any, NamedTuple, cast
 
 import jax
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from scipy.signal import cont2discrete, lfilter
+from scipy.signal import cont2discrete, lfilter, ss2tf
 
 from .._blocks import INSIDE, AbstractForce, AbstractInside, InsideEffect, Motion, Within
 from .._computing import compiled
@@ -69,9 +69,10 @@ class Columns:
 def columns_of(solved: Solved) -> Columns:
     """The columns about a fit of a machine, a `Within` block."""
     problems = solved.preparation.problems()
+    blocks = cast(tuple[Within, ...], solved.blocks)
     pairs = [
         (_recorded(block, problem), block, problem)
-        for block, problem in zip(solved.blocks, problems, strict=True)
+        for block, problem in zip(blocks, problems, strict=True)
     ]
     effects = {}
     for name, effect in INSIDE.items():
@@ -200,19 +201,8 @@ def _dynamics(problem: Problem) -> list[np.ndarray]:
     for frequency in np.geomspace(1 / (step * drive.size), rate / 2, _FREQUENCIES):
         for damping in _DAMPINGS:
             w = 2 * np.pi * frequency
-            a = np.array([[0.0, w], [-w, -2 * damping * w]])
-            discrete = cont2discrete(
-                (a, np.array([[0.0], [w]]), np.eye(2), np.zeros((2, 1))), step, "foh"
-            )
-            poles = np.poly(discrete[0])
-            rows = []
-            for k in range(2):
-                b0, c = discrete[1][:, 0], discrete[2][k]
-                numerator = np.array([
-                    discrete[3][k, 0],
-                    c @ b0 + discrete[3][k, 0] * poles[1],
-                    c @ discrete[0] @ b0 + poles[1] * (c @ b0) + poles[2] * discrete[3][k, 0],
-                ])  # fmt: skip
-                rows.append(lfilter(numerator, poles, drive))
-            pairs.append(np.stack(rows))
+            mode = np.array([[0.0, w], [-w, -2 * damping * w]]), np.array([[0.0], [w]])
+            discrete: Any = cont2discrete((*mode, np.eye(2), np.zeros((2, 1))), step, "foh")
+            numerators, poles = ss2tf(*discrete[:4])
+            pairs.append(np.stack([np.asarray(lfilter(row, poles, drive)) for row in numerators]))
     return pairs

@@ -49,8 +49,8 @@ def independent_samples(residual: np.ndarray, counted: np.ndarray) -> float:
     """How many independent samples a residual (N,) is worth, N / Σ_k ρ_k², of those counted."""
     values = residual[counted]
     n, length = values.size, scipy.fft.next_fast_len(2 * values.size)
-    power = np.abs(scipy.fft.rfft(values - values.mean(), length)) ** 2
-    products = scipy.fft.irfft(power, length)[:n]
+    power = np.abs(np.asarray(scipy.fft.rfft(values - values.mean(), length))) ** 2
+    products = np.asarray(scipy.fft.irfft(power, length))[:n]
     rho = products / (products[0] or 1.0)
     # Correlations of chance, of variance (n - k)/n² times the same worth, add half of it.
     worth = np.sum(rho[1:] ** 2) + 0.5

@@ -8,7 +8,6 @@ from typing import Any
 import jax
 import numpy as np
 import pytest
-from fracjax._diagnose._folds import Folds
 from scipy.signal import lfilter
 
 import fracjax as fj
@@ -16,6 +15,7 @@ from fracjax._blocks import EFFECTS
 from fracjax._diagnose._diagnose import held_out_take
 from fracjax._diagnose._findings import Findings
 from fracjax._diagnose._fitted import Fitted, fitted
+from fracjax._diagnose._folds import Folds
 from fracjax._diagnose._held_out import (
     FOLDS,
     STRETCHES,

@@ -6,9 +6,9 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fracjax._diagnose._gram import Gram
 
 import fracjax as fj
+from fracjax._diagnose._gram import Gram
 from fracjax._diagnose._jumps import jumps_of
 from tests.diagnose.helpers import TIMES, creeping
 

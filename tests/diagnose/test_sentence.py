@@ -6,10 +6,10 @@ from typing import Any
 
 import numpy as np
 import pytest
-from fracjax._diagnose._nearest import Nearest
 from scipy.signal import lfilter
 
 import fracjax as fj
+from fracjax._diagnose._nearest import Nearest
 from fracjax._diagnose._next_experiment import Drive, Proposal
 from fracjax._diagnose._result import Axis, Candidate, HeldOut, NamedEffect, Shape
 from fracjax._diagnose._sentence import (

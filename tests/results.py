@@ -31,7 +31,7 @@ def small_fit() -> Fit:
     with jax.enable_x64(True):
         response = np.asarray(FOH(0.05, 0.05)(jax.numpy.asarray(drive), Grid(STEP)))
     noise = np.random.default_rng(1).normal(0, 0.01, drive.size)
-    recording = Recording(drive, response + noise, STEP, source="loop <1>.csv")
+    recording = Recording(drive, response + noise, STEP, "V", "um", source="loop <1>.csv")
     return fit(Model(FOH(), "foh"), recording, starts=2)
 
 

@@ -6,10 +6,9 @@ import re
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
-import pint
 
 from .._fit import FAR_ABOVE_NOISE
-from .._recording import InputError, unit
+from .._recording import InputError, conversion
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -75,20 +74,15 @@ def _spread(
 def _scale(written: str, common: str) -> float:
     """The factor from one unit to another, NaN where they measure different things.
 
-    A power of a second that an order decides is left out of both: um/V*s^alpha counts as um/V; and
-    the 1 of 1/V is no unit's name.
+    A power of a second that an order decides is left out of both: um/V*s^alpha counts as um/V.
     """
     if written == common:
         return 1.0
     try:
-        one, other = (
-            unit(re.sub(r"^1/", "dimensionless/", re.sub(r"\*s\^[^*/]+", "", each)))
-            for each in (written, common)
-        )
-        quantity = pint.get_application_registry().Quantity(1.0, one)
-        return float(quantity.to(other).magnitude)
-    except (InputError, pint.PintError):
+        scale = conversion(*(re.sub(r"\*s\^[^*/]+", "", each) for each in (written, common)))
+    except InputError:
         return np.nan
+    return np.nan if scale is None else scale
 
 
 def at_bounds(rows: pd.DataFrame) -> list[list[str]]:

@@ -18,14 +18,13 @@ from ._options import (
     folder_option,
     options,
     output_option,
-    output_unit_option,
     rate_option,
     resample_option,
     simulated_history_option,
     table_options,
     takes_results,
     time_option,
-    time_unit_option,
+    unit_options,
 )
 from ._progress import stages
 from ._results import Results, Summary
@@ -61,7 +60,7 @@ if TYPE_CHECKING:
 @click.option(
     "--streaming", is_flag=True, help="Also write the linear inverse for a real-time loop."
 )
-@options(time_option, output_option, rate_option, output_unit_option, time_unit_option)
+@options(time_option, output_option, rate_option, unit_options)
 @options(resample_option, table_options)
 @takes_results
 def compensate_command(

@@ -8,6 +8,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 if TYPE_CHECKING:
+    from .._io import Taken
     from .._models import Model
     from .._prepare import HistoryOption
     from .._recording import Recording
@@ -30,9 +31,9 @@ class Given(NamedTuple):
 
         return read(path, **self.columns)
 
-    def taken(self, paths: Sequence[str]) -> list[tuple[Recording, dict[str, str | int]]]:
-        """Every recording that the call names, each segment of a file by itself, and the columns
-        that it was read from."""
+    def taken(self, paths: Sequence[str]) -> list[Taken]:
+        """Every recording that the call names, each segment of a file by itself, and how it was
+        read."""
         from .._io import read_segments
 
         segments = [each for path in paths for each in read_segments(path, **self.columns)]
@@ -45,7 +46,7 @@ class Given(NamedTuple):
         self, paths: Sequence[str], names: Sequence[str]
     ) -> tuple[list[Recording], list[Model]]:
         """The recordings and models that the call names, each model once."""
-        recordings = [recording for recording, _ in self.taken(paths)]
+        recordings = [each.recording for each in self.taken(paths)]
         return recordings, models_for(list(dict.fromkeys(names)), recordings)
 
     def the_one(self, path: str | None) -> Recording:
@@ -55,11 +56,11 @@ class Given(NamedTuple):
         segments = self.taken([path] if path else [])
         if len(segments) > 1:
             place = path or " and ".join(self.pair or ())
-            sources = ", ".join(recording.source for recording, _ in segments)
+            sources = ", ".join(each.recording.source for each in segments)
             raise InputError.at(
                 place, "one recording", sources, f"give --segment 1 to {len(segments)}"
             )
-        return segments[0][0]
+        return segments[0].recording
 
     @property
     def past(self) -> HistoryOption | None:

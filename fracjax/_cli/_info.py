@@ -24,12 +24,20 @@ if TYPE_CHECKING:
     metavar="FILE",
     help="Draw what was understood, as .svg, .png or .pdf.",
 )
+@click.option(
+    "--write-description",
+    "description_file",
+    type=click.Path(path_type=Path),
+    metavar="FILE",
+    help="Write how this file was read, for --description with files like it.",
+)
 @mask_option
 @reading_options
 @takes_results
 def info_command(
     recording: str | None,
     plot: Path | None,
+    description_file: Path | None,
     mask: tuple[str, ...],
     results: Results,
     **columns: Any,
@@ -40,10 +48,19 @@ def info_command(
     """
     from .._report import describe
 
-    segments = given_of(columns, mask).taken([recording] if recording else [])
+    given = given_of(columns, mask)
+    segments = given.taken([recording] if recording else [])
     if plot is not None:
-        _draw([each for each, _ in segments], plot)
-    descriptions = [describe(*each) for each in segments]
+        _draw([each.recording for each in segments], plot)
+    if description_file is not None:
+        from .._io import write_description
+
+        write_description(
+            description_file, segments[0].recording, segments[0].columns, given.columns
+        )
+    descriptions = [describe(each.recording, each.columns) for each in segments]
+    # What stands in a file counts for all its segments, and is told once.
+    descriptions[0]["not_used"] = [*segments[0].unused]
     if results.as_json:
         print_json(descriptions[0] if len(descriptions) == 1 else descriptions)
     elif not results.quiet:
@@ -53,8 +70,11 @@ def info_command(
             print_table([], _rows(one))
             for warning in one["warnings"]:
                 print_text(f"Warning: {warning}")
-        if plot is not None:
-            print(f"Written: {plot}")
+            for line in one.get("not_used", ()):
+                print_text(f"Not used: {line}")
+        for path in (plot, description_file):
+            if path is not None:
+                print(f"Written: {path}")
 
 
 def _draw(recordings: list[Recording], plot: Path) -> None:

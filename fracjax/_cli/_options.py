@@ -15,6 +15,7 @@ from ._results import Call, Results
 _COLUMNS = (
     *("time", "input", "output", "rate", "input_unit", "output_unit", "time_unit", "resample"),
     *("segment", "skip_rows", "names_row", "units_row"),
+    *("input_scale", "output_scale", "wrap", "description"),
 )
 _PAIR = ("drive", "response")
 
@@ -60,13 +61,35 @@ time_option = click.option("--time", metavar="COLUMN", help="The time: a name, o
 input_option = click.option("--input", metavar="COLUMN", help="The drive, likewise.")
 output_option = click.option("--output", metavar="COLUMN", help="The response, likewise.")
 rate_option = click.option("--rate", metavar="200Hz", help="Needed where there is no time column.")
-input_unit_option = click.option("--input-unit", metavar="V", help="Unit of the drive.")
-output_unit_option = click.option("--output-unit", metavar="um", help="Unit of the response.")
+_unit = click.option(
+    "--unit",
+    multiple=True,
+    metavar="drive=mV",
+    help="Unit of the drive or the response: what a file leaves unsaid, or is converted to.",
+)
+_scale = click.option(
+    "--scale",
+    multiple=True,
+    metavar='"drive=counts*0.0305 mV"',
+    help="What counts of a signal stand for.",
+)
+_clock = click.option("--clock", metavar="us", help="What the time column counts in.")
+_wrap = click.option(
+    "--wrap",
+    metavar="32",
+    help='After how many bits, or which time, it begins anew: 16, "60 s" or none.',
+)
+_description = click.option(
+    "--description",
+    type=click.Path(),
+    metavar="FILE",
+    help="A file that says the same as these options; see info --write-description.",
+)
+_input_unit = click.option("--input-unit", hidden=True)
+_output_unit = click.option("--output-unit", hidden=True)
+_time_unit = click.option("--time-unit", hidden=True)
 resample_option = click.option(
     "--resample", metavar="200Hz", help="Interpolate to this rate where the times are not uniform."
-)
-time_unit_option = click.option(
-    "--time-unit", metavar="ms", help="Unit of the time, where the file leaves it unsaid."
 )
 segment_option = click.option(
     "--segment",
@@ -95,8 +118,34 @@ _drive = click.option(
 )
 _response = click.option("--response", metavar="FILE", help="A file of the response alone.")
 _column_options = options(_drive, _response, time_option, input_option, output_option)
-_unit_options = options(rate_option, input_unit_option, output_unit_option, time_unit_option)
-reading_options = options(_column_options, _unit_options, resample_option, table_options)
+_SIGNALS = {"drive": "input", "response": "output", "time": "time"}
+
+
+def unit_options(command: Callable) -> Callable:
+    """Units, factors and clocks of files, which reach the command as the options of `read`."""
+
+    @options(_unit, _scale, _clock, _wrap, _description, _input_unit, _output_unit, _time_unit)
+    @wraps(command)
+    def called(*, unit: tuple[str, ...], scale: tuple[str, ...], clock: str | None, **others: Any):
+        others |= {"input_scale": None, "output_scale": None}
+        for kind, texts in (("unit", unit), ("scale", scale)):
+            for text in texts:
+                signal, equals, value = text.partition("=")
+                role = _SIGNALS.get(signal.strip())
+                if not equals or role is None or (kind == "scale" and role == "time"):
+                    example = "drive=mV" if kind == "unit" else '"drive=counts*0.0305 mV"'
+                    raise click.UsageError(f'Give --{kind} as {example}, not "{text}"')
+                others[f"{role}_{kind}"] = value.strip()
+        if clock is not None:
+            others["time_unit"] = clock
+        return command(**others)
+
+    return called
+
+
+reading_options = options(
+    _column_options, rate_option, unit_options, resample_option, table_options
+)
 
 
 # How a fit or a simulation is done ----------------------------------------------------------------

@@ -11,16 +11,14 @@ from ._given import model_of_fit
 from ._jax import prepare_jax
 from ._options import (
     input_option,
-    input_unit_option,
     options,
-    output_unit_option,
     rate_option,
     resample_option,
     simulated_history_option,
     table_options,
     takes_results,
     time_option,
-    time_unit_option,
+    unit_options,
 )
 from ._progress import stages
 from ._results import Results, Summary
@@ -50,8 +48,7 @@ chosen by judgement."""
     help="Its suffix sets the format: .csv .mat .h5 .npz .parquet .tdms .xlsx.",
 )
 @simulated_history_option
-@options(time_option, input_option, rate_option, input_unit_option, time_unit_option)
-@options(resample_option, table_options, output_unit_option)
+@options(time_option, input_option, rate_option, unit_options, resample_option, table_options)
 @takes_results
 def simulate_command(
     drive: str,
@@ -72,7 +69,7 @@ def simulate_command(
 
     from .._io import column_name, read_drive, write
     from .._models import parse_model
-    from .._recording import parse_quantity, unit
+    from .._recording import UNSTATED, parse_quantity, unit
     from .._simulate import simulate
 
     if (name is None) == (fitted is None):
@@ -80,13 +77,13 @@ def simulate_command(
     samples, step, drive_unit = read_drive(drive, **columns)
     offset = 0.0
     if fitted is None:
-        model, response_unit = parse_model(name or ""), output_unit or "um"
-        unit(response_unit, "--output-unit")
+        model, response_unit = parse_model(name or ""), output_unit or UNSTATED["response"]
+        unit(response_unit, "--unit response")
         own_unit = response_unit
     else:
         model, samples, drive_unit, own_unit, offset = _fitted(fitted, samples, drive_unit)
         response_unit = output_unit or own_unit
-    scale = parse_quantity(f"1 {own_unit}", response_unit, "--output-unit")
+    scale = parse_quantity(f"1 {own_unit}", response_unit, "--unit response")
     prepare_jax()
     with stages(results.quiet) as progress:
         progress(f"simulating {model.name}")

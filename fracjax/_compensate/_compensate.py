@@ -18,7 +18,7 @@ from .._naming import path_of_name
 from .._operators import HISTORIES, History, interpolate
 from .._parameters import set_values
 from .._prepare import layout_of, values_by_name
-from .._recording import InputError, Recording, require_kind, unit
+from .._recording import UNSTATED, InputError, Recording, require_kind, unit
 from .._solve import Progress, silent
 from ._bounded import Bounds, optimise_within
 from ._inverse import inverse_of, obstacles_to_inversion, without_disturbances
@@ -46,7 +46,7 @@ def compensate(
     regularisation: float = 0.0,
     history: History = "constant",
     offset: float = 0.0,
-    drive_unit: str = "V",
+    drive_unit: str = "",
     response_unit: str | None = None,
     draws: Mapping[str, np.ndarray] | None = None,
     identified_by: Recording | None = None,
@@ -74,7 +74,7 @@ def compensate(
         offset: What the sensor reads where the model's response is zero [response].
         response_unit: Unit of the model's response, to which the trajectory is converted; by
             default that of `identified_by`, else the trajectory's.
-        drive_unit: Unit of the drive that the model was fitted with.
+        drive_unit: Unit of the drive that the model was fitted with; "drive units" unless stated.
         draws: Values (D,) of the model's free parameters by name, such as `Posterior.samples`, for
             the band of the predicted response; None for no band.
         identified_by: The recording that the draws were sampled for.  Each draw then gets the
@@ -106,6 +106,7 @@ def compensate(
         raise _refusal("offset", "a finite number", f"{offset}")
     if history not in HISTORIES:
         raise _refusal("history", f"one of {', '.join(HISTORIES)}", f'"{history}"')
+    drive_unit = drive_unit or UNSTATED["drive"]
     unit(drive_unit, "compensate, drive_unit")
     block, left_out = without_disturbances(model.block)
     if block is None:

@@ -25,7 +25,7 @@ import numpy as np
 from scipy.signal import lfilter
 
 from .._models import Model
-from .._recording import InputError
+from .._recording import UNSTATED, InputError
 from .._show import Shown
 from .._systems import Band, rational
 from ._inverse import linear_part_of
@@ -167,7 +167,7 @@ def streaming_inverse(
     band: tuple[float, float],
     *,
     offset: float = 0.0,
-    units: tuple[str, str] = ("V", "um"),
+    units: tuple[str, str] = (UNSTATED["drive"], UNSTATED["response"]),
 ) -> StreamingInverse:
     """The inverse of a model's linear part as difference equations [L 10, 12].
 

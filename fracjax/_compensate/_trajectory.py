@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .._recording import LARGEST, InputError, parse_quantity, unit, varying
+from .._recording import LARGEST, UNSTATED, InputError, conversion, parse_quantity, unit, varying
 from .._show import Shown
 
 
@@ -17,7 +17,7 @@ class Trajectory(Shown):
     Attributes:
         response: The desired response (N,) [response_unit].
         dt: The time step [s].
-        response_unit: Unit of the response.
+        response_unit: Unit of the response; "response units" where none is stated.
         source: Name of the trajectory in messages, such as its file.
 
     Raises:
@@ -27,11 +27,13 @@ class Trajectory(Shown):
 
     response: np.ndarray
     dt: float
-    response_unit: str = "um"
+    response_unit: str = ""
     source: str = "trajectory"
 
     def __post_init__(self):
-        unit(self.response_unit, f"{self.source}, response")
+        stated = self.response_unit or UNSTATED["response"]
+        unit(stated, f"{self.source}, response")
+        object.__setattr__(self, "response_unit", stated)
         step = parse_quantity(self.dt, "s", f"{self.source}, dt")
         if not 1 / LARGEST < step < LARGEST:
             raise InputError.at(
@@ -45,7 +47,18 @@ class Trajectory(Shown):
 
         Raises InputError for a unit that is unknown or of another kind.
         """
-        scale = parse_quantity(f"1 {self.response_unit}", name, f"{self.source}, response")
+        unit(name, "response_unit")
+        scale = conversion(self.response_unit, name)
+        if scale is None:
+            remedy = f"give --unit response={name} if it is in {name}"
+            if name == UNSTATED["response"]:
+                remedy = f"fit its recording with --unit response={self.response_unit}"
+            raise InputError.at(
+                f"{self.source}, response",
+                f"a motion in {name} or a multiple of it, as the model's",
+                self.response_unit,
+                remedy,
+            )
         return replace(self, response=scale * self.response, response_unit=name)
 
     def __len__(self) -> int:

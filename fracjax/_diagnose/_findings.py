@@ -151,20 +151,21 @@ class Findings:
     def effects(self) -> tuple[NamedEffect, ...]:
         """The named effects, the one that explains most first, and the loop's shape last."""
         effects = []
-        extension, fit = self.extension, self.extended_fit
-        if extension is not None and fit is not None:
-            for k, name in enumerate(self.inquiry.names):
-                path = path_of(extension.layers, k)
-                effects.append(
-                    NamedEffect(
-                        name=name.effect,
-                        site=extension.layers[k].site,
-                        probability=name.probability,
-                        explained_fraction=self.inquiry.share_of(name.effect),
-                        parameters=_own(fit, path),
-                        confusable_with=name.alike,
-                    )
+        for k, name in enumerate(self.inquiry.names):
+            site, parameters = entry_of(name.effect).site, ()
+            if self.extension is not None and self.extended_fit is not None:
+                site = self.extension.layers[k].site
+                parameters = _own(self.extended_fit, path_of(self.extension.layers, k))
+            effects.append(
+                NamedEffect(
+                    name=name.effect,
+                    site=site,
+                    probability=name.probability,
+                    explained_fraction=self.inquiry.share_of(name.effect),
+                    parameters=parameters,
+                    confusable_with=name.alike,
                 )
+            )
         effects.sort(key=lambda effect: -effect.explained_fraction)
         if self.shape is not None:
             effects.append(

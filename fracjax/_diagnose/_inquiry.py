@@ -19,7 +19,7 @@ from ._refits import Explanation, explained_by, with_refits
 from ._thresholds import ADEQUATE, NUMERICS
 from ._views import ModelView, View, model_view
 
-_MOST_TRIED, _PART = 6, 0.25
+_MOST_TRIED, _PART = 4, 0.25
 """Effects that are refitted alone where columns do not reach the noise, and the least share of what
 the best of them explains; chosen by judgement."""
 _HOPELESS = 3.0
@@ -178,6 +178,8 @@ def _alone(
             break
         progress(f"refitting with {name}")
         refits.append(explained_by([name], view, nominal, view.fitted.preparation, hopeless))
+        # A refit that gets nowhere near is not followed by those of smaller effects.
+        hopeless = min(hopeless, _HOPELESS * refits[-1].fitted.solved.cost)
     return refits
 
 

@@ -35,7 +35,7 @@ def names_of(posterior: Posterior) -> tuple[Name, ...]:
             own, instead = posterior.probability_of(name), _instead(posterior, name, rest)
             alike = [o for o, p in instead.items() if p > (1 - SURE) * own]
             alike.sort(key=lambda other: -instead[other])
-            names.append(Name(name, tuple(alike[:_MOST_ALIKE]), own, presence))
+            names.append(Name(name, tuple(alike[:_MOST_ALIKE]), float(own), float(presence)))
     return tuple(names)
 
 

@@ -11,7 +11,7 @@ from numpy.typing import ArrayLike
 
 from .._blocks import Setting
 from .._io import read_table as table_of
-from .._recording import InputError, parse_quantity, unit
+from .._recording import UNSTATED, InputError, parse_quantity, unit
 from .._show import Shown
 
 _LEAST = 3
@@ -81,8 +81,8 @@ def frequency_table(
     *,
     amplitude_errors: ArrayLike | None = None,
     phase_errors_deg: ArrayLike | None = None,
-    drive_unit: str = "V",
-    response_unit: str = "um",
+    drive_unit: str = "",
+    response_unit: str = "",
     source: str = "table",
 ) -> FrequencyTable:
     """Make a frequency table from columns.
@@ -136,6 +136,8 @@ def frequency_table(
             f"{np.unique(columns['frequencies']).size} among {count}",
             "measure more, or average those of one frequency",
         )
+    drive_unit = drive_unit or UNSTATED["drive"]
+    response_unit = response_unit or UNSTATED["response"]
     unit(drive_unit, f"{source}, drive")
     unit(response_unit, f"{source}, response")
     order = np.argsort(columns["frequencies"])
@@ -165,8 +167,8 @@ def read_frequency_table(
 
     Args:
         path: The file.
-        drive_unit: Unit of the drive; by default that of the amplitude's column, or V.
-        response_unit: Unit of the response; by default that of the amplitude's column, or um.
+        drive_unit: Unit of the drive; by default that of the amplitude's column.
+        response_unit: Unit of the response; by default that of the amplitude's column.
 
     Returns:
         The table, sorted by frequency.
@@ -218,8 +220,8 @@ def read_frequency_table(
         phase_errors_deg=None
         if phase_errors is None
         else _degrees(phase_errors[0], phase_errors[1] or columns["phase"][1], f"{source}, phase"),
-        drive_unit=drive_unit or (ratio_units[2].strip() if ratio_units else "V"),
-        response_unit=response_unit or (ratio_units[1].strip() if ratio_units else "um"),
+        drive_unit=drive_unit or (ratio_units[2].strip() if ratio_units else ""),
+        response_unit=response_unit or (ratio_units[1].strip() if ratio_units else ""),
         source=source,
     )
 

@@ -8,30 +8,41 @@ from typing import NamedTuple, TypedDict, Unpack
 
 import numpy as np
 
+from fracjax._io._arrow import (
+    read_feather,
+    read_json_lines,
+    read_parquet,
+    write_feather,
+    write_parquet,
+)
+from fracjax._io._assigned_units import scale_of
+from fracjax._io._description import read_description, write_description
 from fracjax._io._hdf5 import read_hdf5, write_hdf5
+from fracjax._io._igor import read_ibw
 from fracjax._io._mat import read_mat, write_mat
+from fracjax._io._mdf import read_mdf
 from fracjax._io._missing import Mask
 from fracjax._io._netcdf import read_netcdf
 from fracjax._io._numpy import read_npy, read_npz, write_npy, write_npz
-from fracjax._io._parquet import read_parquet, write_parquet
 from fracjax._io._signals import Request, recordings_of, signals_of, the_one
-from fracjax._io._table import NO_HINTS, Hints, Table
+from fracjax._io._table import NO_HINTS, SIGNALS, Hints, Table
 from fracjax._io._tdms import read_tdms, write_tdms
 from fracjax._io._text import read_text, write_text
 from fracjax._io._xlsx import read_xlsx, write_xlsx
-from fracjax._recording import InputError, Recording
+from fracjax._recording import UNSTATED, InputError, Recording
 
 __all__ = [
     "SUFFIXES",
     "Options",
+    "Taken",
     "column_name",
     "read",
     "read_drive",
     "read_response",
     "read_segments",
     "read_table",
-    "read_with_columns",
     "write",
+    "write_description",
     "write_text",
 ]
 
@@ -49,6 +60,7 @@ _FORMATS: dict[str, _Format] = {
     ".mat": _Format(read_mat, write_mat),
     ".npy": _Format(read_npy, write_npy),
     ".npz": _Format(read_npz, write_npz),
+    ".feather": _Format(read_feather, write_feather),
     ".parquet": _Format(read_parquet, write_parquet),
     ".tdms": _Format(read_tdms, write_tdms),
     ".xlsx": _Format(read_xlsx, write_xlsx, True),
@@ -57,7 +69,11 @@ _FORMATS: dict[str, _Format] = {
 _ONLY_READ = {
     **dict.fromkeys((".nc", ".nc4", ".cdf"), _Format(read_netcdf, write_hdf5)),
     ".xlsm": _FORMATS[".xlsx"],
+    ".arrow": _FORMATS[".feather"],
+    **dict.fromkeys((".jsonl", ".ndjson"), _Format(read_json_lines, write_text)),
     ".lvm": _TEXT,
+    ".ibw": _Format(read_ibw, write_text),
+    **dict.fromkeys((".mf4", ".mdf"), _Format(read_mdf, write_text)),
 }
 SUFFIXES = tuple(_FORMATS)
 _OPENINGS = {"V": "voltage", "A": "current", "m": "displacement", "N": "force"}
@@ -74,12 +90,26 @@ class Options(TypedDict, total=False):
     input_unit: str | None
     output_unit: str | None
     time_unit: str | None
+    input_scale: str | None
+    output_scale: str | None
+    wrap: str | int | None
     resample: str | float | None
     mask: Mask
     segment: int | None
     skip_rows: int | None
     names_row: int | None
     units_row: int | None
+    description: str | PathLike[str] | None
+
+
+class Taken(NamedTuple):
+    """A recording, and how it was taken from its file."""
+
+    recording: Recording
+    columns: dict[str, str | int]
+    """Of "time", if any, "input" and "output": name, or index from 0."""
+    unused: tuple[str, ...]
+    """What the file states of units, factors, rates and starts that was not used."""
 
 
 def read(
@@ -88,8 +118,8 @@ def read(
     response: str | PathLike[str] | None = None,
     **options: Unpack[Options],
 ) -> Recording:
-    """The recording in a file: text, Parquet, MAT, HDF5, NetCDF, NPZ, NPY, TDMS or XLSX by its
-    suffix.
+    """The recording in a file: text, Parquet, Feather, lines of JSON, MAT, HDF5, NetCDF, NPZ, NPY,
+    TDMS, MDF, Igor's binary waves or XLSX by its suffix.
 
     In a container, each vector of numbers is a column, called by its path, such as `run1/voltage`,
     or by the end of it; of an array with more axes, each index across its longest axis, which is
@@ -103,7 +133,9 @@ def read(
             `rate`, samples per second ("200Hz", or a number [Hz]), needed where there is neither a
             time column nor a rate or step in the file.
             `input_unit` and `output_unit`, the units of the result, to which the file's own are
-            converted; `time_unit`, the unit of a time column that has none.
+            converted; `time_unit`, the unit in which a time column counts.
+            `input_scale` and `output_scale`, such as "counts*0.0305 mV", of counts; `wrap`, after
+            how many bits or which time ("60 s") a time column begins anew, or "none".
             `resample`, the rate to interpolate to where the times are not uniform, or drive and
             response have clocks of their own.
             `mask`, times [s] such as `[(3, 4)]` or `["3 s..4 s"]` in which samples may be missing,
@@ -111,28 +143,19 @@ def read(
             `segment`, which one, from 1, of a file with several.
             `skip_rows`, the number of lines of a text or sheet to pass over; `names_row` and
             `units_row`, the lines, from 1, of names and units.
+            `description`, a file that says the same as these options, which count more.
 
     Returns:
-        Drive (N,) and response (N,) in the file's own units, unless given, and the step [s]; what
-        had to be assumed stands in `Recording.warnings`.
+        Drive (N,) and response (N,) in the file's own units, unless given, and the step [s]; where
+        neither states one, in "drive units" and "response units". What had to be assumed stands in
+        `Recording.warnings`.
 
     Raises:
         InputError: The file cannot be used; with file, place and column.
     """
-    return read_with_columns(path, response=response, **options)[0]
-
-
-def read_with_columns(
-    path: str | PathLike[str],
-    *,
-    response: str | PathLike[str] | None = None,
-    **options: Unpack[Options],
-) -> tuple[Recording, dict[str, str | int]]:
-    """As `read`, and the columns of "time", if any, "input" and "output": name, or index from 0."""
-    request = _request(options)
-    signals = signals_of(_tables(path, response, options), request)
-    one = the_one(*signals, fspath(path))
-    return recordings_of([one])[0], one.columns
+    options = _described(options)
+    signals = signals_of(_tables(path, response, options), _request(options))
+    return recordings_of([the_one(*signals[:3], fspath(path))])[0]
 
 
 def read_segments(
@@ -140,11 +163,15 @@ def read_segments(
     *,
     response: str | PathLike[str] | None = None,
     **options: Unpack[Options],
-) -> list[tuple[Recording, dict[str, str | int]]]:
-    """As `read_with_columns`, of every segment of a file: stretches between gaps and restarts."""
-    signals = signals_of(_tables(path, response, options), _request(options)).signals
-    columns = [each.columns for each in signals]
-    return list(zip(recordings_of(signals), columns, strict=True))
+) -> list[Taken]:
+    """As `read`, of every segment of a file: stretches between gaps and restarts."""
+    options = _described(options)
+    segments = signals_of(_tables(path, response, options), _request(options))
+    recordings = recordings_of(segments.signals)
+    return [
+        Taken(recording, signals.columns, segments.unused)
+        for recording, signals in zip(recordings, segments.signals, strict=True)
+    ]
 
 
 def read_drive(
@@ -173,7 +200,9 @@ def read_table(path: str | PathLike[str]) -> Table:
 
 
 def column_name(role: str, unit: str) -> str:
-    """A column's name that says its unit: voltage_V, displacement_um, or drive [V/um]."""
+    """A column's name that says its unit, if any: voltage_V, displacement_um, or drive [V/um]."""
+    if unit == UNSTATED.get(role):
+        return role
     plain = re.fullmatch(r"[numkµμ]?([VAmN])", unit)
     return f"{_OPENINGS[plain[1]]}_{unit}" if plain else f"{role} [{unit}]"
 
@@ -202,14 +231,32 @@ def write(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
     form.write(target, _checked(target, columns))
 
 
+def _described(options: Options) -> Options:
+    """The options with those of the description that they name."""
+    path = options.get("description")
+    if path is None:
+        return options
+    given = {name: value for name, value in options.items() if value is not None}
+    return read_description(path) | given  # type: ignore[return-value]
+
+
 def _request(options: Options) -> Request:
+    roles = ("time", "input", "output")
+    scales = {
+        role: scale_of(text, f"--scale {SIGNALS[role]}")
+        for role in roles[1:]
+        if (text := options.get(f"{role}_scale"))
+    }
+    wrap = options.get("wrap")
     return Request(
-        {role: options.get(role) for role in ("time", "input", "output")},
+        {role: options.get(role) for role in roles},
         options.get("rate"),
-        {role: options.get(f"{role}_unit") for role in ("time", "input", "output")},
+        {role: options.get(f"{role}_unit") for role in roles},
         options.get("resample"),
         options.get("mask"),
         options.get("segment"),
+        scales,
+        None if wrap is None else f"{wrap}",
     )
 
 
@@ -230,9 +277,10 @@ def _tables(
 
 def _alone(path: str | PathLike[str], role: str, options: Options) -> tuple[np.ndarray, float, str]:
     """One signal of a file, its step and its unit."""
+    options = _described(options)
     request = _request(options)
     signals = signals_of({role: _table(path, _hints(options))}, request.of(role))
-    one = the_one(*signals, fspath(path))
+    one = the_one(*signals[:3], fspath(path))
     if one.masked is not None:
         raise InputError.at(
             fspath(path), "a signal without gaps", "samples left out", "give one without --mask"

@@ -3,11 +3,8 @@
 from collections.abc import Mapping
 
 from fracjax._io._parts import Part
-from fracjax._io._table import Table, column_label
+from fracjax._io._table import SIGNALS, Table, column_label
 from fracjax._recording import InputError
-
-SIGNALS = {"input": "drive", "output": "response"}
-"""What messages call the roles."""
 
 
 def unequal(columns: Mapping[str, tuple[Table, int]]) -> InputError:

@@ -1,11 +1,12 @@
 """What attributes, properties and single values say of the arrays they stand beside."""
 
 import re
-from collections.abc import Iterator, Mapping
+from collections.abc import Iterator, Mapping, Sequence
 from dataclasses import dataclass, field
 
-from fracjax._io._facts import fact, kind_of
-from fracjax._io._table import Fact
+from fracjax._io._facts import fact, kind_of, speaks
+from fracjax._io._table import Fact, Stated
+from fracjax._io._units import is_compatible, readable
 
 _DATA = re.compile(r"(data|values?|samples|signals?|y)$", re.IGNORECASE)
 _PREFERRED = ("label", "name", "longname", "channelname", "signalname", "title")
@@ -16,17 +17,21 @@ class Facts:
     """Values by path: that of an attribute is the path of what it belongs to, and its name.
 
     A value speaks of the array it is an attribute of; of the array beside it in the group, where
-    that is the only one or is called Data; or, as in InputUnit, of the array whose name begins so.
-    Steps and rates also speak of all arrays in the groups below.
+    that is the only one or is called Data; as in InputUnit, of the array whose name begins so; in
+    a group of units, of the array of its name; and one of several in a list, of the array of its
+    place. Steps and rates also speak of all arrays in the groups below.
     """
 
     source: str
     values: Mapping[str, object]
     sizes: Mapping[str, int]
     """The longest axis of each array by path."""
+    order: Sequence[str] = ()
+    """The paths of the arrays in the file's order."""
     _by_scope: dict[str, list[tuple[str, str, object]]] = field(default_factory=dict)
     _by_element: dict[tuple[str, str], list[tuple[str, str, object]]] = field(default_factory=dict)
     """Of an array of structures, whose field k of element i has the path `k/i`."""
+    _used: set[str] = field(default_factory=set)
 
     def __post_init__(self):
         for path, value in self.values.items():
@@ -40,19 +45,60 @@ class Facts:
                 if key == "0" and f"{scope}/1" not in self.values:
                     self._by_scope.setdefault(group, []).append(attribute)
 
-    def unit(self, path: str) -> str:
-        """The unit of an array; empty where none is stated."""
-        stated_units = (value for _, value in self._about(path, "unit"))
-        return next(
-            (unit for unit in stated_units if isinstance(unit, str) and unit.strip(" -")), ""
-        )
+    def units(self, path: str, title: str) -> tuple[Stated, ...]:
+        """The units that are stated of an array, the nearest first."""
+        stated = [
+            *((key, value) for key, value in self._about(path, "unit")),
+            *self._of_its_name({path.casefold(), path.rpartition("/")[2].casefold(), title}),
+            *self._of_its_place(path),
+        ]
+        units = []
+        for key, value in stated:
+            if isinstance(value, str) and value.strip(" -"):
+                self._used.add(key)
+                units.append(Stated(value, f'"{key}"'))
+        return tuple(dict.fromkeys(units))
+
+    def _of_its_name(self, names: set[str]) -> Iterator[tuple[str, object]]:
+        """Values by an array's name in a group of units."""
+        for path, value in self.values.items():
+            group, _, key = path.rpartition("/")
+            if key.casefold() in names and kind_of(group.rpartition("/")[2]) == "unit":
+                yield path, value
+
+    def _of_its_place(self, path: str) -> Iterator[tuple[str, object]]:
+        """Values at an array's place in a list of units, the first of which may be the step's."""
+        for key, value in self.values.items():
+            if isinstance(value, tuple) and kind_of(key.rpartition("/")[2]) == "unit":
+                scope = key.rpartition("/")[0]
+                beside = [each for each in self.order if each.rpartition("/")[0] == scope]
+                extra = len(value) - len(beside)
+                if path in beside and extra in (0, 1):
+                    yield key, value[beside.index(path) + extra]
+
+    def unused(self) -> tuple[Stated, ...]:
+        """What speaks of a unit, a factor, a rate or a start and was not understood."""
+        statements = []
+        for path, value in self.values.items():
+            scope, _, key = path.rpartition("/")
+            kind = kind_of(key) or kind_of(scope.rpartition("/")[2])
+            speaks_of_it = kind in ("unit", "xunit", "step", "rate", "unapplied", "scale", "offset")
+            text = " ".join(map(str, value)) if isinstance(value, tuple) else f"{value}"
+            speaks_of_it = speaks_of_it or (isinstance(value, str | tuple) and speaks(text))
+            if speaks_of_it and path not in self._used and text.strip() and len(text) < 500:
+                statements.append(Stated(f"{key} = {text}", f'"{path}"'))
+        return tuple(statements)
 
     def title(self, path: str) -> str:
         """What an array is called: its label, else the last part of its path."""
         last = path.rpartition("/")[2]
         titles = [(k, v) for k, v in self._about(path, "name") if isinstance(v, str) and v.strip()]
         rank = {name: at for at, name in enumerate(_PREFERRED)}
-        titles.sort(key=lambda pair: rank.get(re.sub(r"[\W_]", "", pair[0].casefold()), 9))
+        titles.sort(
+            key=lambda pair: rank.get(
+                re.sub(r"[\W_]", "", pair[0].rpartition("/")[2].casefold()), 9
+            )
+        )
         return str(titles[0][1]) if titles else last
 
     def clocks(self, path: str) -> tuple[Fact, ...]:
@@ -79,7 +125,11 @@ class Facts:
 
     def scaling(self, path: str) -> tuple[float, float]:
         """The factor and what is added to it that the conventions of NetCDF state (CF, 8.1)."""
-        own = {kind: value for kind, _, value in self._by_scope.get(path, ())}
+        own = {}
+        for kind, key, value in self._by_scope.get(path, ()):
+            own[kind] = value
+            if kind in ("scale", "offset"):
+                self._used.add(f"{path}/{key}")
         scale, offset = own.get("scale", 1.0), own.get("offset", 0.0)
         return (
             float(scale) if isinstance(scale, int | float) else 1.0,
@@ -91,31 +141,38 @@ class Facts:
         own = self._by_scope.get(path, ())
         return [v for kind, _, v in own if kind == "missing" and isinstance(v, int | float)]
 
-    def unapplied(self, path: str) -> str:
-        """A factor beside an array of which nobody knows whether it is in the numbers."""
-        for kind, key, value in self._by_scope.get(path, ()):
-            if kind == "unapplied" and isinstance(value, int | float) and value not in (0, 1):
-                return f'"{key}" of {value:g}'
-        return ""
+    def scales(self, path: str) -> tuple[Stated, ...]:
+        """Factors of an array of which nobody knows whether they are in the numbers."""
+        factors = []
+        for key, value in self._about(path, "unapplied"):
+            numbers = value if isinstance(value, tuple) else (value,)
+            text = " ".join(f"{n:g}" if isinstance(n, float) else f"{n}" for n in numbers)
+            if re.search(r"\d", text) and text not in ("1", "True"):
+                self._used.add(key)
+                factors.append(Stated(text, f'"{key}"'))
+        return tuple(factors)
 
     def _about(self, path: str, kind: str) -> Iterator[tuple[str, object]]:
-        """The values of a kind that speak of an array: its own, its group's, those of its stem."""
+        """The values of a kind that speak of an array by their paths: its own, its group's, those
+        of its stem."""
         group, _, last = path.rpartition("/")
-        yield from ((k, v) for each, k, v in self._by_scope.get(path, ()) if each == kind)
+        own = self._by_scope.get(path, ())
+        yield from ((f"{path}/{k}", v) for each, k, v in own if each == kind)
         beside = self._by_scope.get(group, ())
         if last.isdigit():
             element, (group, _, last) = last, group.rpartition("/")
             beside = self._by_element.get((group, element), ())
-        stem = _DATA.sub("", last).rstrip("_").casefold()
+        prefix = f"{group}/" if group else ""
+        stem = (_DATA.sub("", last).rstrip("_") or last).casefold()
         if stem:
             for _, key, value in beside:
                 rest = key.casefold()
                 if rest.startswith(stem) and kind_of(rest[len(stem) :]) == kind:
-                    yield rest[len(stem) :], value
+                    yield prefix + key, value
         if (group or self._is_alone(group, path)) and (
             _DATA.fullmatch(last) or self._is_alone(group, path)
         ):
-            yield from ((key, value) for each, key, value in beside if each == kind)
+            yield from ((prefix + key, value) for each, key, value in beside if each == kind)
 
     def _is_alone(self, group: str, path: str) -> bool:
         """Whether no other array in a group is as long by far."""
@@ -129,15 +186,39 @@ class Facts:
         return all(4 * size < self.sizes.get(path, 0) for size in others)
 
     def _fact(self, scope: str, kind: str, key: str, value: object) -> Fact | None:
+        """A step or rate, its unit an attribute of it or beside it: `dt_unit`, the `xUnit` of an
+        `xIncrement`, the first in a list of units of all columns."""
         path = f"{scope}/{key}" if scope else key
-        beside = self._by_scope.get(path, ())
-        unit = next((str(v) for each, _, v in beside if each == "unit" and v), "")
+        own = [(f"{path}/{k}", v) for each, k, v in self._by_scope.get(path, ()) if each == "unit"]
+        for _, name, text in self._by_scope.get(scope, ()):
+            stem = re.sub(r"[\W_]*units?$", "", name, flags=re.IGNORECASE).casefold()
+            time = kind_of(name) == "xunit" or stem == "time"
+            if stem != name.casefold() and stem and (key.casefold().startswith(stem) or time):
+                own.append((f"{scope}/{name}" if scope else name, text))
+        for name, listed in self.values.items():
+            beside = [each for each in self.order if each.rpartition("/")[0] == scope]
+            if (
+                isinstance(listed, tuple)
+                and kind_of(name.rpartition("/")[2]) == "unit"
+                and len(listed) == len(beside) + 1 > 1
+            ):
+                own.append((name, listed[0]))
+        units = [(name, str(text)) for name, text in own if text and _is_of_time(str(text))]
+        if not units and any(f"{text}".strip(" -") for _, text in own):
+            return None
+        self._used.update((path, *(name for name, _ in units)))
+        unit = next((text for _, text in units), "")
         text = f"{value} {unit}".strip()
         if isinstance(value, int | float) and not unit:
             return fact(path, text, kind, key=key) or Fact(
                 path, text, "s" if kind == "step" else "Hz"
             )
         return fact(path, text, kind, key=key)
+
+
+def _is_of_time(text: str) -> bool:
+    read = readable(text)
+    return read is not None and is_compatible(read, "s", "Hz")
 
 
 def _scopes(path: str) -> Iterator[str]:

@@ -1,16 +1,20 @@
 """Columns of the containers that hold named arrays: MAT, HDF5, NPZ and NPY, TDMS, Parquet."""
 
-from collections.abc import Callable, Iterator, Mapping
-from dataclasses import dataclass
+import json
+from collections.abc import Callable, Iterable, Iterator, Mapping
+from contextlib import suppress
+from functools import cache
 from math import prod
 from typing import NamedTuple
 
 import numpy as np
 
 from fracjax._io._array_facts import Facts
+from fracjax._io._exact import exact_of
 from fracjax._io._files import EXPORT, plain
 from fracjax._io._stamps import relative
-from fracjax._io._table import Column, column_label
+from fracjax._io._table import Column, Stated, Table, column_label
+from fracjax._io._unit_columns import with_units_of_rows
 from fracjax._recording import LARGEST, InputError
 
 _FAULTS = {
@@ -23,6 +27,8 @@ _FAULTS = {
     "V": "raw bytes",
 }
 _WIDEST = 4096
+_FEW = 16
+"""Most words or numbers of an array that states something of others."""
 
 
 class Array(NamedTuple):
@@ -33,104 +39,17 @@ class Array(NamedTuple):
     load: Callable[[], np.ndarray]
 
 
-@dataclass(frozen=True)
-class ArrayTable:
-    """The columns of the arrays in a container.
-
-    The longest axis of an array, the first of several, is that of the samples. Each index across
-    it is a column: `run1/voltage` of a vector; `data.3` of a matrix; `u.0.2` of channel 0,
-    realisation 2; `log/time` of a field of records. Names are paths through groups and structures.
-    """
-
-    source: str
-    names: tuple[str, ...]
-    columns: tuple[tuple[str, Array, tuple[int, ...]], ...]
-    """Path of the array, the array, and the index across the samples."""
-    facts: Facts
-    faults: Mapping[str, tuple[str, str]]
-    """What arrays cannot be used for, and the remedy, by path."""
-
-    @property
-    def breaks(self) -> tuple[int, ...]:
-        """None: an array is one block."""
-        return ()
-
-    @property
-    def width(self) -> int:
-        """How many columns there are."""
-        return len(self.columns)
-
-    def about(self, column: int) -> Column:
-        """What the file says of column `column`."""
-        path, array, index = self.columns[column]
-        axis = _samples_axis(array.shape)
-        fault, remedy = self.faults.get(path) or (_FAULTS.get(array.dtype.kind, ""), "")
-        if not fault and len(index) < len(array.shape) - 1:
-            fault = f"an array of shape {array.shape}"
-        is_stamp = array.dtype.kind in "Mm" and not fault
-        label = f"{self.source}, {column_label(self.names, column)}"
-        note = ""
-        if axis > 0:
-            note = (
-                f"{label}: the samples were taken to run along the longest axis of the shape "
-                f"{array.shape}."
-            )
-        if unapplied := self.facts.unapplied(path):
-            note = f"{note} {label}: {unapplied} stands beside it and was not applied.".strip()
-        return Column(
-            length=array.shape[axis],
-            title=self.facts.title(path) + "".join(f".{at}" for at in index),
-            unit="s" if is_stamp else self.facts.unit(path),
-            clocks=self.facts.clocks(path),
-            start=self._seconds(column)[1] if is_stamp else self.facts.start(path),
-            stamps=is_stamp,
-            fault=fault,
-            remedy=remedy,
-            note=note,
-        )
-
-    def numbers(self, column: int) -> np.ndarray:
-        """Column `column`, shape (N,), float64: NaN where there is no number, ±∞ beyond range."""
-        path, array, _ = self.columns[column]
-        if array.dtype.kind in "Mm":
-            return self._seconds(column)[0]
-        with np.errstate(over="ignore"):
-            values = self._raw(column).astype(np.float64)
-        values[np.isin(values, self.facts.missing(path))] = np.nan
-        scale, offset = self.facts.scaling(path)
-        if (scale, offset) != (1.0, 0.0):
-            values = values * scale + offset
-        values[np.abs(values) >= LARGEST] *= np.inf
-        return values
-
-    def _raw(self, column: int) -> np.ndarray:
-        _, array, index = self.columns[column]
-        samples = np.moveaxis(array.load(), _samples_axis(array.shape), 0)
-        return samples[(slice(None), *index)]
-
-    def _seconds(self, column: int) -> tuple[np.ndarray, int | None]:
-        """Dates or durations in seconds, and of dates when their zero is."""
-        raw = self._raw(column)
-        if raw.dtype.kind == "M":
-            return relative(raw)
-        return raw.astype("timedelta64[ns]").astype(np.int64) / 1e9, None
-
-    def shown(self, row: int, column: int) -> str:
-        """A value as it is stored."""
-        return f"{self._raw(column)[row]:g}"
-
-    def place(self, row: int, column: int) -> str:
-        """Where a number stands, such as `loop.h5, column "run1/voltage", sample 16`, from 0."""
-        return f"{self.source}, {column_label(self.names, column)}, sample {row}"
-
-
 def array_table(
     source: str,
     arrays: Mapping[str, Array],
     facts: Mapping[str, object],
     faults: Mapping[str, tuple[str, str]] | None = None,
-) -> ArrayTable:
+    *,
+    is_ordered: bool = True,
+) -> Table:
     """The table of the arrays in a container, by path, and of what stands beside them, by path.
+
+    `is_ordered`: whether the arrays come in the order in which they were written.
 
     A vector or matrix at the path "", which is that of a file of one array, has no names.
 
@@ -146,16 +65,100 @@ def array_table(
     if not columns:
         raise InputError.at(source, "arrays of samples", "none", EXPORT)
     nameless = all(path == "" and len(index) < 2 for path, _, index in columns)
-    names = (".".join(map(str, (path, *index) if path else index)) for path, _, index in columns)
-    attributes = {plain(path): _value(value) for path, value in facts.items()}
-    sizes = {plain(path): max(array.shape, default=0) for path, array in arrays.items()}
-    return ArrayTable(
-        source,
-        () if nameless else tuple(names),
-        tuple(columns),
-        Facts(source, attributes, sizes),
-        {plain(path): fault for path, fault in (faults or {}).items()},
+    names = (
+        ()
+        if nameless
+        else tuple(".".join(map(str, (path, *at) if path else at)) for path, _, at in columns)
     )
+    attributes = dict(_flat(facts.items()))
+    sizes = {plain(path): max(array.shape, default=0) for path, array in arrays.items()}
+    order = list(dict.fromkeys(path for path, _, _ in columns)) if is_ordered else []
+    stated = Facts(source, attributes, sizes, order)
+    broken = {plain(path): fault for path, fault in (faults or {}).items()}
+    read = tuple(
+        _column(f"{source}, {column_label(names, at)}", stated, broken.get(path), *column)
+        for at, column in enumerate(columns)
+        for path in (column[0],)
+    )
+    return with_units_of_rows(Table(source, names, read, unused=stated.unused()))
+
+
+def _column(
+    label: str,
+    facts: Facts,
+    fault: tuple[str, str] | None,
+    path: str,
+    array: Array,
+    index: tuple[int, ...],
+) -> Column:
+    """Each index across the longest axis of an array, which is that of the samples: `run1/voltage`
+    of a vector; `data.3` of a matrix; `u.0.2` of channel 0, realisation 2; `log/time` of a field of
+    records."""
+    axis = _samples_axis(array.shape)
+    what, remedy = fault or (_FAULTS.get(array.dtype.kind, ""), "")
+    if not what and len(index) < len(array.shape) - 1:
+        what = f"an array of shape {array.shape}"
+    is_stamp = array.dtype.kind in "Mm" and not what
+    scale, offset = facts.scaling(path)
+
+    @cache
+    def raw() -> np.ndarray:
+        samples = np.moveaxis(array.load(), axis, 0)
+        return samples[(slice(None), *index)]
+
+    def numbers() -> np.ndarray:
+        if array.dtype.kind == "m":
+            return raw().astype("timedelta64[ns]").astype(np.int64) / 1e9
+        if array.dtype.kind == "M":
+            return relative(raw())[0]
+        with np.errstate(over="ignore"):
+            values = raw().astype(np.float64)
+        values[np.isin(values, facts.missing(path))] = np.nan
+        if (scale, offset) != (1.0, 0.0):
+            values = values * scale + offset
+        values[np.abs(values) >= LARGEST] *= np.inf
+        return values
+
+    title = facts.title(path)
+    return Column(
+        length=array.shape[axis],
+        read=numbers,
+        place=lambda row: f"{label}, sample {row}",
+        shown=lambda row: f"{raw()[row]:g}",
+        title=title + "".join(f".{at}" for at in index),
+        units=(Stated("s", "its type"),) if is_stamp else facts.units(path, title.casefold()),
+        scales=facts.scales(path),
+        clocks=facts.clocks(path),
+        start=relative(raw())[1] if is_stamp and array.dtype.kind == "M" else facts.start(path),
+        stamps=is_stamp,
+        fault=what,
+        remedy=remedy,
+        note=f"{label}: the samples were taken to run along the longest axis of the shape "
+        f"{array.shape}."
+        if axis > 0
+        else "",
+        texts=(lambda: [str(each) for each in raw()]) if array.dtype.kind in "OSTU" else None,
+        exact=(lambda: exact_of(raw())) if array.dtype.kind in "iu" else None,
+    )
+
+
+def _flat(items: Iterable[tuple[str, object]]) -> Iterator[tuple[str, object]]:
+    """Single values by path, and those within what is JSON; short lists of text as tuples."""
+    for path, value in items:
+        plain_value = _value(value)
+        if isinstance(plain_value, str) and plain_value[:1] in ("{", "["):
+            with suppress(ValueError):
+                plain_value = json.loads(plain_value)
+        if isinstance(plain_value, dict):
+            yield from _flat((f"{path}/{key}", each) for key, each in plain_value.items())
+        elif isinstance(plain_value, list):
+            several = tuple(plain_value)
+            if several and all(isinstance(each, str | int | float) for each in several):
+                yield plain(path), several
+            else:
+                yield from _flat((f"{path}/{at}", each) for at, each in enumerate(plain_value))
+        else:
+            yield plain(path), plain_value
 
 
 def gathered(content: object) -> tuple[dict[str, Array], dict[str, object]]:
@@ -163,7 +166,8 @@ def gathered(content: object) -> tuple[dict[str, Array], dict[str, object]]:
     arrays: dict[str, Array] = {}
     facts: dict[str, object] = {}
     for path, value in _leaves("", content):
-        if isinstance(value, np.ndarray) and value.size != 1:
+        few = isinstance(value, np.ndarray) and value.dtype.kind in "SU" and value.size <= _FEW
+        if isinstance(value, np.ndarray) and value.size != 1 and not few:
             arrays[path] = Array(value.shape, value.dtype, value.view)
         else:
             facts[path] = value
@@ -209,10 +213,12 @@ def _indices(shape: tuple[int, ...]) -> Iterator[tuple[int, ...]]:
 
 
 def _value(value: object) -> object:
-    """A single value as plain Python, text where it is bytes."""
+    """A single value, or a few, as plain Python, text where it is bytes."""
     if isinstance(value, np.ndarray | np.generic):
         if value.dtype.kind == "M" and value.size == 1:
             return int(np.asarray(value).astype("datetime64[ns]").astype(np.int64).item())
+        if value.dtype.kind in "OSTUifu" and 1 < value.size <= _FEW:
+            return [_value(each) for each in np.ravel(value).tolist()]
         value = value.item() if value.size == 1 else ""
     if isinstance(value, bytes):
         value = value.decode("utf-8", "replace")

@@ -1,22 +1,44 @@
-"""The unit of each chosen column: stated by the file, by the call, or assumed aloud."""
+"""The unit of each chosen column: stated by the file or by the call, else none."""
 
+import re
+from collections.abc import Mapping
 from typing import NamedTuple
 
-import pint
+import numpy as np
 
-from fracjax._io._choice import title_of, written_unit
-from fracjax._io._table import Table, column_label
-from fracjax._io._units import contradicts, readable, titled
-from fracjax._io._words import quantity
-from fracjax._recording import InputError, unit
+from fracjax._io._declared import declared_units, title_of
+from fracjax._io._table import SIGNALS, Table, column_label
+from fracjax._io._units import contradicts, is_unknowable, readable, titled, unread
+from fracjax._recording import UNSTATED, InputError, conversion, unit
 
-_ASSUMED = {
-    "time": {None: "s", "time": "s"},
-    "input": {None: "V", "voltage": "V"},
-    "output": {None: "um", "length": "um"},
-}
-"""By role and by the quantity that the name speaks of."""
+_NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _EXAMPLES = {"time": "s, ms or us", "input": "V, mV or A", "output": "um, mm, V or N"}
+
+
+class Scale(NamedTuple):
+    """What brings the numbers in a file to a quantity: that times a factor, and an offset."""
+
+    factor: float
+    offset: float
+    unit: str
+
+
+_SCALE = re.compile(
+    rf"\s*(?:[^\W\d]+\s*[*×·]\s*)?({_NUMBER})\s*([-+]\s*{_NUMBER})?\s*([^\d\s].*?)?\s*"
+)
+
+
+def scale_of(text: str, where: str) -> Scale:
+    """What a call says of counts, such as "counts*0.0305 mV" or "counts*0.005 - 10 V".
+
+    Raises InputError where it says anything else.
+    """
+    parts = _SCALE.fullmatch(text)
+    name = re.sub(r"/(count|counts|lsb|bit|digit)s?$", "", parts[3] or "") if parts else ""
+    if parts is None or not float(parts[1]) or (name and readable(name) is None):
+        raise InputError.at(where, 'such as "drive=counts*0.0305 mV"', f'"{text}"', "correct it")
+    offset = float((parts[2] or "0").replace(" ", ""))
+    return Scale(float(parts[1]), offset, readable(name) or "" if name else "")
 
 
 class Unit(NamedTuple):
@@ -25,76 +47,134 @@ class Unit(NamedTuple):
     name: str
     scale: float
     """What brings the column's numbers to it."""
-    note: str
-    is_assumed: bool = False
+    note: str = ""
+    offset: float = 0.0
+    is_stated: bool = True
 
 
-def unit_of(table: Table, role: str, column: int, stated: str | None) -> Unit:
-    """The unit of a column in its role; `stated`, what the call says.
+def option_for(role: str, unit: str) -> str:
+    """The option that states a unit."""
+    return f"--clock {unit}" if role == "time" else f"--unit {SIGNALS[role]}={unit}"
+
+
+def unit_of(
+    table: Table, role: str, column: int, stated: str | None, scale: Scale | None = None
+) -> Unit:
+    """The unit of a column in its role; `stated` and `scale`, what the call says.
 
     What the call states is what the numbers come out in: they are converted where the file states
-    another unit of the same kind.
+    another unit of the same kind, unless it states several.
 
-    Raises InputError for a unit that is not understood, cannot be that of what the name
-    speaks of, or contradicts the call; and where none is written for what is no voltage or
-    displacement.
+    Raises InputError for a unit that is not understood, cannot be that of what the name speaks of,
+    or contradicts the call or another of the file; and for counts with a factor beside them.
     """
-    written = written_unit(table, column)
     name = titled(title_of(table, column)).name
     place = f"{table.source}, {column_label(table.names, column)}"
-    read = readable(written) if written else None
-    wanted = None if stated is None else _of_call(stated, role, table.source, name)
-    if wanted is None:
-        if not written:
-            return _assumed(role, name, place)
-        if read is None:
+    if scale is not None:
+        raw_unit = scale.unit or stated or UNSTATED[SIGNALS[role]]
+        wanted = _of_call(stated or raw_unit, role, table.source, name)
+        factor = conversion(raw_unit, wanted)
+        if factor is None:
             raise InputError.at(
-                place, f"a unit such as {_EXAMPLES[role]}", f'"{written}"', f"give --{role}-unit"
+                f"{table.source}, --scale", f"a unit like {wanted}", raw_unit, "correct it"
             )
-        _check(place, name, read, f"give --{role}-unit, or another column as --{role}")
-        return Unit(read, 1.0, "")
-    if not written:
-        return Unit(wanted, 1.0, "")
-    source = "file" if table.about(column).unit else "name"
-    if read is None:
-        return Unit(
-            wanted,
-            1.0,
-            f'{place}: {wanted} was used as given, though the {source} says "{written}".',
-        )
-    if unit(read) == unit(wanted):
-        return Unit(wanted, 1.0, "")
-    if not unit(wanted).is_compatible_with(unit(read)):
+        return Unit(wanted, scale.factor * factor, "", scale.offset * factor)
+    declared = [each for each in declared_units(table, column) if not is_unknowable(each.text)]
+    places = {read.text: read for read in declared if readable(read.text)}
+    distinct = dict.fromkeys(unit(readable(text) or "") for text in places)
+    wanted = None if stated is None else _of_call(stated, role, table.source, name)
+    if wanted is not None and unit(wanted) in distinct and len(distinct) > 1:
+        return Unit(wanted, 1.0)
+    if len(distinct) > 1:
+        units = [next(t for t in places if unit(readable(t) or "") == each) for each in distinct]
         raise InputError.at(
             place,
-            f'a unit of the same kind as "{written}", which the {source} says',
-            f'--{role}-unit "{stated}"',
+            "one unit",
+            " and ".join(f'"{text}" in {places[text].place}' for text in units),
+            f"give {' or '.join(option_for(role, readable(text) or text) for text in units)}",
+        )
+    written = declared[0].text if declared else ""
+    read = readable(written) if written else None
+    if wanted is None:
+        if not written:
+            none = "s" if role == "time" else UNSTATED[SIGNALS[role]]
+            words = unread(title_of(table, column))
+            note = f'{place}: "{words}" is no unit that is known, and none was taken.'
+            return Unit(none, 1.0, note if words else "", is_stated=False)
+        if read is None:
+            raise InputError.at(
+                place,
+                f"a unit such as {_EXAMPLES[role]}",
+                f'"{written}"',
+                f"give {option_for(role, _EXAMPLES[role].split(',')[0])}, or what it is",
+            )
+        if contradicts(name, read):
+            remedy = f"give {option_for(role, 'UNIT')}, or another column as --{role}"
+            raise InputError.at(place, f'a unit of what "{name}" speaks of', f'"{read}"', remedy)
+        return Unit(read, 1.0)
+    if not written or (read is not None and unit(read) == unit(wanted)):
+        return Unit(wanted, 1.0)
+    if read is None or role == "time":
+        note = f'{place}: {wanted} was used as given, though {declared[0].place} says "{written}".'
+        return Unit(wanted, 1.0, note)
+    factor = conversion(read, wanted)
+    if factor is None:
+        raise InputError.at(
+            place,
+            f'a unit of the same kind as "{written}", which {declared[0].place} says',
+            f'"{stated}" in the call',
             "correct it, or the file",
         )
-    scale = pint.get_application_registry().Quantity(1.0, unit(read)).to(unit(wanted)).magnitude
-    return Unit(wanted, float(scale), f"{place}: converted from {written} to {wanted} as given.")
+    return Unit(wanted, factor, f"{place}: converted from {written} to {wanted} as given.")
 
 
 def _of_call(stated: str, role: str, source: str, name: str) -> str:
+    place = f"{source}, {option_for(role, stated)}"
     wanted = readable(stated)
     if wanted is None:
-        unit(stated, f"{source}, --{role}-unit")
+        unit(stated, place)
         wanted = stated
-    _check(f"{source}, --{role}-unit", name, wanted, "correct it")
+    if contradicts(name, wanted):
+        raise InputError.at(
+            place, f'a unit of what "{name}" speaks of', f'"{wanted}"', "correct it"
+        )
     return wanted
 
 
-def _check(place: str, name: str, read: str, remedy: str) -> None:
-    if contradicts(name, read):
-        raise InputError.at(place, f'a unit of what "{name}" speaks of', f'"{read}"', remedy)
+def require_scaled(
+    tables: Mapping[str, Table], columns: Mapping[str, int], scales: Mapping[str, Scale]
+) -> None:
+    """Raise `InputError` for whole numbers beside which a factor stands that is not in them."""
+    counts = {
+        role: table.about(columns[role])
+        for role, table in tables.items()
+        if role not in scales and table.about(columns[role]).scales
+    }
+    counts = {role: about for role, about in counts.items() if _are_whole(about.numbers)}
+    if not counts:
+        return
+    options = []
+    for role, about in counts.items():
+        first = about.scales[0].text
+        numbers = [float(number) for number in re.findall(_NUMBER, first)]
+        *offset, factor = numbers if len(numbers) == 2 else numbers[:1] or [1.0]
+        written = re.search(r"([^\W\d]+)\s*(?:/|per)", first)
+        unit = written[1] if written and readable(written[1]) else ""
+        unit = unit or readable(next((each.text for each in about.units), "-")) or ""
+        shift = f" {offset[0]:+g}" if offset and offset[0] else ""
+        options.append((SIGNALS[role], f"{factor:g}{shift} {unit}".strip(), unit))
+    role, about = next(iter(counts.items()))
+    scaled = " ".join(f'--scale "{signal}=counts*{factor}"' for signal, factor, _ in options)
+    plain = " ".join(f'--scale "{signal}=counts*1 {unit}"' for signal, _, unit in options)
+    table = tables[role]
+    raise InputError.at(
+        f"{table.source}, {column_label(table.names, columns[role])}",
+        "values of a quantity",
+        f"whole numbers, beside which {about.scales[0].place} states {about.scales[0].text}",
+        f"give {scaled} if they are counts, or {plain} if that is in them",
+    )
 
 
-def _assumed(role: str, name: str, place: str) -> Unit:
-    spoken = quantity(name)
-    units_by_word = _ASSUMED[role]
-    if spoken not in units_by_word and spoken not in (None, "counter", "remark"):
-        raise InputError.at(
-            place, f"a unit such as {_EXAMPLES[role]}", "none", f"give --{role}-unit"
-        )
-    assumed = units_by_word.get(spoken, units_by_word[None])
-    return Unit(assumed, 1.0, f"{place}: no unit is written, {assumed} was assumed.", True)
+def _are_whole(values: np.ndarray) -> bool:
+    finite = values[np.isfinite(values)]
+    return bool(np.all(finite == np.round(finite)))

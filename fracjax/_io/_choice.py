@@ -1,5 +1,6 @@
 """Which column is the time, the drive and the response."""
 
+import shlex
 from collections.abc import Collection, Mapping
 from itertools import pairwise
 from typing import NamedTuple
@@ -7,10 +8,11 @@ from typing import NamedTuple
 import numpy as np
 
 from fracjax._io._clocks import filled, is_counter, is_time
+from fracjax._io._declared import finer_column, title_of, written_unit
 from fracjax._io._table import Table, column_label, enumerated, quoted
 from fracjax._io._units import is_compatible, readable, titled
 from fracjax._io._words import is_direction, quantity, role_of, role_of_letter
-from fracjax._recording import InputError
+from fracjax._recording import MINIMUM_SAMPLES, InputError
 
 _KINDS = {
     "time": ("s",),
@@ -45,6 +47,7 @@ def choose(
 
     Raises InputError for a column that is missing, ambiguous or holds no numbers.
     """
+    _require_one_kind(table)
     chosen = {role: _given(table, role, key) for role, key in columns.items() if key is not None}
     signals = [role for role in columns if role != "time"]
     note = ""
@@ -65,16 +68,6 @@ def choose(
         return Chosen(picked, dict.fromkeys(signals, chosen["time"]), note)
     times = {role: _time_for(table, column, picked) for role, column in picked.items()}
     return Chosen(picked, {role: at for role, at in times.items() if at is not None}, note)
-
-
-def title_of(table: Table, column: int) -> str:
-    """A column's own name."""
-    return table.about(column).title or (table.names[column] if table.names else "")
-
-
-def written_unit(table: Table, column: int) -> str:
-    """A column's unit as the file states it, beside the column or in its name; else nothing."""
-    return table.about(column).unit or titled(title_of(table, column)).unit
 
 
 def listing(table: Table) -> str:
@@ -199,10 +192,27 @@ def _recognised(table: Table, wanted: str, chosen: Mapping[str, int]) -> int | N
         raise InputError.at(
             table.source,
             f"one column for {wanted}",
-            enumerated([quoted(table.names[column]) for column in candidates]),
-            f"choose one with --{wanted}",
+            enumerated(
+                [f"{quoted(table.names[c])} {_thumbnail(table.numbers(c))}" for c in candidates]
+            ),
+            " or ".join(f"give --{wanted} {shlex.quote(table.names[c])}" for c in candidates[:2]),
         )
     return candidates[0] if candidates else None
+
+
+def _thumbnail(values: np.ndarray) -> str:
+    """How a signal runs, in a few characters, and from where to where."""
+    shown = values[np.linspace(0, len(values) - 1, min(len(values), 160)).astype(int)]
+    shown = np.nan_to_num(shown[np.isfinite(shown)])
+    if not shown.size or np.ptp(shown) == 0:
+        return "(constant)"
+    levels = np.interp(
+        np.linspace(0, len(shown) - 1, 24),
+        np.arange(len(shown)),
+        (shown - shown.min()) / np.ptp(shown),
+    )
+    line = "".join("▁▂▃▄▅▆▇█"[int(7.999 * level)] for level in levels)
+    return f"({line} {np.nanmin(values):.4g} to {np.nanmax(values):.4g})"
 
 
 def _take_the_last(
@@ -222,6 +232,31 @@ def _take_the_last(
     ]
     if len(rest) == 1 and (missing[0] in stated or readable(written_unit(table, rest[0]) or "?")):
         chosen[missing[0]] = rest[0]
+
+
+_KINDS_OF_ROWS = 8
+
+
+def _require_one_kind(table: Table) -> None:
+    """Raise `InputError` where rows of several kinds stand in turn, as a word in each says."""
+    for at, about in enumerate(table.columns):
+        if about.texts is None or about.fault != "text" or about.length < 2 * MINIMUM_SAMPLES:
+            continue
+        cells = [f"{cell}".strip() for cell in about.texts()]
+        words = dict.fromkeys(cells)
+        turns = sum(a != b for a, b in pairwise(cells))
+        if not 1 < len(words) <= _KINDS_OF_ROWS or turns < len(cells) / 10 or "" in words:
+            continue
+        parts = " and ".join(
+            f"grep -F {shlex.quote(word)} {shlex.quote(table.source)} > {number}.csv"
+            for number, word in enumerate(words, 1)
+        )
+        raise InputError.at(
+            f"{table.source}, {column_label(table.names, at)}",
+            "rows of one kind",
+            f"{len(words)} in turn, {', '.join(map(quoted, words))}",
+            f"part them ({parts}) and give --drive 1.csv --response 2.csv",
+        )
 
 
 def _is_one_matrix(table: Table) -> bool:
@@ -311,6 +346,8 @@ def _time_for(table: Table, signal: int, signals: Mapping[str, int]) -> int | No
     if len(candidates) > 1:
         shared = {c: _shared(table.names[c], table.names[signal]) for c in candidates}
         candidates = [c for c in candidates if shared[c] == max(shared.values())]
+    if len(candidates) > 1:
+        candidates = [c for c in candidates if finer_column(table, c) is not None] or candidates
     if len(candidates) > 1:
         running = [c for c in candidates if is_time(filled(table.numbers(c)))]
         if not running and table.about(signal).clocks:

@@ -5,9 +5,10 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fracjax._io._facts import step_of
+from fracjax._io._facts import step_of, units_in
 from fracjax._io._table import Fact, Table, column_label
-from fracjax._io._units import readable
+from fracjax._io._times import Stamps
+from fracjax._io._units import is_compatible, readable
 from fracjax._recording import InputError, parse_quantity
 
 _UNIFORM = 1e-3
@@ -104,25 +105,25 @@ def clock_of_count(
 def clock_of_time(
     table: Table,
     column: int,
-    written: str,
+    stamps: Stamps,
     rows: slice,
     rate: float | None,
     *,
     uniform: bool,
-    facts: Sequence[Fact] = (),
-    is_assumed: bool = False,
+    is_given: bool = False,
 ) -> Clock:
     """The clock of a stretch of a time column, which must increase.
 
-    `written`: the column's unit; `rate` [Hz], with which it must agree, and which
-    counts where the stamps are rounded; `uniform`, whether it must run in uniform steps, but for
-    its rounding; `facts`, steps that the file states beside it, with which it must agree where
-    its unit `is_assumed`.
+    `rate` [Hz], with which it must agree, and which counts where the stamps are rounded;
+    `uniform`, whether it must run in uniform steps, but for its rounding; `is_given`, whether the
+    call gives its unit, which else must agree with whatever the file states.
     """
     label = f"{table.source}, {column_label(table.names, column)}"
     about = table.about(column)
-    second = parse_quantity(f"1 {readable(written) or written}", "s", label)
-    times = table.numbers(column)[rows]
+    times, second, written = stamps.values, stamps.second, stamps.unit.name
+    start = about.start
+    if stamps.zero:
+        start = round(stamps.zero * 10**9) + (start or 0)
     steps = np.diff(times)
     is_even = _are_even(steps)
     slope = float(times[-1] - times[0]) / len(steps) if is_even else _slope(times)
@@ -133,9 +134,9 @@ def clock_of_time(
             raise _refusal(table, column, rows, times, stuck, "time to increase", remedy)
     # Where there are gaps, the step between them.
     step = second * (float(steps[steps < 2 * np.median(steps)].mean()) if slope is None else slope)
-    notes = _agreement(label, step, facts, is_assumed)
-    if is_assumed and not facts:
-        _require_seconds(label, times, step)
+    notes = () if is_given else _agreement(table, label, step, about.clocks, stamps)
+    if rate is None and not (stamps.unit.is_stated or about.clocks):
+        _require_seconds(label, times, step, float(stamps.zero) / second)
     if uniform and slope is None:
         expected = f"a step of {step / second:.6g} {written}"
         lost = int(np.sum(np.maximum(np.round(second * steps / step) - 1, 0)))
@@ -145,45 +146,63 @@ def clock_of_time(
     rounded = slope is not None and not is_even
     if rate is not None:
         if rounded and _beyond(times, 1 / (rate * second), _rounding(times))[0] <= 0:
-            return Clock(
-                second * times[0] + np.arange(len(times)) / rate, 1 / rate, notes, about.start
-            )
+            return Clock(second * times[0] + np.arange(len(times)) / rate, 1 / rate, notes, start)
         if abs(step * rate - 1) > _UNIFORM:
             raise InputError.at(
                 label, f"a step of {1 / rate:g} s by --rate", f"{step:g} s", "leave out --rate"
             )
     if slope is None:
-        return Clock(second * times, step, notes, about.start, False)
+        return Clock(second * times, step, notes, start, False)
     if rounded:
         notes += (f"{label}: its stamps are rounded; a step of {step:.9g} s fits them all.",)
-    return Clock(second * times[0] + step * np.arange(len(times)), step, notes, about.start)
+    return Clock(second * times[0] + step * np.arange(len(times)), step, notes, start)
 
 
-def _agreement(label: str, step: float, facts: Sequence[Fact], is_assumed: bool) -> tuple[str, ...]:
-    """Notes on whether the step [s] of a column is the one that the file states beside it.
+def _agreement(
+    table: Table, label: str, step: float, facts: Sequence[Fact], stamps: Stamps
+) -> tuple[str, ...]:
+    """The note on seconds that no file states.
 
-    Raises InputError where it is not, and no unit is written.
+    Raises InputError where the file states another step [s], or speaks of a unit of time beside a
+    column of none.
     """
     stated = {fact.name: step_of(fact, label) for fact in facts}
     other = next((name for name, s in stated.items() if abs(s - step) > _STATED * step), None)
-    if other is not None and is_assumed:
+    written = stamps.unit.name if stamps.unit.is_stated else "a unit that is not written"
+    if other is not None:
+        ratio = stated[other] / step
+        unit = next(
+            (u for u, s in _CLOCKS.items() if abs(s / (ratio * stamps.second) - 1) < 0.01), ""
+        )
         raise InputError.at(
             label,
             f'a step of {stated[other]:.6g} s, as "{other}" says',
-            f"{step:.6g} in a unit that is not written",
-            "give --time-unit such as ms",
+            f"{step / stamps.second:.6g} in {written}",
+            f"give --clock {unit or written}"
+            if unit or stamps.unit.is_stated
+            else "give --clock with its unit, or --clock s where it is in seconds",
         )
-    if other is not None:
-        return (
-            f'{label}: its step is {step:.6g} s, which was taken, though "{other}" says '
-            f"{stated[other]:.6g} s.",
-        )
-    return (f"{label}: no unit is written, s was assumed.",) if is_assumed and not stated else ()
+    if stamps.unit.is_stated:
+        return ()
+    for said in table.unused:
+        units = [word for word in units_in(said.text) if is_compatible(readable(word) or "", "s")]
+        if units and not stated:
+            raise InputError.at(
+                label,
+                "a unit beside the name",
+                f'none, but "{said.text[:60]}" in {said.place}',
+                f"give --clock {readable(units[0])} if that is its unit, or --clock s",
+            )
+    return (f"{label}: no unit is written, s was assumed.",) if not stated else ()
 
 
-def _require_seconds(label: str, times: np.ndarray, step: float) -> None:
-    """Raise `InputError` for stamps that are hardly seconds, where no unit is written."""
-    begin = float(times[0])
+_CLOCKS = {"s": 1.0, "ms": 1e-3, "us": 1e-6, "ns": 1e-9, "min": 60.0, "h": 3600.0}
+
+
+def _require_seconds(label: str, times: np.ndarray, step: float, zero: float) -> None:
+    """Raise `InputError` for stamps, from `zero`, that are hardly seconds, where no unit is
+    written."""
+    begin = zero + float(times[0])
     description = ""
     if (times == np.round(times)).all():
         description = f"whole numbers {step:g} apart, which may be samples, ticks or milliseconds"
@@ -194,7 +213,8 @@ def _require_seconds(label: str, times: np.ndarray, step: float) -> None:
             label,
             "seconds, or a unit beside the name",
             description,
-            "give --time-unit, or --rate where samples are counted",
+            "give --clock ms where they are milliseconds, --clock s where they are seconds, or "
+            "--rate where samples are counted",
         )
 
 
@@ -235,18 +255,47 @@ def _refusal(
 ) -> InputError:
     """The refusal of the first bad step, of a mask of shape (N - 1,)."""
     row = int(bad.argmax()) + 1
-    steps_back = f"{times[row]:.9g} after {times[row - 1]:.9g}"
-    return InputError.at(table.place((rows.start or 0) + row, column), expected, steps_back, remedy)
+    shown = table.about(column).shown
+    cells = [shown((rows.start or 0) + at).strip('"') for at in (row, row - 1)]
+    steps_back = f"{cells[0]} after {cells[1]}"
+    return InputError.at(
+        table.about(column).place((rows.start or 0) + row), expected, steps_back, remedy
+    )
 
 
 def _mend(times: np.ndarray, stuck: np.ndarray, slope: float | None, second: float) -> str:
     """What to do about stamps that do not increase, but may be rounded to a line of that slope."""
-    if slope is not None:
-        return f"if the stamps are rounded, give --rate {1 / (second * slope):.4g}Hz"
+    changes = np.flatnonzero(~stuck) + 1
+    alike = np.diff(changes)
+    if len(alike) and alike.min() == alike.max() > 1 and not (np.diff(times) < 0).any():
+        many = int(alike[0])
+        even = _are_even(np.diff(times[changes]))
+        each = f"each stamp stands {many} times"
+        rate = many / (second * float(np.median(np.diff(times[changes]))))
+        if many == 2 or not even:
+            return (
+                f"{each}, as of pairs of least and largest values: export the samples themselves, "
+                "with peak detection off"
+            )
+        return f"{each}: if they are rounded, give --rate {rate:.10g}Hz"
+    if slope is not None and len(changes) > 2:
+        rows, span = changes[-1] - changes[0], second * (times[changes[-1]] - times[changes[0]])
+        rate = _roundest((rows - 1) / span, (rows + 1) / span)
+        return f"if the stamps are rounded, give --rate {rate:.10g}Hz"
     row = int(stuck.argmax()) + 1
     if stuck.sum() == 1 and _are_even(np.diff(np.delete(times, row))):
         return "delete that line, which is there twice"
     return "correct that stamp, or record again"
+
+
+def _roundest(low: float, high: float) -> float:
+    """The number between two with the fewest digits: what a clock is set to."""
+    middle = (low + high) / 2
+    for digits in range(1, 16):
+        number = float(f"{middle:.{digits - 1}e}")
+        if low <= number <= high:
+            return number
+    return middle
 
 
 def _are_even(steps: np.ndarray) -> bool:

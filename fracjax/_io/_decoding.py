@@ -2,9 +2,8 @@
 
 import codecs
 import re
+import shlex
 from pathlib import Path
-
-from charset_normalizer import from_bytes
 
 from fracjax._io._files import EXPORT, opened, signature_of
 from fracjax._io._units import FOREIGN_UNITS
@@ -15,6 +14,8 @@ _NO_TEXT = bytes([*range(0x09), 0x0B, *range(0x0E, 0x20), 0x7F])
 _FOREIGN = ("gb18030", "shift_jis", "big5", "euc_kr", "euc_jp", "cp1251", "cp1250", "cp850")
 _WESTERN = "cp1252"
 _SAMPLE = 20_000
+_LARGEST = 1_500_000_000
+"""Bytes of text that are read: the table takes about four times as much memory."""
 FOREIGN_WORDS = sorted({*_WORDS, *FOREIGN_UNITS, "µm", "µs", "µv", "µn", "°", "²", "ω", "√"})
 
 
@@ -42,6 +43,8 @@ def text_of(source: str) -> Text:
     Raises InputError for a file that cannot be read, or is no text.
     """
     with opened(source), Path(source).open("rb", buffering=0) as file:
+        _require_size(source, file.seek(0, 2))
+        file.seek(0)
         raw = file.read()  # all at once, which needs no buffer
     head = raw[:_SAMPLE]
     wide = _wide(raw)
@@ -59,6 +62,18 @@ def text_of(source: str) -> Text:
     if any(code in raw for code in _NO_TEXT):
         raise _no_text(source, head)
     return Text(raw, encoding)
+
+
+def _require_size(source: str, size: int) -> None:
+    """Raise `InputError` for a text that is too large to be read at once."""
+    if size > _LARGEST:
+        part = f"head -n 10000000 {shlex.quote(source)} > part.csv"
+        raise InputError.at(
+            source,
+            f"at most {_LARGEST / 1e9:g} GB of text",
+            f"{size / 1e9:.3g} GB",
+            f"take a part of it, such as {part}, or write it as Parquet",
+        )
 
 
 def _no_text(source: str, raw: bytes) -> InputError:
@@ -97,6 +112,8 @@ def _encoding(raw: bytes) -> str:
     most = max(hits, key=hits.__getitem__)
     if hits[most]:
         return most
+    from charset_normalizer import from_bytes
+
     best = from_bytes(sample, cp_isolation=[_WESTERN, *_FOREIGN]).best()
     return best.encoding if best is not None and _is_of_pairs(sample) else _WESTERN
 

@@ -1,46 +1,26 @@
 """Steps, rates, units and names that a file states beside its columns."""
 
 import re
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from fracjax._io._table import Fact
-from fracjax._io._units import is_compatible, readable, stripped, titled
+from fracjax._io._lexicon import by_word
+from fracjax._io._table import Fact, Stated
+from fracjax._io._units import (
+    contradicts,
+    is_compatible,
+    is_spelled_unit,
+    readable,
+    stripped,
+    titled,
+)
 from fracjax._io._words import role_of
 from fracjax._recording import InputError, parse_quantity
 
-_KEYS = {
-    "step": "dt ts tinterval wfincrement sampleinterval samplinginterval sampletime samplingtime "
-    "sampleperiod samplingperiod timestep timeincrement deltax deltat xincrement xinc xincr xdelta "
-    "dx horizontalinterval horizinterval hinterval increment interval timeperpoint tinc tstep "
-    "recordinginterval measurementinterval measuringinterval loggingrateperiod abtastintervall "
-    "abtastzeit abtastperiode samplingrateperiod pasdetemps périodedéchantillonnage "
-    "périodeéchantillonnage 采样间隔 采样周期 采样时间 サンプリング間隔 サンプリング周期 "
-    "サンプル間隔 記録間隔 интервал шаг",
-    "rate": "fs rate samplerate samplingrate samplefrequency samplingfrequency samplefreq "
-    "samplingfreq fsample fsamp scanrate scanfrequency acquisitionrate acquisitionfrequency "
-    "datarate framerate samplespersecond abtastrate abtastfrequenz fréquencedéchantillonnage "
-    "fréquencedacquisition frecuenciademuestreo frequenzadicampionamento 采样率 采样频率 采样速率 "
-    "サンプリング周波数 サンプリングレート サンプリング速度 частотадискретизации",
-    "unit": "vunit unit units unitstring yunitlabel yunit yunits verticalunits verticalunit "
-    "einheit "
-    "einheiten unité unités unidad unidades unità 单位 単位 единица единицы ynunits physicalunit "
-    "engineeringunits inputunit outputunit dimension",
-    "xunit": "xunit xunits hunit horizontalunits horizontalunit timeunit",
-    "name": "tracename name names channelname channelnames signalname label labels title "
-    "longname "
-    "kanalname kanal signal channel channels columns column 名称 信号名",
-    "start": "wfstarttime t0 starttime",
-    "shift": "wfstartoffset",
-    "scale": "scalefactor",
-    "offset": "addoffset",
-    "missing": "fillvalue missingvalue",
-    "unapplied": "gain sensitivity calibration calibrationfactor slope multiplier scale scaling "
-    "ymult conversionfactor lsb",
-}
-_KIND = {key: kind for kind, keys in _KEYS.items() for key in keys.split()}
+_KIND = by_word("keys")
 _MARKS = re.compile(r"^[\s#%;!*/'$&@|]+")
 _PAIR = re.compile(r"\s*([^:=]+?)\s*[:=]\s*(.*?)\s*")
+_PER_COUNT = re.compile(r"\d\s*[^\W\d]+\s*(?:/|per)\s*(?:count|lsb|bit|digit)s?\b", re.IGNORECASE)
 _NUMBERED = re.compile(r"(.*?)[\s_]*(\d+)")
 
 
@@ -51,6 +31,11 @@ class Said(NamedTuple):
     values: tuple[str, ...]
     at: tuple[int, ...]
     """In which cells of the line the values stand."""
+    place: str
+    text: str
+    """The whole line."""
+    column: str = ""
+    """Of the unit of a column whose name stands in a line above, that name."""
 
 
 def kind_of(key: str) -> str | None:
@@ -58,28 +43,56 @@ def kind_of(key: str) -> str | None:
     return _KIND.get(re.sub(r"[\W_]+", "", titled(key).name.casefold()))
 
 
-def said_in(line: str, cells: Sequence[str]) -> list[Said]:
-    """What a line says: key and values in cells of their own, or as `key: value` or `key = value`.
+def said_in(line: str, cells: Sequence[str], place: str) -> list[Said]:
+    """What a line says: key and values in cells of their own, or as `key: value` or `key = value`,
+    one or the same key again and again.
 
     `cells`: the line cut by the table's separator.
     """
     bare = _MARKS.sub("", line).strip()
     first = _MARKS.sub("", cells[0]).strip().strip('"').rstrip(":=").strip() if cells else ""
-    statements = []
+    statements: list[tuple[str, tuple[str, ...], tuple[int, ...]]] = []
     rest = [(cell, at) for at, cell in enumerate(cells) if at > 0]
     if len(cells) > 1 and first and any(cell for cell, _ in rest) and not _PAIR.fullmatch(first):
-        statements.append(Said(first, tuple(c for c, _ in rest), tuple(at for _, at in rest)))
+        statements.append((first, tuple(c for c, _ in rest), tuple(at for _, at in rest)))
     pairs = [cell for cell in cells if _PAIR.fullmatch(cell)]
     for text in (bare.rstrip(",;|\t "), *(pairs if len(pairs) > 1 else ())):
         if pair := _PAIR.fullmatch(_MARKS.sub("", text).strip('"')):
-            statements.append(Said(pair[1], (pair[2].strip('"'),), (0,)))
+            key = pair[1].strip("\"'{ ").removeprefix("- ")
+            values = [v.strip(" \"'},") for v in bare.split(f"{pair[1]}:")[1:]]
+            if len(values) < 2:
+                listed = re.fullmatch(r"\[(.*)\]", pair[2]) or re.fullmatch(
+                    r"(.*[,;|\t].*)", pair[2]
+                )
+                values = (
+                    re.split(r"[,;|\t]", listed[1])
+                    if listed and kind_of(key) == "unit"
+                    else [pair[2]]
+                )
+            values = [value.strip().strip("\"'},").strip() for value in values]
+            statements.append((key, tuple(values), tuple(range(len(values)))))
     if not statements and (parts := re.fullmatch(r"(\S.*?)(?:\t+|\s{2,})(\S.*)", bare)):
-        statements.append(Said(parts[1], (parts[2],), (0,)))
+        statements.append((parts[1], (parts[2],), (0,)))
     if not statements and (
         parts := re.fullmatch(r"(\D*?\S)\s+([-+.\d]\S*(?:\s*[A-Za-zµ/]+)?)", bare)
     ):
-        statements.append(Said(parts[1], (parts[2],), (0,)))
-    return statements
+        statements.append((parts[1], (parts[2],), (0,)))
+    return [Said(*each, place, bare) for each in statements or [(bare, ("",), (0,))] if bare]
+
+
+def with_columns(lines: Sequence[Said]) -> list[Said]:
+    """The same, a unit in a line of its own with the name that stands in the line above it."""
+    joined, name = [], ""
+    for said in lines:
+        kind = kind_of(said.key)
+        if kind == "name" and len(said.values) == 1:
+            name = said.values[0]
+        elif kind is None and said.values in (("",), ("{",)):
+            name = said.key.strip("\"'{: ")
+        elif kind == "unit" and len(said.values) == 1 and name:
+            said = said._replace(column=name)
+        joined.append(said)
+    return joined
 
 
 def fact(
@@ -134,44 +147,152 @@ class Beside(NamedTuple):
     """What lines above or beside a table say of its columns."""
 
     names: dict[int, str]
-    units: dict[int, str]
+    units: dict[int, list[Stated]]
+    scales: dict[int, list[Stated]]
     clocks: dict[int, tuple[Fact, ...]]
     """By column; of all columns under -1."""
+    used: set[str]
+    """The places of lines that were understood."""
 
 
 def beside(
-    lines: Iterable[Said], data: Sequence[int], names: Sequence[str], decimal: str
+    lines: Sequence[Said], data: Sequence[int], names: Sequence[str], decimal: str
 ) -> Beside:
     """What lines say of the columns `data`, which hold numbers.
 
-    A value in the cell above a column speaks of that column, one value alone of all of them, and
-    a key with a number of that channel, counted from 0 or 1 as the keys are.
+    A value in the cell above a column speaks of that column, one value alone of all of them, a
+    key with a number of that channel, counted from 0 or 1 as the keys are, and a line with the
+    name of a column of that one, also by the line of its unit below.
     """
-    facts = Beside({}, {}, {})
-    numbered: dict[str, dict[int, str]] = {"name": {}, "unit": {}}
+    facts = Beside({}, {}, {}, {}, set())
+    numbered: dict[str, dict[int, tuple[str, str]]] = {"name": {}, "unit": {}}
+    lines = _with_units_of_clocks(lines, facts)
     for said in lines:
         kind = kind_of(said.key)
         if kind in ("step", "rate"):
-            _take_clocks(facts.clocks, said, kind, data, decimal)
-        elif kind == "unit":
-            _take_units(facts.units, said, data, names)
+            _take_clocks(facts, said, kind, data, decimal)
+        elif kind == "unit" and not said.column:
+            _take_units(facts, said, data, names)
         elif kind == "name" and not names:
             for at, text in _spread(said, data):
                 facts.names.setdefault(at, text)
         elif kind is None and (parts := _NUMBERED.fullmatch(said.key)):
             kind = kind_of(parts[1])
             if kind in numbered and said.values[0].strip():
-                numbered[kind].setdefault(int(parts[2]), said.values[0].strip())
-    for kind, into in (("name", facts.names), ("unit", facts.units)):
-        texts = numbered[kind]
-        base = 0 if 0 in texts else 1
-        if texts and all(0 <= number - base < len(data) for number in texts):
-            for number, text in texts.items():
-                into.setdefault(data[number - base], text if kind == "name" else stripped(text))
+                numbered[kind].setdefault(int(parts[2]), (said.values[0].strip(), said.place))
+    for kind, by_number in numbered.items():
+        base = 0 if 0 in by_number else 1
+        if by_number and all(0 <= number - base < len(data) for number in by_number):
+            for number, (text, place) in by_number.items():
+                if kind == "name":
+                    facts.names.setdefault(data[number - base], text)
+                else:
+                    _state(facts, data[number - base], text, place)
     for said in lines:
         if kind_of(said.key) == "xunit" and data and len(facts.units) in (1, len(data) - 1):
-            facts.units.setdefault(data[0], stripped(said.values[0]))
+            _state(facts, data[0], said.values[0], said.place)
+        elif kind_of(said.key) == "xunit" and len(set(said.values)) == 1:
+            for at in data:
+                if at < len(names) and role_of(names[at]) == "time":
+                    _state(facts, at, said.values[0], said.place)
+    titles = names or [facts.names.get(at, "") for at in range(max(data, default=-1) + 1)]
+    own = {at: titled(title).name for at, title in enumerate(titles) if title and at in data}
+    whole = {at: title for at, title in enumerate(titles) if at in own and title != own[at]}
+    for said in lines:
+        _take_named(facts, said, own)
+        _take_named(facts, said, whole)
     return facts
+
+
+def _with_units_of_clocks(lines: Sequence[Said], facts: Beside) -> list[Said]:
+    """The lines, the unit of a step or a rate behind it where a line of its own states it."""
+    units = {
+        stem.casefold(): said
+        for said in lines
+        if (stem := re.sub(r"[\W_]*units?$", "", said.key, flags=re.IGNORECASE)) != said.key
+        and len(said.values) == 1
+        and is_spelled_unit(said.values[0])
+    }
+    joined = []
+    for said in lines:
+        beside = units.get(said.key.casefold())
+        if beside and kind_of(said.key) in ("step", "rate") and len(said.values) == 1:
+            facts.used.add(beside.place)
+            said = said._replace(values=(f"{said.values[0]} {beside.values[0]}",))
+        joined.append(said)
+    return joined
+
+
+def _state(facts: Beside, column: int, text: str, place: str) -> None:
+    """Add the unit of a column, whose line is thereby understood."""
+    facts.used.add(place)
+    stated = Stated(stripped(text), place)
+    if stated.text and stated not in facts.units.get(column, ()):
+        facts.units.setdefault(column, []).append(stated)
+
+
+def _take_named(facts: Beside, said: Said, names: Mapping[int, str]) -> None:
+    """Add what a line says of the columns whose names stand in it: units and factors."""
+    for column, name in names.items():
+        if said.column and said.column.casefold() == name.casefold():
+            _state(facts, column, said.values[0], said.place)
+            continue
+        if said.key.casefold() == name.casefold() and _PER_COUNT.search(said.values[0]):
+            facts.scales.setdefault(column, []).append(Stated(said.values[0], said.place))
+        rest = said.key.casefold().removeprefix(name.casefold()).strip(" _-.")
+        if rest != said.key.casefold() and kind_of(rest) in ("unapplied", "scale", "offset"):
+            facts.scales.setdefault(column, []).append(Stated(said.values[0], said.place))
+    for column, text in units_by_name(said.text, names).items():
+        _state(facts, column, text, said.place)
+
+
+def units_by_name(text: str, names: Mapping[int, str]) -> dict[int, str]:
+    """The unit of each column whose name stands in a line, where one unit stands behind it, before
+    the name of the next: `voltage: kV`, `{name: time, unit: min}`, `displacement (in nm)`."""
+    places = sorted(
+        (match.start(), match.end(), column)
+        for column, name in names.items()
+        if name and len(name) < 60
+        for match in re.finditer(rf"(?<!\w){re.escape(name)}(?!\w)", text, re.IGNORECASE)
+    )
+    units: dict[int, str] = {}
+    for at, (_, end, column) in enumerate(places):
+        stop = places[at + 1][0] if at + 1 < len(places) else len(text)
+        words = dict.fromkeys(
+            word for word in units_in(text[end:stop]) if not contradicts(names[column], word)
+        )
+        if len(words) == 1 and column not in units:
+            units[column] = next(iter(words))
+    return units
+
+
+_WORD = re.compile(r"[^\s,;:=\[\](){}\"'|]+")
+_LEADS = frozenset(("in", "unit", "units"))
+
+
+def units_in(text: str) -> Iterator[str]:
+    """The words of a line that are units: no quantity's, as behind a number, and a letter alone
+    only behind a colon, a bracket, or "in"."""
+    before = ""
+    for match in _WORD.finditer(text):
+        word = match[0].rstrip(".!?")
+        ahead, behind = text[: match.start()].rstrip(" \"'"), text[match.end() :].lstrip(" \"'")
+        lead = before.casefold() in _LEADS or ahead.endswith((":", "=", "[", "("))
+        if (
+            not re.fullmatch(r"[-+.\d]+(?:[eE][-+]?\d+)?", before)
+            and not re.match(r"[:=]|[-+]?\d", behind)
+            and (lead or len(word) > 1)
+            and (word.casefold() not in _LEADS)
+            and is_spelled_unit(word)
+        ):
+            yield word
+        before = word
+
+
+def speaks(text: str) -> bool:
+    """Whether a line that nobody understood holds a unit, a factor, a rate or a start."""
+    pairs = re.findall(r"(?<![\w.])[-+]?\d[\d.]*(?:[eE][-+]?\d+)?\s*([^\W\d][^\s,;)\]\"']*)", text)
+    return any(units_in(text)) or any(map(is_spelled_unit, pairs))
 
 
 def _spread(said: Said, data: Sequence[int], names: Sequence[str] = ()) -> list[tuple[int, str]]:
@@ -187,10 +308,9 @@ def _spread(said: Said, data: Sequence[int], names: Sequence[str] = ()) -> list[
     return cells if len(cells) > 1 and all(at in data for at, _ in cells) else []
 
 
-def _take_clocks(
-    clocks: dict[int, tuple[Fact, ...]], said: Said, kind: str, data: Sequence[int], decimal: str
-) -> None:
+def _take_clocks(facts: Beside, said: Said, kind: str, data: Sequence[int], decimal: str) -> None:
     """Add the steps or rates of a line: one for all, or one in the cell above each column."""
+    clocks = facts.clocks
     cells = [
         (at, fact(said.key, value, kind, decimal))
         for at, value in zip(said.at, said.values, strict=True)
@@ -200,6 +320,8 @@ def _take_clocks(
         joined = fact(said.key, f"{said.values[0]} {said.values[1]}", kind, decimal)
         cells = [(said.at[0], joined)] if joined else cells
     good = [(at, each) for at, each in cells if each is not None]
+    if good:
+        facts.used.add(said.place)
     if len({each.value for _, each in good}) == 1:
         clocks[-1] = tuple(dict.fromkeys((*clocks.get(-1, ()), good[0][1])))
     elif len(good) == len(cells):
@@ -208,19 +330,10 @@ def _take_clocks(
             clocks[at] = (*clocks.get(at, ()), by_text[text])
 
 
-def _take_units(
-    units: dict[int, str], said: Said, data: Sequence[int], names: Sequence[str]
-) -> None:
-    """Add the units of a line: in the cell above each column, by its name, or one for the last."""
-    pairs = [pair for value in said.values for pair in re.findall(r"(\S+?):(\S+)", value)]
-    if pairs:
-        for name, text in pairs:
-            for column in data:
-                if column < len(names) and names[column].casefold() == name.casefold():
-                    units.setdefault(column, stripped(text))
-        return
+def _take_units(facts: Beside, said: Said, data: Sequence[int], names: Sequence[str]) -> None:
+    """Add the units of a line: in the cell above each column, or one for the last."""
     for at, text in _spread(said, data, names):
-        units.setdefault(at, stripped(text))
+        _state(facts, at, text, said.place)
     filled = [value for value in said.values if value.strip()]
     if len(filled) == 1 and len(data) in (1, 2):
-        units.setdefault(data[-1], stripped(filled[0]))
+        _state(facts, data[-1], filled[0], said.place)

@@ -3,6 +3,7 @@
 import logging
 import re
 import secrets
+import tomllib
 import warnings
 from collections.abc import Iterator
 from contextlib import contextmanager, suppress
@@ -16,114 +17,41 @@ _INSTALL = 'run pip install "fracjax[io]"'
 _HEAD = 512
 _COMPOUND = rb"\xd0\xcf\x11\xe0"
 
-# What a file is by its first bytes, and what to do about one of the wrong suffix.
-_SIGNATURES = (
-    (rb"\x89HDF\r\n\x1a\n", "an HDF5 file", "rename it to .h5"),
-    (rb"CDF[\x01\x02\x05]", "a NetCDF file", "rename it to .nc"),
-    (rb"MATLAB [57]\.", "a MAT file", "rename it to .mat"),
-    (rb"TDSm", "a TDMS file", "rename it to .tdms"),
-    (rb"PAR1", "a Parquet file", "rename it to .parquet"),
-    (rb"\x93NUMPY", "an NPY file", "rename it to .npy"),
-    (rb"PK\x03\x04.{26}mimetypeapplication/vnd\.oasis", "an OpenDocument file", "save it as .xlsx"),
-    (rb"PK\x03\x04.{26}(\[Content_Types\]|_rels/|docProps/|xl/)", "an XLSX file", "name it .xlsx"),
-    (rb"PK\x03\x04.{26}.{0,250}?\.npy", "an NPZ file", "rename it to .npz"),
-    (rb"PK\x03\x04", "a ZIP archive", "unpack it"),
-    (rb"\x1f\x8b", "a gzip archive", "unpack it"),
-    (
-        rb"(MDF     |UnFinMF )",
-        "an MDF measurement file",
-        "export its channels as MAT or CSV, as asammdf or CANape do",
-    ),
-    (
-        rb"\s{0,4}-1\s*[\r\n]+\s*(15|55|58|58b|151|164)\b",
-        "a universal file (UFF, of Polytec, LMS or Simcenter)",
-        "export the channels as ASCII or MAT, one column each",
-    ),
-    (
-        rb"IGOR[\r\n]",
-        "an Igor text file",
-        "save the waves as delimited text in Igor (Data > Save Waves)",
-    ),
-    (rb"(.{0,40})WAVEDESC", "a LeCroy waveform", "save it as ASCII on the instrument"),
-    (
-        rb":\d{6}WFM#|WFM#|.{2}:WFM#|\x0f\x0f",
-        "a Tektronix waveform",
-        "save it as CSV on the instrument",
-    ),
-    (rb"\s*:?(WFMP|CURV)", "a Tektronix ISF waveform", "save it as CSV on the instrument"),
-    (rb"AG\d\d", "a Keysight binary waveform", "save it as CSV on the instrument"),
-    (rb"CPYU?A", "an Origin project", "export the worksheet as ASCII (File > Export)"),
-    (rb"GWY[OP]", "a Gwyddion file", "export the graph as text"),
-    (rb"SQLite format 3", "an SQLite database", "export the table as CSV"),
-    (rb"RIFF.{4}WAVE", "a WAV sound file", "export the channels as CSV with their units"),
-    (rb"ABF[ 2]", "an Axon file", "export it as text"),
-    (rb"%PDF", "a PDF", EXPORT),
-    (rb"\x89PNG|\xff\xd8\xff|GIF8", "a picture", EXPORT),
-    (
-        rb"\x80[\x02-\x05].{1,9}[\x8c\x95c}\]]",
-        "a Python pickle, which may run anything",
-        "export its arrays with numpy.savez",
-    ),
-    (
-        rb"(\xef\xbb\xbf)?\s*(<!DOCTYPE|<html|<table|<meta)",
-        "an HTML page",
-        "open it in a spreadsheet and save it as .xlsx or CSV",
-    ),
-    (rb"(\xef\xbb\xbf)?\s*<\?xml", "an XML file", EXPORT),
-    (rb"(\xef\xbb\xbf)?\s*\{\s*(\"|\})", "JSON", "save its arrays as the columns of a CSV"),
-    (rb"\{\\rtf", "a text of a word processor", "save it as plain text"),
-    (_COMPOUND, "an Excel file of before 2007", "save it as .xlsx"),
-)
+_KINDS = tomllib.loads(Path(__file__).with_name("signatures.toml").read_text(encoding="utf-8"))
 _SIGNED = re.compile(
-    b"|".join(b"(?P<at%d>%s)" % (at, pattern) for at, (pattern, _, _) in enumerate(_SIGNATURES)),
+    b"|".join(
+        b"(?P<at%d>%s)" % (at, each["mark"].encode("latin-1"))
+        for at, each in enumerate(_KINDS["signature"])
+    ),
     re.DOTALL,
 )
 """All of them, each a group called by its index."""
-_TEXTS = ("a universal file", "an Igor text", "an HTML", "an XML", "JSON", "a text of a word")
-"""Which of these are text, though no table."""
-_OF_COMPOUND = {
-    ".svd": ("a Polytec scanning file", "export it as ASCII or MAT from the scanning software"),
-    ".pvd": ("a Polytec vibrometer file", "export it as ASCII from the vibrometer software"),
-    ".doc": ("a document of Word", EXPORT),
-    ".opju": ("an Origin project", "export the worksheet as ASCII (File > Export)"),
-}
-_BY_SUFFIX = {
-    ".ibw": ("an Igor binary wave", "save the waves as delimited text in Igor (Data > Save Waves)"),
-    ".pxp": ("an Igor experiment", "save the waves as delimited text in Igor (Data > Save Waves)"),
-    ".trc": ("a LeCroy waveform", "save it as ASCII on the instrument"),
-    ".wfm": ("an oscilloscope's waveform", "save it as CSV on the instrument"),
-    ".psdata": ("a PicoScope file", "save it as CSV or MAT in PicoScope"),
-    ".wdf": ("a Yokogawa waveform", "save it as CSV on the instrument"),
-    ".wvf": ("a Yokogawa waveform", "save it as CSV on the instrument"),
-    ".mem": ("a Hioki waveform", "save it as CSV on the instrument"),
-    ".gbd": ("a Graphtec file", "save it as CSV in the logger's software"),
-    ".bin": ("an instrument's own binary", "save it as CSV on the instrument"),
-}
-"""What binaries without a mark of their own are by their suffix."""
 _NO_TEXT = re.compile(rb"[\x00-\x08\x0e-\x1f\x7f]")
 
 
-def signature(head: bytes) -> tuple[str, str] | None:
-    """What a file is by its first bytes, and the remedy; None where they tell nothing."""
+def _entry(head: bytes) -> dict | None:
     signed = _SIGNED.match(head)
     if signed is None or signed.lastgroup is None:
         return None
-    _, kind, remedy = _SIGNATURES[int(signed.lastgroup.removeprefix("at"))]
-    return kind, remedy
+    return _KINDS["signature"][int(signed.lastgroup.removeprefix("at"))]
 
 
 def text_signature(head: bytes) -> tuple[str, str] | None:
     """What text is that holds no table, and the remedy."""
-    signed = signature(head)
-    return signed if signed is not None and signed[0].startswith(_TEXTS) else None
+    entry = _entry(head)
+    return (entry["kind"], entry["remedy"]) if entry and entry.get("text") else None
 
 
 def signature_of(head: bytes, source: str) -> tuple[str, str] | None:
-    """The same of a file whose suffix helps where its first bytes are those of many kinds."""
+    """What a file is by its first bytes, or by its suffix where these are those of many kinds, and
+    the remedy; None where they tell nothing."""
     suffix = Path(source).suffix.lower()
-    if re.match(_COMPOUND, head) and suffix in _OF_COMPOUND:
-        return _OF_COMPOUND[suffix]
-    return signature(head) or _BY_SUFFIX.get(suffix)
+    if re.match(_COMPOUND, head) and suffix in _KINDS["compound"]:
+        return tuple(_KINDS["compound"][suffix])
+    entry = _entry(head)
+    if entry is not None:
+        return entry["kind"], entry["remedy"]
+    return tuple(_KINDS["suffix"][suffix]) if suffix in _KINDS["suffix"] else None
 
 
 @contextmanager
@@ -131,6 +59,8 @@ def opened(source: str) -> Iterator[None]:
     """Within this, what the system says against reading a file becomes an `InputError`."""
     try:
         yield
+    except InputError:
+        raise
     except (OSError, ValueError) as error:
         raise InputError.at(
             source, "a file that can be read", _reason(error), "check the path"

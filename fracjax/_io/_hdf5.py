@@ -1,18 +1,21 @@
 """HDF5, by h5py."""
 
 from collections.abc import Mapping
+from math import prod
 from os import PathLike, fsdecode, fspath
 
 import numpy as np
 
-from fracjax._io._arrays import Array, ArrayTable, array_table
-from fracjax._io._facts import kind_of
+from fracjax._io._arrays import Array, array_table
 from fracjax._io._files import reading, writing
+from fracjax._io._table import Table
 
 _KIND = "an HDF5 file"
+_LARGEST_FACT = 16
+"""Values of an attribute, or of a dataset of text, that states something of others."""
 
 
-def read_hdf5(path: str | PathLike[str]) -> ArrayTable:
+def read_hdf5(path: str | PathLike[str]) -> Table:
     """The datasets of an HDF5 file by path, with units and rates from attributes and scalars.
 
     Links, soft or to other files, are not followed: what they point to has a path of its own.
@@ -27,19 +30,21 @@ def read_hdf5(path: str | PathLike[str]) -> ArrayTable:
 
         def visit(path: str | bytes, node) -> None:
             name = fsdecode(path)
-            for key in filter(kind_of, node.attrs.keys()):
-                facts[f"{name}/{key}" if name else key] = node.attrs[key]
+            for key, value in node.attrs.items():
+                if np.size(value) <= _LARGEST_FACT and not isinstance(value, h5py.Reference):
+                    facts[f"{name}/{key}" if name else key] = value
             if not isinstance(node, h5py.Dataset) or node.shape is None:
                 return
-            if node.size != 1:
-                arrays[name] = Array(node.shape, node.dtype, lambda: _dataset(source, path))
-            elif kind_of(name.rpartition("/")[2]):
+            text = h5py.check_string_dtype(node.dtype) is not None
+            if node.size == 1 or (text and prod(node.shape) <= _LARGEST_FACT):
                 facts[name] = node[()]
+            else:
+                arrays[name] = Array(node.shape, node.dtype, lambda: _dataset(source, path))
 
         with h5py.File(source, "r") as file:
             visit("", file)
             file.visititems(visit)
-    return array_table(source, arrays, facts)
+    return array_table(source, arrays, facts, is_ordered=False)
 
 
 def write_hdf5(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:

@@ -4,11 +4,11 @@ import re
 from collections.abc import Sequence
 from typing import NamedTuple
 
-from fracjax._io._facts import Said, beside, fact, kind_of, said_in
+from fracjax._io._facts import Said, beside, fact, kind_of, said_in, speaks, with_columns
 from fracjax._io._layout import Layout, cells_of, is_comment
 from fracjax._io._layout import kind_of as kind_of_cell
-from fracjax._io._table import Fact, Hints
-from fracjax._io._units import is_unit, readable, stripped, titled
+from fracjax._io._table import Fact, Hints, Stated
+from fracjax._io._units import is_spelled_unit, is_unit, stripped, titled
 from fracjax._io._words import quantity, role_of
 from fracjax._recording import InputError
 
@@ -22,9 +22,12 @@ class Header(NamedTuple):
 
     names: tuple[str, ...]
     """By column, or none at all."""
-    units: tuple[str, ...]
-    """By column, empty where none is stated beside the name."""
+    units: tuple[tuple[Stated, ...], ...]
+    """By column, none where none is stated beside the name."""
+    scales: tuple[tuple[Stated, ...], ...]
     clocks: tuple[tuple[Fact, ...], ...]
+    unused: tuple[Stated, ...]
+    """Lines with a unit or a number with one that were not understood."""
     repeated: tuple[str, ...]
     """The cells of the row of names, by which it is known where it stands again."""
 
@@ -54,17 +57,30 @@ def header_of(source: str, lines: Sequence[str], layout: Layout, hints: Hints) -
     if not above and hints.names_row is None:
         _check_units(source, lines, layout)
     names = _names(names_row, layout)
-    units = _padded([_unit_cell(cell) for cell in units_row.cells] if units_row else [], width)
-    said = _said(lines, layout, names_row, units_row)
+    said = with_columns(_said(lines, layout, names_row, units_row))
     facts = beside(said, [*layout.data], names, layout.decimal)
     extra = _beyond(names_row, units_row, layout)
     if not names and facts.names:
         names = tuple(facts.names.get(at, f"column {at}") for at in range(width))
-    units = [stated_unit or facts.units.get(at, "") for at, stated_unit in enumerate(units)]
+    units = [list[Stated]() for _ in range(width)]
+    if units_row:
+        for at, cell in enumerate(_padded(units_row.cells, width)):
+            if unit := _unit_cell(cell):
+                units[at].append(Stated(unit, f"line {units_row.line + 1}"))
     shared = (*facts.clocks.get(-1, ()), *extra)
-    clocks = tuple((*facts.clocks.get(at, ()), *shared) for at in range(width))
-    repeated = tuple(names_row.cells) if names_row else ()
-    return Header(names, tuple(units), clocks, repeated)
+    unused = dict.fromkeys(
+        Stated(each.text, each.place)
+        for each in said
+        if each.place not in facts.used and speaks(each.text)
+    )
+    return Header(
+        names,
+        tuple((*own, *facts.units.get(at, ())) for at, own in enumerate(units)),
+        tuple(tuple(facts.scales.get(at, ())) for at in range(width)),
+        tuple((*facts.clocks.get(at, ()), *shared) for at in range(width)),
+        tuple(unused),
+        tuple(names_row.cells) if names_row else (),
+    )
 
 
 def _rows_above(lines: Sequence[str], layout: Layout) -> list[_Row]:
@@ -89,7 +105,9 @@ def _row(at: int, line: str, layout: Layout) -> _Row | None:
         else line
     )
     for cells in _cuts(bare, layout):
-        if not _wide_enough(cells, layout):
+        # A key and its value are no names.
+        keys = [cell.endswith((":", "=")) for cell in cells]
+        if not _wide_enough(cells, layout) or (any(keys) and not all(keys)):
             continue
         kinds = [kind_of_cell(cell) for cell in cells]
         # Channels may be called 1 and 2, in a row with some text.
@@ -150,7 +168,9 @@ def _wide_enough(cells: Sequence[str], layout: Layout) -> bool:
 def _parts(above: Sequence[_Row], layout: Layout) -> tuple[_Row | None, _Row | None]:
     """The row of names and that of units among the rows above the table, from below upwards."""
     above = [row for row in above if any(kind_of_cell(cell) != "code" for cell in row.cells)]
-    units = next((row for row in above if _is_of_units(row, layout)), None)
+    units = next(
+        (row for row in above if _is_of_units(row, layout) and not _repeats(row, above)), None
+    )
     if units is None:
         units = _unknown_units(above)
     if units is None:
@@ -170,6 +190,12 @@ def _parts(above: Sequence[_Row], layout: Layout) -> tuple[_Row | None, _Row | N
     return units, units
 
 
+def _repeats(row: _Row, above: Sequence[_Row]) -> bool:
+    """Whether a row has a cell of another: a sentence such as "time in ms" above the names."""
+    others = {cell.casefold() for other in above if other is not row for cell in other.cells}
+    return any(cell.casefold() in others and not is_spelled_unit(cell) for cell in row.cells)
+
+
 def _has_words(row: _Row) -> bool:
     return any(role_of(titled(cell).name) is not None for cell in row.cells)
 
@@ -183,7 +209,10 @@ def _is_of_units(row: _Row, layout: Layout) -> bool:
     ]
     filled = [cell for cell in cells if stripped(cell)]
     counted = [c for c in filled if not _says_none(stripped(c))]
-    if not counted or not all(is_unit(cell) for cell in counted):
+    # A row of names alone is not asked of pint, which takes long to load.
+    if not any(is_spelled_unit(stripped(cell)) for cell in counted):
+        return False
+    if not all(is_unit(cell) for cell in counted):
         return False
     if len(counted) < len(filled) - 2:
         return False
@@ -194,7 +223,11 @@ def _is_of_units(row: _Row, layout: Layout) -> bool:
 
 def _says_none(cell: str) -> bool:
     """Whether a word such as "Sequence" or "Time" stands where a unit would."""
-    return len(cell) > 2 and quantity(cell) in ("counter", "time", "remark") and not is_unit(cell)
+    return (
+        len(cell) > 2
+        and quantity(cell) in ("counter", "time", "remark")
+        and not is_spelled_unit(cell)
+    )
 
 
 def _unknown_units(above: Sequence[_Row]) -> _Row | None:
@@ -208,7 +241,7 @@ def _unknown_units(above: Sequence[_Row]) -> _Row | None:
     bracketed = all(cell[0] in "[(（【" for cell in cells)
     # A cell such as "u / kV" is a name with its unit.
     plain = not _has_words(above[0]) and not any(titled(cell).unit for cell in cells)
-    some = plain and any(is_unit(cell) for cell in cells)
+    some = plain and any(is_spelled_unit(stripped(cell)) for cell in cells)
     return above[0] if bracketed or some else None
 
 
@@ -240,12 +273,12 @@ def _said(
     statements = []
     for at, line in enumerate(lines[: layout.start]):
         if at not in taken and line.strip():
-            statements += said_in(line, _cells(line, layout))
+            statements += said_in(line, _cells(line, layout), f"line {at + 1}")
     first_column = min(layout.data, default=0)
-    for line in lines[layout.start : layout.start + _BESIDE] if first_column > 0 else ():
-        cells = cells_of(line, layout.separator)[:first_column]
-        if cells and cells[0]:
-            statements += said_in(" ".join(cells), cells)
+    for at in range(layout.start, layout.start + _BESIDE) if first_column > 0 else ():
+        cells = cells_of(lines[at], layout.separator)[:first_column] if at < len(lines) else []
+        if cells and cells[0] and "stamp" not in layout.kinds[:first_column]:
+            statements += said_in(" ".join(cells), cells, f"line {at + 1}")
     return statements
 
 
@@ -303,12 +336,12 @@ def _check_units(source: str, lines: Sequence[str], layout: Layout) -> None:
         lines[at].strip().lstrip("#%!/*>").replace(layout.separator, " ").split() if at >= 0 else []
     )
     given = [stripped(word.strip('"')) for word in words]
-    if 0 < len(given) != layout.width and all(word and readable(word) for word in given):
+    if 0 < len(given) != layout.width and all(map(is_spelled_unit, given)):
         raise InputError.at(
             f"{source}, line {at + 1}",
             f"{layout.width} units, one for each column",
             f"{len(given)}",
-            "complete that line, or give --names-row, --input-unit and --output-unit",
+            "complete that line, or give --names-row, --unit drive=V and --unit response=um",
         )
 
 

@@ -9,6 +9,7 @@ from typing import NamedTuple
 
 from fracjax._io._numbers import NUMBER, decimal_of, kind_of_cell
 from fracjax._io._stamps import is_stamp
+from fracjax._io._units import is_spelled_unit
 from fracjax._recording import MINIMUM_SAMPLES
 
 SEPARATORS = (";", "\t", ",", "|", " ")
@@ -168,6 +169,10 @@ def _runs(lines: Sequence[str], separator: str, skip: int) -> list[_Run]:
         kinds = ["number" if is_number(cell) else kind_of(cell) for cell in cells]
         codes, texts, empty = kinds.count("code"), kinds.count("text"), kinds.count("empty")
         numbers = len(kinds) - codes - texts - empty
+        if texts:  # A column of units is no sign of another separator.
+            texts -= sum(
+                k == "text" and is_spelled_unit(c) for k, c in zip(kinds, cells, strict=True)
+            )
         if len(cells) != width or not (numbers or not any(cells)):
             if width > 0:
                 runs.append(_Run(score, start, at, width, rows))

@@ -8,8 +8,9 @@ from os import PathLike, fspath
 
 import numpy as np
 
-from fracjax._io._arrays import Array, ArrayTable, array_table, gathered
+from fracjax._io._arrays import Array, array_table, gathered
 from fracjax._io._files import reading, writing
+from fracjax._io._table import Table
 from fracjax._recording import InputError
 
 _KIND = "a MAT file"
@@ -20,7 +21,7 @@ _NUMBERS, _SPARSE, _OPAQUE = range(4, 16), 5, 17
 _NAME = re.compile(r"[A-Za-z]\w{0,62}", re.ASCII)
 
 
-def read_mat(path: str | PathLike[str]) -> ArrayTable:
+def read_mat(path: str | PathLike[str]) -> Table:
     """The arrays of a MAT file: variables, fields of structures as `run1/voltage`, cells by index.
 
     Raises InputError for a file that is no whole MAT file, or without pymatreader or h5py.
@@ -42,7 +43,9 @@ def read_mat(path: str | PathLike[str]) -> ArrayTable:
         arrays = dict(sorted(arrays.items()))
     for name in objects:
         arrays[name] = Array((0,), np.dtype(object), lambda: np.empty(0, object))
-    return array_table(source, arrays, facts, {n: _fault(n, kind) for n, kind in objects.items()})
+    faults = {name: _fault(name, kind) for name, kind in objects.items()}
+    ordered = isinstance(content.get("__header__"), bytes)
+    return array_table(source, arrays, facts, faults, is_ordered=ordered)
 
 
 def write_mat(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:

@@ -61,7 +61,7 @@ def require_masked(
     row = int(open_.argmax())
     beyond = np.isinf(values[row])
     count = int(np.count_nonzero(np.isinf(values) if beyond else np.isnan(values)))
-    shown = table.shown((rows.start or 0) + row, column)
+    shown = table.about(column).shown((rows.start or 0) + row)
     kind = "a number" if not beyond and not _is_code(shown) else "a finite number"
     last = int(np.flatnonzero(bad)[-1])
     description = shown
@@ -73,7 +73,7 @@ def require_masked(
     elif beyond:
         description += ", beyond the range"
     raise InputError.at(
-        table.place((rows.start or 0) + row, column),
+        table.about(column).place((rows.start or 0) + row),
         kind,
         description,
         "correct it, or give --mask bad to leave such samples out",

@@ -4,14 +4,15 @@ from os import PathLike, fspath
 
 import numpy as np
 
-from fracjax._io._arrays import Array, ArrayTable, array_table
+from fracjax._io._arrays import Array, array_table
 from fracjax._io._files import opened, reading
 from fracjax._io._hdf5 import read_hdf5
+from fracjax._io._table import Table
 
 _KIND = "a NetCDF file"
 
 
-def read_netcdf(path: str | PathLike[str]) -> ArrayTable:
+def read_netcdf(path: str | PathLike[str]) -> Table:
     """The variables of a NetCDF file, with what their attributes say.
 
     Raises InputError for a file that is no whole NetCDF file.

@@ -5,93 +5,17 @@ from collections.abc import Sequence
 from typing import NamedTuple
 
 import numpy as np
-import pint
 
+from fracjax._io._lexicon import WORDS
 from fracjax._io._units import readable, titled
-from fracjax._recording import LARGEST, unit
+from fracjax._recording import LARGEST, conversion
 
 _GROUP = "[  '’  ]"
 _DIGITS = rf"(?:\d+|\d{{1,3}}(?:{_GROUP}\d{{3}})+|\d{{1,3}}(?:[.,]\d{{3}})+)"
 _FORM = rf"[-+−]?(?:{_DIGITS}(?:[.,]\d*)?|[.,]\d+)(?:[eEdD][-+]?\d+)?"
 NUMBER = re.compile(_FORM, re.ASCII)
 _QUANTITY = re.compile(rf"({_FORM})\s*([^\d\s.,;+-][^\s,;]*)", re.ASCII)
-_MISSING = frozenset(
-    [
-        "nan",
-        "-nan",
-        "n/a",
-        "na",
-        "#n/a",
-        "null",
-        "none",
-        "nil",
-        "-",
-        "--",
-        "---",
-        "----",
-        ".",
-        "?",
-        "nan(ind)",
-        "-nan(ind)",
-        "1.#qnan",
-        "-1.#ind",
-        "1.#ind",
-        "1.#nan",
-        "#num!",
-        "#div/0!",
-        "#value!",
-        "#wert!",
-        "missing",
-        "invalid",
-    ]
-)
-_ABOVE = frozenset(
-    [
-        "inf",
-        "+inf",
-        "infinity",
-        "+infinity",
-        "∞",
-        "+∞",
-        "over",
-        "+over",
-        "overflow",
-        "ovf",
-        "ol",
-        "+ol",
-        "o.l",
-        "ovld",
-        "overload",
-        "overrange",
-        "ovr",
-        "+ovr",
-        "1.#inf",
-        "clip",
-        "clipped",
-        ">max",
-        "****",
-        "*****",
-        "******",
-        "********",
-        "overld",
-        "+oo",
-    ]
-)
-_BELOW = frozenset(
-    [
-        "-inf",
-        "-infinity",
-        "-∞",
-        "-over",
-        "-ol",
-        "under",
-        "underflow",
-        "underrange",
-        "-ovr",
-        "-1.#inf",
-        "<min",
-    ]
-)
+_MISSING, _ABOVE, _BELOW = (frozenset(WORDS["codes"][k]) for k in ("missing", "above", "below"))
 _OVERLOADS = (9.9e37, 9.91e37)
 """What instruments that follow SCPI send for beyond range and for no number (IEEE 488.2)."""
 
@@ -202,10 +126,10 @@ def _of_one_unit(values: np.ndarray, units: dict[int, str]) -> Parsed:
         read = readable(written)
         if written == first:
             continue
-        if base is None or read is None or not unit(read).is_compatible_with(unit(base)):
+        scale = conversion(read, base) if base and read else None
+        if scale is None:
             values[rows] = np.nan
             continue
-        scale = pint.get_application_registry().Quantity(1.0, unit(read)).to(unit(base)).magnitude
         values[rows] *= scale
     bare = [row for row in np.flatnonzero(np.isfinite(values)) if row not in units and values[row]]
     values[bare] = np.nan

@@ -7,13 +7,14 @@ from typing import IO
 
 import numpy as np
 
-from fracjax._io._arrays import ArrayTable, array_table, gathered
+from fracjax._io._arrays import array_table, gathered
 from fracjax._io._files import reading, writing
+from fracjax._io._table import Table
 
 _NPY, _NPZ = "an NPY file", "an NPZ file"
 
 
-def read_npy(path: str | PathLike[str]) -> ArrayTable:
+def read_npy(path: str | PathLike[str]) -> Table:
     """The columns of one array: without names, but for those of records.
 
     Beyond two axes a column is called by its indices across the samples, such as `0.2`.
@@ -26,7 +27,7 @@ def read_npy(path: str | PathLike[str]) -> ArrayTable:
     return array_table(source, arrays, facts)
 
 
-def read_npz(path: str | PathLike[str]) -> ArrayTable:
+def read_npz(path: str | PathLike[str]) -> Table:
     """The arrays of an NPZ file by name.
 
     Raises InputError for a file that is no whole NPZ file.

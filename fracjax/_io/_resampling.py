@@ -72,8 +72,9 @@ def resampled(channels: dict[str, Channel], rate: float, source: str) -> Resampl
             remedy = f"split the file at its gap of {widest:.4g} s"
         raise InputError.at(
             f"{source}, --resample",
-            f"a rate from {lowest:.3g} to {highest:.3g} Hz",
-            f"{rate:g} Hz",
+            f"a rate from {lowest:.3g} Hz, which gives {MINIMUM_SAMPLES} samples, to "
+            f"{highest:.3g} Hz, which makes {_FINEST} of each",
+            f"{rate:g} Hz beside samples at {usual:.4g} Hz",
             remedy,
         )
     count = 1 + int(span * rate * (1 + 1e-9))

@@ -20,7 +20,7 @@ def segments_of_times(times: np.ndarray) -> list[slice]:
     steps = np.diff(times)
     if not len(steps) or _are_alike(steps) or not np.isfinite(steps).all():
         return [slice(0, len(times))]
-    usual = _usual(steps)
+    usual = usual_step(steps)
     restarts = [int(at) + 1 for at in np.flatnonzero(steps < -usual)]
     return cut(len(times), sorted({*restarts, *_gaps(steps, usual)}))
 
@@ -34,7 +34,7 @@ def _are_alike(steps: np.ndarray) -> bool:
 def gaps(times: np.ndarray) -> list[int]:
     """The samples of times (N,) that follow a gap: more than ten times the steps around it."""
     steps = np.diff(times)
-    return _gaps(steps, _usual(steps))
+    return _gaps(steps, usual_step(steps))
 
 
 def _gaps(steps: np.ndarray, usual: float) -> list[int]:
@@ -48,7 +48,8 @@ def _gaps(steps: np.ndarray, usual: float) -> list[int]:
     return starts
 
 
-def _usual(steps: np.ndarray) -> float:
+def usual_step(steps: np.ndarray) -> float:
+    """The median of the steps (N - 1,) that go ahead."""
     ahead = steps[steps > 0]
     return float(np.median(ahead)) if ahead.size else 0.0
 

@@ -7,15 +7,15 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fracjax._io._alignment import SIGNALS, aligned, on_one_zero, unequal
-from fracjax._io._assigned_units import Unit, unit_of
+from fracjax._io._alignment import aligned, on_one_zero, unequal
+from fracjax._io._assigned_units import Scale, Unit, require_scaled, unit_of
 from fracjax._io._choice import choose
 from fracjax._io._clocks import Clock, note_on_facts, rate_of
 from fracjax._io._missing import Mask, note_on, require_masked, with_spikes, within
 from fracjax._io._parts import Part, Timing, parts_of
 from fracjax._io._resampling import Channel, resampled
 from fracjax._io._segments import in_words
-from fracjax._io._table import Table
+from fracjax._io._table import SIGNALS, Table, column_label
 from fracjax._recording import MINIMUM_SAMPLES, InputError, Recording
 
 
@@ -30,6 +30,8 @@ class Request:
     resample: str | float | None = None
     mask: Mask = None
     segment: int | None = None
+    scales: Mapping[str, Scale] = field(default_factory=dict)
+    wrap: str | None = None
 
     def of(self, *roles: str) -> "Request":
         """The same for some of the signals."""
@@ -77,6 +79,8 @@ class Segments(NamedTuple):
     """[s]"""
     gaps: list[float | None]
     """[s] between them, None where the clock begins anew."""
+    unused: tuple[str, ...]
+    """What the file states and nobody used."""
 
 
 def the_one(
@@ -135,24 +139,40 @@ def _signals_of(tables: Mapping[str, Table], request: Request) -> Segments:
             table,
             {role: request.columns.get(role) for role in ("time", *group)},
             has_rate=hertz is not None,
-            stated=[role for role, stated_unit in request.units.items() if stated_unit],
+            stated=[r for r in roles if request.units.get(r) or r in request.scales],
         )
         assumed += [choice.note] if choice.note else []
         for role in group:
             chosen[role] = choice.signals[role], choice.times.get(role)
     _require_lengths(tables, chosen)
+    require_scaled(
+        {role: tables[role] for role in roles},
+        {role: chosen[role][0] for role in roles},
+        request.scales,
+    )
     units = {
-        role: unit_of(tables[role], role, chosen[role][0], request.units.get(role))
+        role: unit_of(
+            tables[role],
+            role,
+            chosen[role][0],
+            request.units.get(role),
+            request.scales.get(role),
+        )
         for role in roles
     }
-    timing = Timing(hertz, request.units.get("time"), wanted is None)
+    timing = Timing(hertz, request.units.get("time"), request.wrap, wanted is None)
     parts: dict[str, list[Part]] = {}
     for role in roles:
         column, time = chosen[role]
-        alike = (r for r in parts if tables[r] is tables[role] and chosen[r][1] == time)
-        other = None if time is None else next(alike, None)
+        alike = [r for r in roles if tables[r] is tables[role] and chosen[r][1] == time]
+        other = None if time is None else next((r for r in alike if r in parts), None)
         parts[role] = parts_of(
-            tables[role], column, time, timing, () if other is None else parts[other]
+            tables[role],
+            column,
+            time,
+            timing,
+            [chosen[r][0] for r in alike],
+            () if other is None else parts[other],
         )
     counts = {len(each) for each in parts.values()}
     if len(counts) > 1:
@@ -183,7 +203,12 @@ def _signals_of(tables: Mapping[str, Table], request: Request) -> Segments:
             f"{first.source}: it holds {in_words(lengths, apart)}; each is a recording of its own."
         )
         segments[0] = segments[0]._replace(notes=(said, *segments[0].notes))
-    return Segments(segments, lengths, apart)
+    unused = tuple(
+        f"{table.source}, {said.place}: {said.text}"
+        for table in dict.fromkeys(tables.values())
+        for said in table.unused
+    )
+    return Segments(segments, lengths, apart, unused)
 
 
 def _groups(tables: Mapping[str, Table], roles: list[str]) -> list[tuple[Table, list[str]]]:
@@ -238,6 +263,10 @@ def _signals(
     notes = [*note_on_facts(source, clocks), *(n for clock in clocks for n in clock.notes)]
     notes += [units[role].note for role in parts]
     for role, part in parts.items():
+        for factor in part.table.about(part.column).scales if role not in request.scales else ():
+            label = f"{part.table.source}, {column_label(part.table.names, part.column)}"
+            notes.append(f"{label}: {factor.place} of {factor.text} was not applied.")
+    for role, part in parts.items():
         read = [part.column, chosen[role][1]]
         notes += [part.table.about(at).note for at in read if at is not None]
     bad: dict[str, np.ndarray] = {}
@@ -265,7 +294,9 @@ def _signals(
         samples, masked, step = together.samples, together.bad, 1 / wanted
         notes.append(together.note)
     scaled = {
-        role: values * units[role].scale if units[role].scale != 1.0 else values
+        role: values * units[role].scale + units[role].offset
+        if (units[role].scale, units[role].offset) != (1.0, 0.0)
+        else values
         for role, values in samples.items()
     }
     taken: dict[str, str | int] = {}

@@ -1,8 +1,15 @@
 """What every reader hands over: columns, named or not, and what the file says of them."""
 
-from typing import NamedTuple, Protocol
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from fractions import Fraction
+from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
+
+SIGNALS = {"time": "time", "input": "drive", "output": "response"}
+"""What messages and options call the roles."""
 
 
 class Fact(NamedTuple):
@@ -16,14 +23,41 @@ class Fact(NamedTuple):
     """That of a plain number: "s" for a step, "Hz" for a rate."""
 
 
-class Column(NamedTuple):
-    """What a file says of a column besides its numbers."""
+class Stated(NamedTuple):
+    """What a file states of a column: a unit, or a factor."""
+
+    text: str
+    """As written."""
+    place: str
+    """Where, such as "line 3" or "voltage/units"."""
+
+
+class Exact(NamedTuple):
+    """Stamps of more digits than a float64 holds."""
+
+    rest: np.ndarray
+    """(N,), what they are beyond the first."""
+    first: Fraction
+
+
+@dataclass(frozen=True, eq=False)
+class Column:
+    """A column of numbers, read when they are needed, and what the file says of it."""
 
     length: int
+    read: Callable[[], np.ndarray]
+    """Shape (N,), float64: NaN where there is no number, ±∞ beyond range."""
+    place: Callable[[int], str]
+    """Where a row stands, such as `loop.csv, line 17, column "voltage_V"`."""
+    shown: Callable[[int], str]
+    """The cell of a row as it is written, such as `"abc"` or `an empty cell`."""
     title: str = ""
     """Its own name, without the path to it."""
-    unit: str = ""
-    """As an attribute or a row of units states it; empty where only the name can tell."""
+    units: tuple[Stated, ...] = ()
+    """As attributes, a row of units or lines above state them, the nearest first; what the name
+    says is in the title."""
+    scales: tuple[Stated, ...] = ()
+    """Factors beside it that are not in the numbers."""
     clocks: tuple[Fact, ...] = ()
     """Steps and rates that hold for it."""
     start: int | None = None
@@ -36,6 +70,49 @@ class Column(NamedTuple):
     """What helps against the fault, where it is not to choose another column."""
     note: str = ""
     """What the reader had to assume."""
+    texts: Callable[[], Sequence[str]] | None = None
+    """The cells of a column of text."""
+    exact: Callable[[], Exact | None] | None = None
+    """Its numbers as stamps whose differences lose no digit; None where float64 holds them."""
+
+    @cached_property
+    def numbers(self) -> np.ndarray:
+        """What `read` gives, read once."""
+        return self.read()
+
+    @property
+    def unit(self) -> str:
+        """The unit that is stated nearest; empty where only the name can tell."""
+        return self.units[0].text if self.units else ""
+
+
+@dataclass(frozen=True, eq=False)
+class Table:
+    """What the reader of a format hands over."""
+
+    source: str
+    """The file, as messages name it."""
+    names: tuple[str, ...]
+    """The column names, empty where the file has none."""
+    columns: tuple[Column, ...]
+    breaks: tuple[int, ...] = ()
+    """The rows with which a new block begins, after names or text stood between."""
+    unused: tuple[Stated, ...] = ()
+    """What stands beside the columns, speaks of a unit, a factor, a rate or a start, and was not
+    understood."""
+
+    @property
+    def width(self) -> int:
+        """How many columns there are."""
+        return len(self.columns)
+
+    def about(self, column: int) -> Column:
+        """Column `column`."""
+        return self.columns[column]
+
+    def numbers(self, column: int) -> np.ndarray:
+        """The numbers of column `column`, shape (N,)."""
+        return self.columns[column].numbers
 
 
 class Hints(NamedTuple):
@@ -48,46 +125,6 @@ class Hints(NamedTuple):
 
 
 NO_HINTS = Hints()
-
-
-class Table(Protocol):
-    """What the reader of a format hands over."""
-
-    @property
-    def source(self) -> str:
-        """The file, as messages name it."""
-        ...
-
-    @property
-    def names(self) -> tuple[str, ...]:
-        """The column names, empty where the file has none."""
-        ...
-
-    @property
-    def width(self) -> int:
-        """How many columns there are."""
-        ...
-
-    @property
-    def breaks(self) -> tuple[int, ...]:
-        """The rows with which a new block begins, after names or text stood between."""
-        ...
-
-    def about(self, column: int) -> Column:
-        """What the file says of column `column`."""
-        ...
-
-    def numbers(self, column: int) -> np.ndarray:
-        """Column `column`, shape (N,), float64: NaN where there is no number, ±∞ beyond range."""
-        ...
-
-    def place(self, row: int, column: int) -> str:
-        """Where a cell stands, such as `loop.csv, line 17, column "voltage_V"`."""
-        ...
-
-    def shown(self, row: int, column: int) -> str:
-        """A cell as it is written, such as `"abc"` or `an empty cell`."""
-        ...
 
 
 def column_label(names: tuple[str, ...], column: int) -> str:

@@ -7,15 +7,16 @@ from typing import BinaryIO
 
 import numpy as np
 
-from fracjax._io._arrays import Array, ArrayTable, array_table
+from fracjax._io._arrays import Array, array_table
 from fracjax._io._files import reading, writing
+from fracjax._io._table import Table
 
 _KIND = "a TDMS file"
 _GROUP = "recording"
 _BIG_ENDIAN = 1 << 6
 
 
-def read_tdms(path: str | PathLike[str]) -> ArrayTable:
+def read_tdms(path: str | PathLike[str]) -> Table:
     """The channels of a TDMS file as `group/channel`, with unit and step from their properties.
 
     Raises InputError for a file that is no whole TDMS file, or without npTDMS.

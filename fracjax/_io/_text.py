@@ -2,23 +2,27 @@
 
 import csv
 import io
-from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from collections.abc import Callable, Mapping, Sequence
+from functools import partial
+from itertools import islice
 from os import PathLike, fspath
 from pathlib import Path
+from typing import NamedTuple
 
 import numpy as np
 import pyarrow as pa
 import pyarrow.csv as arrow
 
 from fracjax._io._decoding import Text, text_of
+from fracjax._io._exact import exact_of_text
 from fracjax._io._files import EXPORT, text_signature, whole
 from fracjax._io._header import Header, header_of
 from fracjax._io._layout import Layout, cells_of, layout_of
 from fracjax._io._numbers import numbers_of
 from fracjax._io._rows import rows_of
 from fracjax._io._stamps import seconds_of
-from fracjax._io._table import NO_HINTS, Column, Hints, column_label
+from fracjax._io._table import NO_HINTS, Column, Hints, Stated, Table, column_label
+from fracjax._io._unit_columns import with_units_of_rows
 from fracjax._recording import InputError
 
 _LONGEST_LINE = 100_000
@@ -32,57 +36,7 @@ their columns may hold: what is no number in a few lines may yet become one."""
 _TEXT_FAULT = {"text": "text", "empty": "next to no numbers"}
 
 
-@dataclass(frozen=True)
-class TextTable:
-    """The table in a text file."""
-
-    source: str
-    names: tuple[str, ...]
-    breaks: tuple[int, ...]
-    columns: tuple[Column, ...]
-    values: tuple[np.ndarray | None, ...]
-    """By column, seconds for stamps; None of text."""
-    text: Text
-    layout: Layout
-    lines: Sequence[int] | None
-    """The line in the file, from 1, of each row; None where every line from the first is one."""
-
-    @property
-    def width(self) -> int:
-        """How many columns there are."""
-        return len(self.columns)
-
-    def about(self, column: int) -> Column:
-        """What the file says of column `column`."""
-        return self.columns[column]
-
-    def numbers(self, column: int) -> np.ndarray:
-        """Column `column`, shape (N,), float64: NaN where there is no number, ±∞ beyond range."""
-        values = self.values[column]
-        return np.full(self.columns[column].length, np.nan) if values is None else values
-
-    def place(self, row: int, column: int) -> str:
-        """Where a cell stands, such as `loop.csv, line 17, column "voltage_V"`."""
-        return f"{self.source}, line {self._line(row)}, {column_label(self.names, column)}"
-
-    def shown(self, row: int, column: int) -> str:
-        """A cell as it is written, in quotes."""
-        line = self.text.decoded().split("\n")[self._line(row) - 1]
-        return f'"{cells_of(line, self.layout.separator)[column][:40]}"'
-
-    def _line(self, row: int) -> int:
-        if self.lines is not None:
-            return self.lines[row]
-        raw, remaining = self.text.raw, row
-        for number, line in enumerate(raw.split(b"\n")):
-            if number >= self.layout.start and line.strip():
-                if remaining == 0:
-                    return number + 1
-                remaining -= 1
-        raise IndexError(row)
-
-
-def read_text(path: str | PathLike[str], hints: Hints = NO_HINTS) -> TextTable:
+def read_text(path: str | PathLike[str], hints: Hints = NO_HINTS) -> Table:
     """The table in a text file: the longest run of rows of numbers, its names and units above it.
 
     Raises InputError for a file that cannot be read, is no text, holds no such rows, or has
@@ -93,24 +47,72 @@ def read_text(path: str | PathLike[str], hints: Hints = NO_HINTS) -> TextTable:
     lines, layout, quick = _laid_out(source, text, hints)
     header = header_of(source, lines, layout, hints)
     if quick is not None:
-        values, count, numbers, breaks = (
-            quick,
-            len(next(v[0] for v in quick if v is not None)),
-            None,
-            (),
-        )
-        units = [""] * layout.width
+        parsed = [_Parsed() if each is None else each for each in quick]
+        count = len(next(each.values for each in parsed if each.values is not None))
+        numbers, breaks = None, ()
     else:
-        whole_text = text.decoded().split("\n")
-        rows = rows_of(source, whole_text, layout, header.repeated)
+        rows = rows_of(source, text.decoded().split("\n"), layout, header.repeated)
         count, numbers, breaks = len(rows.cells), rows.lines, rows.breaks
         parsed = [_parsed(rows.cells, at, layout) for at in range(layout.width)]
-        values, units = [each[0] for each in parsed], [each[1] for each in parsed]
+
+    def line_of(row: int) -> int:
+        """The line in the file, from 1, of a row."""
+        if numbers is not None:
+            return numbers[row]
+        filled = (
+            at
+            for at, line in enumerate(text.raw.split(b"\n"))
+            if at >= layout.start and line.strip()
+        )
+        return next(islice(filled, row, None)) + 1
+
     columns = tuple(
-        _about(header, layout, at, count, values[at], units[at]) for at in range(layout.width)
+        _column(source, text, header, layout, at, count, parsed[at], line_of)
+        for at in range(layout.width)
     )
-    kept = tuple(None if each is None else each[0] for each in values)
-    return TextTable(source, header.names, breaks, columns, kept, text, layout, numbers)
+    return with_units_of_rows(Table(source, header.names, columns, breaks, header.unused))
+
+
+def _column(
+    source: str,
+    text: Text,
+    header: Header,
+    layout: Layout,
+    at: int,
+    count: int,
+    parsed: "_Parsed",
+    line_of: Callable[[int], int],
+) -> Column:
+    """A column of the table; one of days alone is no time."""
+    kind, values = layout.kinds[at], parsed.values
+    is_stamp = kind == "stamp"
+    fault = _TEXT_FAULT.get(kind, "")
+    if is_stamp and values is not None and len(values) > 1 and not np.any(np.diff(values)):
+        fault = "the same date in every row"
+
+    def shown(row: int) -> str:
+        line = text.decoded().split("\n")[line_of(row) - 1]
+        return f'"{cells_of(line, layout.separator)[at][:40]}"'
+
+    cells = parsed.cells
+    behind = (Stated(parsed.unit, "its cells"),) if parsed.unit else ()
+    return Column(
+        length=count,
+        read=lambda: np.full(count, np.nan) if values is None else values,
+        place=lambda row: f"{source}, line {line_of(row)}, {column_label(header.names, at)}",
+        shown=shown,
+        title=header.names[at] if header.names else "",
+        units=(Stated("s", "its dates"),) if is_stamp else (*behind, *header.units[at]),
+        scales=header.scales[at],
+        clocks=header.clocks[at],
+        start=parsed.start,
+        stamps=is_stamp,
+        fault=fault,
+        texts=cells if kind in ("text", "empty") else None,
+        exact=(lambda: exact_of_text(cells(), layout.decimal))
+        if kind == "number" and cells and not behind
+        else None,
+    )
 
 
 def write_text(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
@@ -129,13 +131,22 @@ def write_text(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> 
         table.writerows(zip(*values, strict=True))
 
 
-_Values = tuple[np.ndarray, int | None]
-"""A column's numbers, and of stamps when their zero is."""
+class _Parsed(NamedTuple):
+    """What the cells of a column are."""
+
+    values: np.ndarray | None = None
+    """(N,), of stamps in seconds; None of text."""
+    start: int | None = None
+    """Of stamps, when their zero is [ns since 1970]."""
+    unit: str = ""
+    """That which stands behind each number."""
+    cells: Callable[[], Sequence[str]] | None = None
+    """As they are written."""
 
 
 def _laid_out(
     source: str, text: Text, hints: Hints
-) -> tuple[list[str], Layout, list[_Values | None] | None]:
+) -> tuple[list[str], Layout, list[_Parsed | None] | None]:
     """The head's lines, the layout, and the columns as a compiled reader gives them, which takes
     less than a second for a million rows; None where it refuses them, so that they are read row by
     row.
@@ -193,7 +204,7 @@ def _no_table(source: str, lines: list[str]) -> InputError:
     return InputError.at(source, wanted, f"{len(said)} lines of text", EXPORT)
 
 
-def _quick(text: Text, layout: Layout) -> list[_Values | None] | None:
+def _quick(text: Text, layout: Layout) -> list[_Parsed | None] | None:
     """The columns where every line from the first is a row of plain numbers and stamps; else
     None."""
     kinds = layout.kinds
@@ -210,17 +221,41 @@ def _quick(text: Text, layout: Layout) -> list[_Values | None] | None:
     columns = _by_arrow(text, layout, start, read) or _by_pandas(text, layout, start, read)
     if columns is None:
         return None
-    values: list[_Values | None] = [None] * layout.width
-    for at in read:
-        if kinds[at] == "stamp":
-            values[at] = seconds_of(columns[at].tolist())
-            continue
-        numbers = columns[at]
-        # Codes for beyond range are read one by one.
-        if not (np.abs(numbers) < 9e37).all():
-            return None
-        values[at] = numbers, None
-    return values
+    parsed: list[_Parsed | None] = [None] * layout.width
+    for at, kind in enumerate(kinds):
+        cells = partial(_cells, text, layout, start, at)
+        if kind == "stamp":
+            values, zero = seconds_of(columns[at].tolist())
+            parsed[at] = _Parsed(values, zero)
+        elif kind == "number":
+            # Codes for beyond range are read one by one.
+            if not (np.abs(columns[at]) < 9e37).all():
+                return None
+            parsed[at] = _Parsed(columns[at], cells=cells)
+        else:
+            parsed[at] = _Parsed(cells=cells)
+    return parsed
+
+
+def _cells(text: Text, layout: Layout, start: int, at: int) -> Sequence[str]:
+    """The cells of a column as they are written."""
+    from pyarrow.compute import call_function
+
+    if layout.separator == " ":
+        lines = text.raw[start:].decode(text.encoding, "replace").split("\n")
+        return [line.split()[at] for line in lines if line.strip()]
+    name = f"{at}"
+    table = arrow.open_csv(
+        pa.py_buffer(text.raw)[start:],
+        arrow.ReadOptions(
+            use_threads=False,
+            column_names=[f"{each}" for each in range(layout.width)],
+            encoding=text.encoding,
+        ),
+        arrow.ParseOptions(delimiter=layout.separator, quote_char=False),
+        arrow.ConvertOptions(column_types={name: pa.string()}, include_columns=[name]),
+    ).read_all()
+    return call_function("utf8_trim_whitespace", [table.column(0)])
 
 
 def _by_arrow(
@@ -246,7 +281,11 @@ def _by_arrow(
         ).read_all()
     except pa.ArrowInvalid:
         return None
-    return {at: column.to_numpy() for at, column in zip(read, table.columns, strict=True)}
+    # `to_numpy` would import pandas, which takes longer than all else.
+    return {
+        at: np.concatenate([np.from_dlpack(chunk) for chunk in column.chunks])
+        for at, column in zip(read, table.columns, strict=True)
+    }
 
 
 def _by_pandas(
@@ -282,35 +321,12 @@ def _by_pandas(
     return {at: frame[at].to_numpy() for at in read}
 
 
-def _parsed(rows: Sequence[Sequence[str]], at: int, layout: Layout) -> tuple[_Values | None, str]:
+def _parsed(rows: Sequence[Sequence[str]], at: int, layout: Layout) -> _Parsed:
     """A column of cells as numbers or seconds, and the unit that stands behind each."""
     cells = [row[at] for row in rows]
     if layout.kinds[at] == "stamp":
-        return seconds_of(cells), ""
+        return _Parsed(*seconds_of(cells))
     if layout.kinds[at] != "number":
-        return None, ""
-    parsed = numbers_of(cells, layout.decimal)
-    return (parsed.values, None), parsed.unit
-
-
-def _about(
-    header: Header, layout: Layout, at: int, count: int, values: _Values | None, unit: str
-) -> Column:
-    """Unit and faults of a column; one of days alone is no time."""
-    title = header.names[at] if header.names else ""
-    fault = _TEXT_FAULT.get(layout.kinds[at], "")
-    is_stamp = layout.kinds[at] == "stamp"
-    if is_stamp and values is not None and not fault:
-        seconds = values[0]
-        if len(seconds) > 1 and not np.any(np.diff(seconds)):
-            fault = "the same date in every row"
-    stated = "s" if is_stamp else unit or header.units[at]
-    return Column(
-        count,
-        title,
-        stated,
-        header.clocks[at],
-        values[1] if values is not None else None,
-        is_stamp,
-        fault,
-    )
+        return _Parsed(cells=lambda: cells)
+    numbers = numbers_of(cells, layout.decimal)
+    return _Parsed(numbers.values, None, numbers.unit, lambda: cells)

@@ -5,51 +5,15 @@ import unicodedata
 from functools import lru_cache
 from typing import NamedTuple
 
+from fracjax._io._lexicon import WORDS, by_word
 from fracjax._io._words import quantity
 from fracjax._recording import InputError, unit
 
-_SPELLINGS = {
-    "s": "sek sek. sekunden seconde secondes segundo segundos secondi secs sec. сек с 秒 초",
-    "ms": "мс 毫秒 ミリ秒 msek millisekunden",
-    "us": "мкс 微秒 マイクロ秒 µsek",
-    "min": "мин 分 分钟 minuten",
-    "V": "в вольт 伏 伏特 ボルト vdc v dc vdc.",
-    "mV": "мв 毫伏 ミリボルト",
-    "kV": "кв 千伏",
-    "A": "ампер 安 安培 アンペア",
-    "mA": "ма 毫安",
-    "m": "м 米 メートル",
-    "mm": "мм 毫米 ミリメートル",
-    "um": "мкм 微米 ミクロン マイクロメートル mikrometer mikrometern mikrometre mikron mikrons "
-    "mikron. micromètre micromètres micrometri micrometro micrómetro micrómetros micras micra "
-    "µ μ mkm",
-    "nm": "нм 纳米 ナノメートル nanomètre nanomètres nanometri nanómetros",
-    "N": "н 牛 牛顿 ニュートン",
-    "Hz": "гц 赫兹 ヘルツ hertz s/s sps samples/s sa/s samples/sec samples/second",
-    "kHz": "кгц 千赫 ks/s ksps ksa/s",
-    "MHz": "ms/s msps msa/s мгц",
-    "deg": "° град 度 grad. grad degree degrees",
-}
-_CANONICAL = {
-    written: name for name, several in _SPELLINGS.items() for written in several.split(" ")
-}
+_CANONICAL = by_word("spellings")
+_CLOCKS = by_word("clocks")
 FOREIGN_UNITS = frozenset(w for w in _CANONICAL if not w.isascii() and len(w) > 1)
-_RATES = frozenset(
-    [
-        "s/s",
-        "sps",
-        "samples/s",
-        "sa/s",
-        "samples/sec",
-        "samples/second",
-        "ks/s",
-        "ksps",
-        "ksa/s",
-        "ms/s",
-        "msps",
-        "msa/s",
-    ]
-)
+_RATES = frozenset(WORDS["units"]["rates"])
+_UNKNOWABLE = frozenset(WORDS["units"]["unknowable"])
 _PREFIX = "(?:[pnumcdkMGµμ]?)"
 _PLAIN = (
     rf"(?:{_PREFIX}(?:V|A|m|s|N|Hz|C|Pa|rad|W|F|T|g|J|eV|Wb)|sec|secs|seconds?|msec|usec|mins?|hours?"
@@ -58,34 +22,6 @@ _PLAIN = (
 )
 _POWER = r"(?:\*\*-?\d|\^-?\d|-?\d)?"
 _WEAK = re.compile(rf"{_PLAIN}{_POWER}(?:\s*[*/·]\s*{_PLAIN}{_POWER})*")
-_UNKNOWABLE = frozenset(
-    [
-        "count",
-        "counts",
-        "cts",
-        "raw",
-        "adc",
-        "adu",
-        "lsb",
-        "lsbs",
-        "digit",
-        "digits",
-        "code",
-        "codes",
-        "px",
-        "pixel",
-        "pixels",
-        "bits",
-        "au",
-        "arb",
-        "steps",
-        "ticks",
-        "norm",
-        "normalised",
-        "normalized",
-        "pu",
-    ]
-)
 _PAIRS = ("[]", "()", "（）", "【】", "〔〕", "{}", "<>", "〈〉", "［］")
 _BRACKETS = re.compile(
     "|".join(rf"\{a}\s*([^\{a}\{b}]*?)\s*\{b}" for a, b in (tuple(pair) for pair in _PAIRS))
@@ -110,22 +46,8 @@ _DIMENSIONS = {
     "temperature": ("K",),
     "counter": (),
 }
-_SIGNALS = (
-    "s",
-    "V",
-    "A",
-    "m",
-    "N",
-    "rad",
-    "C",
-    "C/m**2",
-    "Pa",
-    "m/s",
-    "m/s**2",
-    "V/m",
-    "N*m",
-    "Hz",
-)
+_SIGNALS = WORDS["units"]["recorded"]
+"""Kinds of units that are recorded."""
 
 
 class Titled(NamedTuple):
@@ -144,7 +66,7 @@ def readable(text: str) -> str | None:
 
 @lru_cache(maxsize=512)
 def _readable(text: str) -> str | None:
-    if text.casefold() in _UNKNOWABLE:
+    if is_unknowable(text):
         return None
     if text.casefold() in _RATES:
         return _CANONICAL[text.casefold()]
@@ -171,7 +93,7 @@ def _respelled(text: str) -> list[str]:
 @lru_cache(maxsize=1024)
 def is_compatible(read: str, *kinds: str) -> bool:
     """Whether a unit is one of the same quantity as any of some others."""
-    return any(unit(read).is_compatible_with(kind) for kind in kinds)
+    return any(unit(read).is_compatible_with(unit(kind)) for kind in kinds)
 
 
 @lru_cache(maxsize=512)
@@ -182,6 +104,14 @@ def is_unit(text: str) -> bool:
         return True
     read = readable(inner)
     return read is not None and is_compatible(read, *_SIGNALS)
+
+
+@lru_cache(maxsize=1024)
+def is_spelled_unit(text: str) -> bool:
+    """Whether a word in a sentence is a unit and hardly anything else."""
+    if not _WEAK.fullmatch(text) and (text.isascii() or text.casefold() not in _CANONICAL):
+        return False
+    return is_unit(text) and text.casefold() not in _NOTHING
 
 
 @lru_cache(maxsize=512)
@@ -195,16 +125,18 @@ def stripped(text: str) -> str:
 def titled(title: str) -> Titled:
     """A column's name without its unit and indices, and the unit as written, or nothing.
 
-    In brackets anything counts as a unit, understood or not.  Behind a stroke, a comma, "in", a
+    In brackets a unit counts as one, and anything else as none.  Behind a stroke, a comma, "in", a
     blank or an underscore it counts where it is one and agrees with what the name speaks of; and
     where the name speaks of a quantity and the rest is no word but a unit nobody knows.
     """
     title = re.sub(r"(\.\d+)+$", "", title).strip()
-    if brackets := [(b, b[b.lastindex or 0]) for b in _BRACKETS.finditer(title)]:
-        units = [pair for pair in brackets if pair[1] and readable(pair[1]) is not None]
-        chosen, inner = (units or [pair for pair in brackets if pair[1]] or brackets)[-1]
-        name = f"{title[: chosen.start()]} {title[chosen.end() :]}".strip(" _")
-        return Titled(name or title, inner)
+    for match in reversed([*_BRACKETS.finditer(title)]):
+        inner = match[match.lastindex or 0]
+        if inner and (readable(inner) is not None or is_unknowable(inner)):
+            name = f"{title[: match.start()]} {title[match.end() :]}".strip(" _")
+            return Titled(name or title, inner)
+    if "[" in title or "(" in title:
+        return Titled(_BRACKETS.sub("", title).strip(" _") or title, "")
     if (bare := re.fullmatch(r"in\s+(\S+)", title)) and readable(bare[1]):
         return Titled("", bare[1])
     if parts := _BEHIND.fullmatch(title):
@@ -231,9 +163,22 @@ def titled(title: str) -> Titled:
         unit = _OF_CAMEL.get(camel[2].lower(), "")
         if unit and quantity(camel[1]) and _suits(camel[1], unit):
             return Titled(camel[1], unit)
-    if len(words) > 1 and quantity(words[0]) and words[-1].casefold() in _UNKNOWABLE:
+    if len(words) > 1 and quantity(words[0]) and is_unknowable(words[-1]):
         return Titled("_".join(words[:-1]), words[-1])
+    if unit := _CLOCKS.get(re.split(r"\W|_", title)[-1].casefold()):
+        return Titled(title, unit)
     return Titled(title, "")
+
+
+def is_unknowable(text: str) -> bool:
+    """Whether a word in place of a unit says that there is none, such as counts."""
+    return text.casefold().strip(" .").replace("a.u", "au") in _UNKNOWABLE
+
+
+def unread(title: str) -> str:
+    """What stands in brackets in a name and is no unit."""
+    inner = [match[match.lastindex or 0] for match in _BRACKETS.finditer(title)]
+    return next((each for each in inner if each and readable(each) is None), "")
 
 
 def _suits(name: str, rest: str, *, blank: bool = False) -> bool:
@@ -258,7 +203,10 @@ def _suits(name: str, rest: str, *, blank: bool = False) -> bool:
 def contradicts(name: str, read: str) -> bool:
     """Whether a unit cannot be that of what the name speaks of: a voltage in furlongs.
 
-    Any quantity may be written in volts or amperes, as its sensor gives it, or as a share.
+    Any quantity but the time may be written in volts or amperes, as its sensor gives it, or as a
+    share.
     """
-    kinds = _DIMENSIONS.get(quantity(name) or "", ())
-    return bool(kinds) and not is_compatible(read, *kinds, *_ELECTRICAL, "%")
+    spoken = quantity(name) or ""
+    kinds, understood = _DIMENSIONS.get(spoken, ()), readable(read)
+    others = () if spoken == "time" else (*_ELECTRICAL, "%")
+    return bool(kinds) and (understood is None or not is_compatible(understood, *kinds, *others))

@@ -3,10 +3,10 @@
 import csv
 import io
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
 from datetime import date, datetime
-from functools import cached_property
+from functools import partial
 from os import PathLike, fspath
+from typing import NamedTuple
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from fracjax._io._header import header_of
 from fracjax._io._layout import layout_of
 from fracjax._io._numbers import numbers_of
 from fracjax._io._stamps import seconds_of
-from fracjax._io._table import NO_HINTS, Column, Fact, Hints, column_label
+from fracjax._io._table import NO_HINTS, Column, Fact, Hints, Stated, Table, column_label
+from fracjax._io._unit_columns import with_units_of_rows
 from fracjax._recording import LARGEST, InputError
 
 _KIND = "an XLSX file"
@@ -25,8 +26,7 @@ _ROWS = 1_048_575
 """What a sheet holds below its line of names."""
 
 
-@dataclass(frozen=True)
-class Cells:
+class _Cells(NamedTuple):
     """A column of a sheet from its first number on."""
 
     sheet: str
@@ -38,90 +38,57 @@ class Cells:
     decimal: str
     kind: str
     """As `Layout.kinds` has it."""
-    unit: str
+    units: tuple[Stated, ...]
+    scales: tuple[Stated, ...]
     clocks: tuple[Fact, ...]
-
-    @cached_property
-    def seconds(self) -> tuple[np.ndarray, int | None]:
-        """Dates and clock times in seconds, and when their zero is."""
-        return seconds_of([_as_text(value) for value in self.values])
 
     @property
     def holds_text(self) -> bool:
         """Whether numbers are stored as text."""
         return self.kind == "number" and any(isinstance(value, str) for value in self.values[:50])
 
-
-@dataclass(frozen=True)
-class SheetTable:
-    """The columns of a workbook.
-
-    The table of a sheet is found as in text, with names and units above it; columns without a name
-    are called by their letters. With several sheets a name begins with the sheet's, as in
-    `Run 1/voltage_V`; one sheet without names leaves them out.
-    """
-
-    source: str
-    names: tuple[str, ...]
-    columns: tuple[Cells, ...]
-
-    @property
-    def breaks(self) -> tuple[int, ...]:
-        """None: a sheet is one block."""
-        return ()
-
-    @property
-    def width(self) -> int:
-        """How many columns there are."""
-        return len(self.columns)
-
-    def about(self, column: int) -> Column:
-        """What the file says of column `column`."""
-        cells = self.columns[column]
-        is_stamp = cells.kind == "stamp"
-        fault = {"text": "text", "empty": "next to no numbers"}.get(cells.kind, "")
-        start = None
-        if is_stamp:
-            seconds, start = cells.seconds
-            fault = "" if np.any(np.diff(seconds)) else "the same date in every row"
-        label = f"{self.source}, {column_label(self.names, column)}"
-        note = f"{label}: its numbers are stored as text." if cells.holds_text else ""
-        return Column(
-            len(cells.values),
-            cells.name,
-            "s" if is_stamp else cells.unit,
-            cells.clocks,
-            start,
-            is_stamp,
-            fault,
-            note=note,
-        )
-
-    def numbers(self, column: int) -> np.ndarray:
-        """Column `column`, shape (N,), float64: NaN where there is no number, ±∞ beyond range."""
-        cells = self.columns[column]
-        if cells.kind == "stamp":
-            return cells.seconds[0]
-        if all(map(_is_number, cells.values)):
-            values = np.array(cells.values, dtype=np.float64)
+    def numbers(self) -> np.ndarray:
+        """The values as numbers."""
+        if all(map(_is_number, self.values)):
+            values = np.array(self.values, dtype=np.float64)
             values[np.abs(values) >= LARGEST] *= np.inf
             return values
-        texts = [_as_text(value) for value in cells.values]
-        decimal = cells.decimal if cells.holds_text else "."
-        return numbers_of(texts, decimal).values
+        decimal = self.decimal if self.holds_text else "."
+        return numbers_of([_as_text(value) for value in self.values], decimal).values
 
-    def place(self, row: int, column: int) -> str:
-        """Where a cell stands, such as `loop.xlsx, sheet "Run 1", cell B17`."""
-        cells = self.columns[column]
-        return f'{self.source}, sheet "{cells.sheet}", cell {cells.letter}{cells.first + row}'
+    def column(self, source: str, label: str) -> Column:
+        """The column of a table; a column without a name is called by its letter."""
+        is_stamp = self.kind == "stamp"
+        fault = {"text": "text", "empty": "next to no numbers"}.get(self.kind, "")
+        start, read, texts = None, self.numbers, [_as_text(value) for value in self.values]
+        if is_stamp:
+            seconds, start = seconds_of(texts)
+            read = partial(np.copy, seconds)
+            fault = "" if np.any(np.diff(seconds)) else "the same date in every row"
 
-    def shown(self, row: int, column: int) -> str:
-        """A cell as it is written, in quotes, or that it is empty."""
-        value = self.columns[column].values[row]
-        return "an empty cell" if value is None else f'"{plain(str(value))[:40]}"'
+        def shown(row: int) -> str:
+            value = self.values[row]
+            return "an empty cell" if value is None else f'"{plain(str(value))[:40]}"'
+
+        place = f'{source}, sheet "{self.sheet}", cell {self.letter}'
+        return Column(
+            len(self.values),
+            read,
+            place=lambda row: f"{place}{self.first + row}",
+            shown=shown,
+            title=self.name,
+            units=(Stated("s", "its dates"),) if is_stamp else self.units,
+            scales=self.scales,
+            clocks=self.clocks,
+            start=start,
+            stamps=is_stamp,
+            fault=fault,
+            note=f"{label}: its numbers are stored as text." if self.holds_text else "",
+            texts=(lambda: texts) if self.kind in ("text", "empty") else None,
+        )
 
 
-def read_xlsx(path: str | PathLike[str], hints: Hints = NO_HINTS) -> SheetTable:
+def read_xlsx(path: str | PathLike[str], hints: Hints = NO_HINTS) -> Table:
     """The columns of all sheets of a workbook; of formulas the values last computed.
 
     Raises InputError for a file that is no whole XLSX file, or without openpyxl.
@@ -132,13 +99,14 @@ def read_xlsx(path: str | PathLike[str], hints: Hints = NO_HINTS) -> SheetTable:
         from openpyxl.utils import get_column_letter
 
         book = load_workbook(source, read_only=True, data_only=True)
-        columns = []
+        columns, unused = list[_Cells](), list[Stated]()
         try:
             for sheet in book.worksheets:
                 # Some programs write the extent of a sheet wrongly.
                 sheet.reset_dimensions()
                 rows = list(sheet.iter_rows(values_only=True))
-                columns += _columns(source, plain(sheet.title), rows, get_column_letter, hints)
+                cells, beside = _columns(source, plain(sheet.title), rows, get_column_letter, hints)
+                columns, unused = columns + cells, unused + beside
         finally:
             book.close()
     if not columns:
@@ -150,7 +118,12 @@ def read_xlsx(path: str | PathLike[str], hints: Hints = NO_HINTS) -> SheetTable:
         (f"{cells.sheet}/" if several else "") + (cells.name or cells.letter) for cells in columns
     )
     nameless = not several and not any(cells.name for cells in columns)
-    return SheetTable(source, () if nameless else names, tuple(columns))
+    names = () if nameless else names
+    read = tuple(
+        cells.column(source, f"{source}, {column_label(names, at)}")
+        for at, cells in enumerate(columns)
+    )
+    return with_units_of_rows(Table(source, names, read, unused=tuple(unused)))
 
 
 def write_xlsx(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
@@ -184,15 +157,15 @@ def write_xlsx(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> 
 
 def _columns(
     source: str, sheet: str, rows: Sequence[Sequence[object]], letter_of, hints: Hints
-) -> list[Cells]:
-    """The columns of a sheet, none where it holds no number."""
+) -> tuple[list[_Cells], list[Stated]]:
+    """The columns of a sheet, none where it holds no number, and what was not understood."""
     widest = max((len(row) for row in rows), default=0)
     # As text the head of a sheet is understood by the same rules; its numbers stay what they are.
     skip = min(hints.skip_rows, len(rows))
     lines = ["" if at < skip else _as_line(row, widest) for at, row in enumerate(rows[:_HEAD])]
     layout = layout_of(lines, skip, ("\t",)) if widest else None
     if layout is None:
-        return []
+        return [], []
     header = header_of(source, lines, layout, hints)
     columns = []
     body = rows[layout.start :]
@@ -205,7 +178,7 @@ def _columns(
             values.pop()
         if name or (values and kind != "empty"):
             columns.append(
-                Cells(
+                _Cells(
                     sheet=sheet,
                     letter=letter_of(at + 1),
                     name=name,
@@ -213,11 +186,12 @@ def _columns(
                     values=values,
                     decimal=layout.decimal,
                     kind=kind,
-                    unit=header.units[at],
+                    units=header.units[at],
+                    scales=header.scales[at],
                     clocks=header.clocks[at],
                 )
             )
-    return columns
+    return columns, [*header.unused]
 
 
 def _as_line(row: Sequence[object], width: int) -> str:

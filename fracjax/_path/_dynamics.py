@@ -200,8 +200,14 @@ def _onsets(scale: Scale) -> np.ndarray:
     return np.geomspace(first, 0.1 * scale.duration, 5)
 
 
-def _corners(scale: Scale) -> list[float]:
-    return [1 / (2 * np.pi * c) for c in _constants(scale) if c < _SLOWEST_SENSOR]
+def _corners(scale: Scale) -> list[Shape]:
+    """Sensors of first and of second order."""
+    constants = [c for c in _constants(scale) if c < _SLOWEST_SENSOR]
+    return [
+        {"corner": float(np.sqrt(2 ** (1 / n) - 1) / (2 * np.pi * c)), "order": n}
+        for n in (1.0, 2.0)
+        for c in constants
+    ]
 
 
 def _frequencies(scale: Scale) -> list[float]:
@@ -215,7 +221,9 @@ def _frequencies(scale: Scale) -> list[float]:
 
 
 def _lagging(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
-    return m.of_response.with_departure(kernels.lag(1 / (2 * np.pi * shape["corner"])))
+    kernel = kernels.lag if shape["order"] == 1 else kernels.second_lag
+    constant = np.sqrt(2 ** (1 / shape["order"]) - 1) / (2 * np.pi * shape["corner"])
+    return m.of_response.with_departure(kernel(constant))
 
 
 def _lagging_before(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
@@ -312,7 +320,7 @@ FAMILIES: dict[str, Family] = {
     family.effect: family
     for family in (
         Family("creep", _each_of("onset", _onsets), _creeping, True, _apart(onset=5.6)),
-        Family("sensor_lag", _each_of("corner", _corners), _lagging, True, _apart(corner=_QUARTER)),
+        Family("sensor_lag", _corners, _lagging, True, _apart(corner=_QUARTER)),
         Family(
             "drive_lag",
             _each_of("time_constant", _constants),

@@ -44,6 +44,15 @@ def lag(time_constant: float) -> Pole:
     return Pole(-1 / time_constant, 1.0)
 
 
+def second_lag(time_constant: float) -> Integral:
+    """Two lags of first order in series, g = -(1 + t/τ) e^(-t/τ), with τ [s]."""
+
+    def integral(t: np.ndarray) -> np.ndarray:
+        return (2 * time_constant + t) * np.exp(-t / time_constant) - 2 * time_constant
+
+    return integral
+
+
 Departure = Integral | Pole
 """A departure by its integral, or by its pole."""
 

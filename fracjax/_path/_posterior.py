@@ -82,7 +82,7 @@ class Law(NamedTuple):
             inner.columns * share,
             inner.along * share,
             inner.square * share,
-            inner.log_determinant * share,
+            inner.log_determinant,
         )
         return self._replace(inner=thinned, count=self.count * share)
 

@@ -19,6 +19,7 @@ from ._posterior import (
     Kind,
     Law,
     Posterior,
+    evidence,
     misfit,
     search,
     select,
@@ -26,6 +27,9 @@ from ._posterior import (
 
 PATH, BEHIND = "path", "path behind a lag"
 """The names of the law of path curves, and of that of the lagged drive's path."""
+MISFIT = 0.1
+"""κ - 1 from which path curves do not describe a recording: of recordings that a law with return
+points made they leave -.4 to .1, as the level of a noise is uncertain."""
 LAG = "drive_lag"
 """The effect that moves the turning points."""
 _TRIED = 5
@@ -133,26 +137,28 @@ def apart() -> dict[str, set[str]]:
 def view_of(signals: Sequence[Signal]) -> PathView:
     """The posterior over dynamics of recordings of one actuator.
 
-    A lag of the drive moves the turning points themselves.  Where a lag may be what is there, the
-    path of the lagged drive is followed too, and both are compared.
+    A lag of the drive moves the turning points themselves.  Where a lag is what is there and leaves
+    more than noise, the path of the lagged drive is followed too, and both are compared.
     """
     view = _view_of(signals)
-    lags = [h for h in view.posterior.hypotheses if FAMILIES[0] & {*h.names}]
-    if not lags or view.posterior.nothing > 0.5:
+    lags = [h for h in view.posterior.hypotheses[:1] if FAMILIES[0] & {*h.names}]
+    if not lags or misfit(view.law, lags[0]) < MISFIT:
         return view
     (own,) = (
         k for k, name in zip(lags[0].kinds, lags[0].names, strict=True) if name in FAMILIES[0]
     )
     other = _behind(signals, _constant_of(view.columns[own].shape), view)
     excess = min(misfit(one.law, one.posterior.best) for one in (view, other))
-    posteriors = [search(one.law, excess).hypotheses for one in (view, other)]
-    price = np.log(EACH / _TRIED)
+    own, lagged = (search(one.law, excess).hypotheses for one in (view, other))
+    # Another path is another law: whole evidences count, with the freedom of all its branches.
+    gain = evidence(other.law, lagged[0]) - evidence(view.law, own[0])
+    above = own[0].log_posterior + gain + np.log(EACH / _TRIED) - lagged[0].log_posterior
     lagged = [
-        h._replace(names=(*h.names, LAG), log_posterior=h.log_posterior + price)
-        for h in posteriors[1]
+        h._replace(names=(*h.names, LAG), log_posterior=float(h.log_posterior + above))
+        for h in lagged
         if len(h.names) < MOST_EFFECTS
     ]
-    both = Posterior.of([*posteriors[0], *lagged])
+    both = Posterior.of([*own, *lagged])
     chosen = other if both.best.law == BEHIND else view
     return replace(chosen, posterior=both, first=view)
 

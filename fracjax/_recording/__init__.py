@@ -19,16 +19,18 @@ from fracjax._recording._signals import (
     spikes,
     varying,
 )
-from fracjax._recording._units import parse_quantity, unit
+from fracjax._recording._units import UNSTATED, conversion, parse_quantity, unit
 
 __all__ = [
     "LARGEST",
     "MINIMUM_SAMPLES",
+    "UNSTATED",
     "InputError",
     "Recording",
     "Repeats",
     "bridged",
     "closest",
+    "conversion",
     "found_in",
     "in_rows",
     "inspect_together",

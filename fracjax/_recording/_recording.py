@@ -20,7 +20,7 @@ from fracjax._recording._signals import (
     varying,
     without_missing,
 )
-from fracjax._recording._units import parse_quantity, unit
+from fracjax._recording._units import UNSTATED, parse_quantity, unit
 from fracjax._recording._warnings import warnings_about
 from fracjax._show import Shown, Table, View, figure, quantity
 
@@ -40,8 +40,8 @@ class Recording(Shown):
         drive: Samples (N,) in `drive_unit`.
         response: Samples (N,) in `response_unit`.
         dt: The step [s].
-        drive_unit: Unit of the drive.
-        response_unit: Unit of the response.
+        drive_unit: Unit of the drive; one that nobody stated becomes "drive units".
+        response_unit: Unit of the response, likewise "response units".
         source: The name in messages.
         warnings: What the reader had to assume.
         masked: True (N,) where a sample need be no number, which no fit counts; None where all
@@ -55,15 +55,17 @@ class Recording(Shown):
     drive: np.ndarray
     response: np.ndarray
     dt: float
-    drive_unit: str = "V"
-    response_unit: str = "um"
+    drive_unit: str = ""
+    response_unit: str = ""
     source: str = "recording"
     warnings: tuple[str, ...] = ()
     masked: np.ndarray | None = None
 
     def __post_init__(self):
-        unit(self.drive_unit, f"{self.source}, drive")
-        unit(self.response_unit, f"{self.source}, response")
+        for name, unstated in UNSTATED.items():
+            stated = getattr(self, f"{name}_unit") or unstated
+            unit(stated, f"{self.source}, {name}")
+            object.__setattr__(self, f"{name}_unit", stated)
         step = parse_quantity(self.dt, "s", f"{self.source}, dt")
         if not 1 / LARGEST < step < LARGEST:
             raise InputError.at(
@@ -186,13 +188,11 @@ class Recording(Shown):
         """
         import pandas as pd
 
-        return pd.DataFrame(
-            {
-                "time_s": self.times,
-                f"drive_{self.drive_unit}": self.drive,
-                f"response_{self.response_unit}": self.response,
-            }
-        )
+        columns = {"time_s": self.times}
+        for name, unstated in UNSTATED.items():
+            unit_ = getattr(self, f"{name}_unit")
+            columns[name if unit_ == unstated else f"{name}_{unit_}"] = getattr(self, name)
+        return pd.DataFrame(columns)
 
     def checks(self) -> tuple[str, ...]:
         """Plain warnings about the data that a fit would not reveal."""
@@ -218,9 +218,14 @@ def require_units(units: tuple[str, str], source: str, other: Recording) -> None
     """Raise `InputError` unless a recording is written in the units, those of `source`."""
     actual = other.drive_unit, other.response_unit
     if actual != units:
+        stated = [
+            f"--unit {signal}={theirs if theirs != unstated else own}"
+            for (signal, unstated), theirs, own in zip(UNSTATED.items(), units, actual, strict=True)
+            if {theirs, own} != {unstated}
+        ]
         raise InputError.at(
             other.source,
             f"the units of {source} ({', '.join(units)})",
             f"({', '.join(actual)})",
-            "convert one of them",
+            f"give {' '.join(stated)}, with which all are read",
         )

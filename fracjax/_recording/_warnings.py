@@ -61,6 +61,7 @@ def warnings_about(recording: Sampled) -> tuple[str, ...]:
         *(_clipping(recording), _quantisation(recording), _quantised_drive(recording)),
         *(_undersampling(recording), _unresolved_edges(recording)),
         *(_spikes(recording), _leading(recording)),
+        *(_duplicate(recording), _overflow(recording)),
     )
     return tuple(warning for warning in warnings if warning)
 
@@ -158,6 +159,44 @@ def _leading(recording: Sampled) -> str | None:
         f"{100 * area / spans:.2g} % of its box. The channels are skewed in time, or drive and "
         "response are swapped: check their clocks, --input and --output. A force leads the motion "
         "that it causes: take the force as the drive."
+    )
+
+
+def _duplicate(recording: Sampled) -> str | None:
+    """A response that is the drive itself, scaled or not."""
+    u, y = (unit_range(each) for each in (recording.drive, recording.response))
+    if np.ptp(recording.drive) == 0 or np.abs(u - y).max() > 1e-12:
+        return None
+    return (
+        "The response repeats the drive sample by sample: the file holds one channel twice, or the "
+        "wrong column was taken. Choose another with --output."
+    )
+
+
+_OVERFLOW = 0.75
+"""Least jump of a response that overflowed, as a share of its range, and the share of its range
+within which the drive moves meanwhile."""
+
+
+def _overflow(recording: Sampled) -> str | None:
+    """A response that jumps from one end of its range to the other and back while the drive glides,
+    as a number too large for its converter or counter does."""
+    y, u = unit_range(recording.response), unit_range(recording.drive)
+    jumps = np.diff(y)
+    beyond = (np.abs(jumps) > _OVERFLOW) & (np.abs(np.diff(u)) < 0.25)
+    ups, downs = np.count_nonzero(beyond & (jumps > 0)), np.count_nonzero(beyond & (jumps < 0))
+    if not (ups and downs and abs(ups - downs) <= 1):
+        return None
+    turns = np.concatenate([[0], np.cumsum(np.where(beyond, np.sign(jumps), 0.0))])
+    # Counted on, the jumps are gone: what remains of each is no larger than elsewhere.
+    size = float(np.median(np.abs(jumps[beyond])))
+    rest = np.abs(np.diff(y - size * turns))
+    if rest[beyond].max() > 0.1 or spikes(recording.response).any():
+        return None
+    at = recording.dt * int(beyond.argmax() + 1)
+    return (
+        f"The response jumps through its range {ups + downs} times while the drive glides, first "
+        f"at {at:.6g} s: it overflowed. Record it with a smaller gain, or count it on before."
     )
 
 

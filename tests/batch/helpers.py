@@ -26,7 +26,7 @@ def signals(seed: int, samples: int = 250) -> tuple[np.ndarray, np.ndarray]:
 
 
 def recording(seed: int, samples: int = 250, source: str = "recording") -> fj.Recording:
-    return fj.Recording(*signals(seed, samples), STEP, source=source)
+    return fj.Recording(*signals(seed, samples), STEP, "V", "um", source=source)
 
 
 def save(path: Path, seed: int, samples: int = 250) -> Path:

@@ -20,7 +20,7 @@ BAD = {
     "cell.csv": (HEAD + GOOD.replace("0.10,", "oops,"), "line 12"),
     "gap.csv": (HEAD + GOOD.replace("0.30,", "0.304,"), "expected a step of 0.01 s"),
     "columns.csv": (GOOD.replace(",", ",7,").replace(",7,", ",", 1), "column"),
-    "unit.csv": (HEAD.replace("_um", " [wibble]") + GOOD, "wibble"),
+    "unit.csv": (HEAD.replace("_um", " [s]") + GOOD, "displacement"),
     "binary.csv": ("\x00\x01\x02", "expected text, found binary data"),
 }
 

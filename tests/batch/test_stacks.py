@@ -17,13 +17,17 @@ def test_rows_of_stacks_are_fits():
     """Of several lengths, one drive or own ones, coloured noise or white, and one in nm."""
     several = [recording(k, length, f"{k} {length}") for length in (250, 180) for k in range(3)]
     one_drive = [
-        fj.Recording(several[0].drive, several[0].response + noise, STEP, source=f"shared {k}")
+        fj.Recording(
+            several[0].drive, several[0].response + noise, STEP, "V", "um", source=f"shared {k}"
+        )
         for k, noise in enumerate(0.01 * np.random.default_rng(0).standard_normal((4, 250)))
     ]
     slow = np.convolve(np.random.default_rng(1).standard_normal(260), np.ones(11) / 40, "valid")
-    coloured = fj.Recording(several[1].drive, several[1].response + slow, STEP, source="coloured")
+    coloured = fj.Recording(
+        several[1].drive, several[1].response + slow, STEP, "V", "um", source="coloured"
+    )
     in_nm = fj.Recording(
-        several[2].drive, 1000 * several[2].response, STEP, response_unit="nm", source="nm"
+        several[2].drive, 1000 * several[2].response, STEP, "V", response_unit="nm", source="nm"
     )
     recordings = [*several, *one_drive, coloured, in_nm]
     rows = told(recordings, starts=4)
@@ -42,8 +46,8 @@ def test_rows_of_stacks_are_fits():
 
 def test_a_bad_recording_changes_nothing_for_the_others():
     good = [recording(k, source=f"good {k}") for k in range(3)]
-    resting = fj.Recording(np.full(250, 5.0), good[0].response, STEP, source="resting")
-    huge = fj.Recording(good[0].drive, 1e99 * good[0].response, STEP, source="huge")
+    resting = fj.Recording(np.full(250, 5.0), good[0].response, STEP, "V", "um", source="resting")
+    huge = fj.Recording(good[0].drive, 1e99 * good[0].response, STEP, "V", "um", source="huge")
     rows = {
         row["source"]: row for row in told([good[0], resting, good[1], huge, good[2]], starts=4)
     }

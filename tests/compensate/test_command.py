@@ -24,7 +24,7 @@ def fitted(tmp_path_factory) -> Path:
     drive = 50 - 45 * np.cos(2 * np.pi * TIMES)
     response = fj.simulate(model(blocks.Creep(0.1, 0.01)), drive, STEP).response - 30
     noise = np.random.default_rng(1).normal(0, 1e-3, COUNT)
-    recording = fj.Recording(drive, response + noise, STEP)
+    recording = fj.Recording(drive, response + noise, STEP, "V", "um")
     path = tmp_path_factory.mktemp("fit") / "fit.json"
     columns = {"time_s": TIMES, "drive_V": drive, "displacement_um": recording.response}
     fj.write(path.with_name("recording.csv"), columns)

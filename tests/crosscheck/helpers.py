@@ -28,7 +28,9 @@ def recording() -> fj.Recording:
     drive = 40 + np.sum([a * np.sin(2 * np.pi * f * times + p) for a, f, p in parts], axis=0)
     clean = BASES["foh"].response(drive, STEP / OVER, LAW)[::OVER]
     noise = SIGMA * np.random.default_rng(0).standard_normal(SAMPLES)
-    return fj.Recording(drive[::OVER], clean + 1.0 + noise, STEP, source="three_tones.csv")
+    return fj.Recording(
+        drive[::OVER], clean + 1.0 + noise, STEP, "V", "um", source="three_tones.csv"
+    )
 
 
 def check(seed: int = 0, population: int = 24, iterations: int = 300) -> Crosscheck:

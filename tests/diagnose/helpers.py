@@ -15,7 +15,7 @@ TONE = 50 - 40 * np.cos(2 * np.pi * TIMES)
 
 def recording_of(case) -> Recording:
     """A built case's recording."""
-    return Recording(case.voltage, case.displacement, float(case.time[1] - case.time[0]))
+    return Recording(case.voltage, case.displacement, float(case.time[1] - case.time[0]), "V", "um")
 
 
 def creeping(noise: np.ndarray) -> Recording:

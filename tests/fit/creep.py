@@ -24,7 +24,7 @@ CLEAN = response_of(TRUE)
 
 def record(response: np.ndarray, drive: np.ndarray = DRIVE, seed: int = 0) -> fj.Recording:
     noise = SIGMA * np.random.default_rng(seed).standard_normal(len(response))
-    return fj.Recording(drive, response + noise, STEP)
+    return fj.Recording(drive, response + noise, STEP, "V", "um")
 
 
 def fit(recording, model: str | fj.Model = "creep", **options) -> fj.Fit:

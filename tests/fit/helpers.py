@@ -34,7 +34,7 @@ KNOWN = specified(SIGMA)
 
 
 def record(seed: int, offset: float = 1.0) -> fj.Recording:
-    return fj.Recording(DRIVE, CLEAN + offset + SIGMA * white(seed), STEP)
+    return fj.Recording(DRIVE, CLEAN + offset + SIGMA * white(seed), STEP, "V", "um")
 
 
 def fit_foh(recording: fj.Recording, **options) -> fj.Fit:

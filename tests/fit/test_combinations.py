@@ -58,7 +58,7 @@ def test_a_slow_loop_of_foh_fixes_the_sum_of_the_gains_and_the_product_with_the_
     sigma = 1e-3 * np.ptp(clean)
     noise = specified(sigma)
     recording = fj.Recording(
-        drive, clean + sigma * np.random.default_rng(2).standard_normal(1500), 5e-3
+        drive, clean + sigma * np.random.default_rng(2).standard_normal(1500), 5e-3, "V", "um"
     )
     found = fj.fit(
         fj.parse_model("foh"), recording, noise=noise, history="constant", starts=1,

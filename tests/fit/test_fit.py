@@ -111,7 +111,7 @@ def test_unknown_names_are_refused():
 
 
 def test_recordings_in_different_units_are_refused():
-    other = fj.Recording(DRIVE, CLEAN, STEP, response_unit="nm", source="other")
+    other = fj.Recording(DRIVE, CLEAN, STEP, "V", response_unit="nm", source="other")
     with pytest.raises(fj.InputError, match=r"other: expected the units of .*V, um.*V, nm"):
         fj.fit(fj.parse_model("foh"), [record(0), other])
 
@@ -129,7 +129,7 @@ def joint() -> fj.Fit:
     for seed, (scale, offset) in enumerate(((1.0, 3.0), (0.6, -7.0))):
         drive, clean = truth(lambda t, a=scale: a * several_tones(t), JOINT_LAW, "lfdh")
         clean += offset + JOINT_LAW["g"] * drive[0]
-        recordings.append(fj.Recording(drive, clean + 5e-4 * white(seed), STEP))
+        recordings.append(fj.Recording(drive, clean + 5e-4 * white(seed), STEP, "V", "um"))
     noise = fj.Noise(5e-4, "um", "specification", np.ones(1), 5e-4)
     shapes = {name: JOINT_LAW[name] for name in ("chi", "mu", "delta")}
     return fj.fit(fj.parse_model("lfdh"), recordings, noise=noise, fixed=shapes, starts=1)
@@ -205,7 +205,7 @@ def one_sine() -> fj.Fit:
     drive = 40 + 30 * np.sin(2 * np.pi * times)
     response = 30 * np.imag(gain * np.exp(2j * np.pi * times))
     noise = 5e-3 * np.random.default_rng(4).standard_normal(times.size)
-    recording = fj.Recording(drive, response + noise, 1e-2)
+    recording = fj.Recording(drive, response + noise, 1e-2, "V", "um")
     return fj.fit(fj.parse_model("foh"), recording, fixed={"k_p": 0.0, "beta": 0.1}, starts=STARTS)
 
 

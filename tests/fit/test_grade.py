@@ -19,12 +19,12 @@ def even() -> Recording:
     """A response that is even in the drive, under smooth noise from repeats."""
     drive = 80 * np.sin(2 * np.pi * 2 * TIMES)
     smooth = np.asarray(lfilter([0.02], [1, -1.8, 0.82], WHITE))
-    return Recording(drive, (drive / 40) ** 2 + smooth, STEP)
+    return Recording(drive, (drive / 40) ** 2 + smooth, STEP, "V", "um")
 
 
 def steep() -> Recording:
     """A smooth response that no drive explains."""
-    return Recording(SWEEP, 1 + TIMES - 0.4 * TIMES**2 + 0.05 * SWEEP / 50 + WHITE, STEP)
+    return Recording(SWEEP, 1 + TIMES - 0.4 * TIMES**2 + 0.05 * SWEEP / 50 + WHITE, STEP, "V", "um")
 
 
 @pytest.mark.parametrize("model", ["foh", "lfdh"])
@@ -44,7 +44,7 @@ def test_no_fit_is_worse_than_a_constant_and_none_claims_more(model, recording):
 def test_units_change_no_fit(drive, response):
     law = fj.simulate(fj.parse_model("creep"), SWEEP, STEP, "constant").response
     curved = law + 0.002 * law**2 / np.ptp(law) + WHITE
-    base = fj.fit("lfdh", Recording(SWEEP, curved, STEP), starts=4)
+    base = fj.fit("lfdh", Recording(SWEEP, curved, STEP, "V", "um"), starts=4)
     scaled = Recording(drive[1] * SWEEP, response[1] * curved, STEP, drive[0], response[0])
     other = fj.fit("lfdh", scaled, starts=4)
     assert other.scores.r_squared == pytest.approx(base.scores.r_squared, abs=1e-9)
@@ -58,7 +58,7 @@ def test_units_change_no_fit(drive, response):
 def test_a_floor_is_not_the_mismatch_of_a_fit():
     drive = SWEEP
     response = 0.1 * drive + 0.4 * np.sin(drive / 15) + WHITE
-    found = fj.fit("foh", Recording(drive, response, STEP), starts=4)
+    found = fj.fit("foh", Recording(drive, response, STEP, "V", "um"), starts=4)
     assert found.noise.method == "residual"
     assert found.noise.sigma == pytest.approx(0.005, rel=0.2)
     assert found.scores.rmse > 3 * found.noise.sigma

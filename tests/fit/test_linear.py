@@ -41,7 +41,7 @@ def test_python_control_gets_the_same_system(creep):
 
 
 def test_a_resonance_keeps_its_poles():
-    recording = fj.Recording(*_ringing(), 1e-3)
+    recording = fj.Recording(*_ringing(), 1e-3, "V", "um")
     found = fj.fit("resonance", recording, noise="1 nm", starts=4, settling=0, history="constant")
     poles = found.to_control((1.0, 400.0)).system.poles()
     ringing = poles[np.argmin(np.abs(np.abs(poles) - 2 * np.pi * 90.0))]

@@ -36,7 +36,7 @@ CLEAN = truth(DRIVE)
 
 def recording(seed: int) -> fj.Recording:
     noise = np.random.default_rng(seed).normal(0, SIGMA, CLEAN.size)
-    return fj.Recording(DRIVE, CLEAN + 3.0 + noise, STEP, source=f"recording {seed}")
+    return fj.Recording(DRIVE, CLEAN + 3.0 + noise, STEP, "V", "um", source=f"recording {seed}")
 
 
 def fitted(seed: int) -> fj.Fit:
@@ -72,7 +72,9 @@ def test_a_saved_fit_keeps_the_radii_of_its_own_block(tmp_path):
 
 
 def test_each_recording_of_a_batch_has_radii_over_its_own_drive(tmp_path):
-    half = fj.Recording(25 + 0.5 * (DRIVE - 50), 0.5 * recording(1).response, STEP, source="half")
+    half = fj.Recording(
+        25 + 0.5 * (DRIVE - 50), 0.5 * recording(1).response, STEP, "V", "um", source="half"
+    )
     options = {"out": tmp_path, "starts": 1, "noise": f"{SIGMA} um"}
     table = fj.fit_batch("prandtl_ishlinskii", [recording(0), half], **options)
     assert isinstance(table, pd.DataFrame)
@@ -120,7 +122,7 @@ def held_out_error(name: str, seed: int) -> float:
     drive = np.concatenate([DRIVE, unseen])
     response = preisach(drive, seed)
     noise = np.random.default_rng(seed).normal(0, SIGMA, DRIVE.size)
-    measured = fj.Recording(DRIVE, response[: DRIVE.size] + noise, STEP)
+    measured = fj.Recording(DRIVE, response[: DRIVE.size] + noise, STEP, "V", "um")
     model = fj.fit(name, measured, history="constant", starts=4).model
     error = response - fj.simulate(model, drive, STEP).response
     return float(np.std(error[DRIVE.size :]))

@@ -26,7 +26,7 @@ def record(values: dict[str, float], model: str = "creep", drive=DRIVE, seed=0) 
     block = fj.parse_model(model).with_values(values).block
     response = np.asarray(block(jnp.asarray(drive), fj.Grid(STEP)))
     noise = SIGMA * np.random.default_rng(seed).standard_normal(len(drive))
-    return fj.Recording(drive, response + noise, STEP, source=f"{model}.csv")
+    return fj.Recording(drive, response + noise, STEP, "V", "um", source=f"{model}.csv")
 
 
 CREEP = record({"k_c": 0.08, "mu": 0.02})
@@ -122,7 +122,7 @@ def test_beside_a_number_at_its_bound_an_interval_is_no_shorter_than_its_error(l
     """|u| is much like u on a drive that is seldom negative: held, it lets a be known well."""
     drive = DRIVE - 22
     noise = SIGMA * np.random.default_rng(5).standard_normal(SAMPLES)
-    recording = fj.Recording(drive, drive + 0.99 * np.abs(drive) + noise, STEP)
+    recording = fj.Recording(drive, drive + 0.99 * np.abs(drive) + noise, STEP, "V", "um")
     found = fj.fit(fj.Model(Bent(least)), recording, noise=KNOWN, history="rest", starts=1)
     slope = by_name(found)["slope"]
     assert by_name(found)["bend"].at_bound == stopped
@@ -152,7 +152,7 @@ class Cubed(fj.AbstractBlock):
 def test_an_interval_is_the_same_however_its_parameter_is_written():
     """The profile of p³, a gain, is a parabola: the ends of p are the roots of its ends."""
     white = 100 * np.random.default_rng(6).standard_normal(SAMPLES)
-    recording = fj.Recording(DRIVE, DRIVE + white, STEP)
+    recording = fj.Recording(DRIVE, DRIVE + white, STEP, "V", "um")
     noise = specified(100)
     found = fj.fit(fj.Model(Cubed()), recording, noise=noise, starts=1, history="constant")
     root = by_name(found)["root"]
@@ -177,7 +177,7 @@ def drifting(seed: int) -> fj.Fit:
     step = LONG / SAMPLES
     response = np.asarray(DRIFTING.with_values(DRIFT).block(jnp.asarray(DRIVE), fj.Grid(step)))
     noise = SIGMA * np.random.default_rng(seed).standard_normal(SAMPLES)
-    recording = fj.Recording(DRIVE, response + noise, step)
+    recording = fj.Recording(DRIVE, response + noise, step, "V", "um")
     return fj.fit(DRIFTING, recording, noise=KNOWN, starts=3, history="constant", settling=0)
 
 
@@ -197,7 +197,7 @@ def test_a_vector_of_one_number_has_its_profile():
     line = fj.blocks.MainsInterference(50.0, 1)
     model = fj.Model(fj.parse_model("creep").block + line)
     hum = 0.05 * np.sin(2 * np.pi * 50 * TIMES)
-    recording = fj.Recording(DRIVE, CREEP.response + hum, STEP)
+    recording = fj.Recording(DRIVE, CREEP.response + hum, STEP, "V", "um")
     found = fj.fit(model, recording, fixed={"mains_interference.frequency": 50.0}, **OPTIONS)
     told = intervals(found, "mains_interference.sines", "mains_interference.cosines")
     for name in ("mains_interference.sines", "mains_interference.cosines"):
@@ -301,7 +301,7 @@ def test_another_recording_may_be_held_out(creep):
     strange = record({"k_c": 0.2, "mu": 0.02}, drive=0.5 * DRIVE, seed=4)
     worse = fj.compare([fj.parse_model("creep")], CREEP, holdout=strange, **OPTIONS)
     assert unseen(worse).rmse > 20 * SIGMA
-    nm = fj.Recording(DRIVE, CREEP.response, STEP, response_unit="nm", source="other")
+    nm = fj.Recording(DRIVE, CREEP.response, STEP, "V", response_unit="nm", source="other")
     with pytest.raises(fj.InputError, match="other: expected the units of"):
         fj.compare([fj.parse_model("creep")], CREEP, holdout=nm, **OPTIONS)
 
@@ -311,7 +311,7 @@ def test_a_stretch_is_predicted_without_having_been_seen():
     spoilt one's is what was put in, not what a fit would have made of it."""
     response = CREEP.response.copy()
     response[60:90] += 1.0  # the third of twenty stretches, in the third fold
-    spoilt = fj.Recording(DRIVE, response, STEP)
+    spoilt = fj.Recording(DRIVE, response, STEP, "V", "um")
     folds = unseen(fj.compare([fj.parse_model("creep")], spoilt, **OPTIONS)).folds
     assert np.argmax(folds) == 2
     assert folds[2] == pytest.approx(np.sqrt(30 / 120), rel=0.1)
@@ -332,7 +332,7 @@ def test_the_memory_of_a_residual_is_that_of_its_autocorrelation():
 
 def test_beside_a_stretch_set_aside_as_much_is_left_out_as_the_residual_remembers():
     drive = np.random.default_rng(2).standard_normal(1200)
-    take = prepare([fj.Recording(drive, drive, STEP)], history="constant").takes[0]
+    take = prepare([fj.Recording(drive, drive, STEP, "V", "um")], history="constant").takes[0]
     slow = np.asarray(lfilter([1.0], [1.0, -0.8], np.random.default_rng(3).standard_normal(1200)))
     gap = _correlation_length(slow)
     assert 5 < gap < 20
@@ -345,7 +345,7 @@ def test_beside_a_stretch_set_aside_as_much_is_left_out_as_the_residual_remember
 def test_stretches_set_aside_are_whole_periods_from_two_in_each_fold_on():
     def changes(periods: int) -> np.ndarray:
         drive = 50 + 40 * np.sin(2 * np.pi * periods * np.arange(1200) / 1200)
-        take = prepare([fj.Recording(drive, drive, STEP)], history="constant").takes[0]
+        take = prepare([fj.Recording(drive, drive, STEP, "V", "um")], history="constant").takes[0]
         assert take.recording.drive_period() is not None
         of, near = _folds(take, np.random.default_rng(0).standard_normal(1200))
         assert near.shape == (5, 1200)

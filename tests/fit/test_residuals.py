@@ -139,7 +139,7 @@ def recording() -> fj.Recording:
     drive = 40 + 15 * np.sin(2 * np.pi * 1.3 * times) + 10 * np.sin(2 * np.pi * 4.1 * times + 1)
     block = fj.parse_model("creep").with_values({"k_c": 0.08, "mu": 0.02}).block
     response = np.asarray(block(jnp.asarray(drive), fj.Grid(2e-3)))
-    return fj.Recording(drive, response + 0.01 * noise(2)[:800], 2e-3)
+    return fj.Recording(drive, response + 0.01 * noise(2)[:800], 2e-3, "V", "um")
 
 
 def test_a_fit_is_analysed_recording_by_recording(recording):
@@ -171,7 +171,7 @@ def test_coloured_noise_is_white_once_whitened(recording):
     known = fj.Noise(coloured.std(), "um", "specification", np.array([1.0, -0.8]), 0.01)
     found = fj.fit(
         fj.parse_model("creep"),
-        fj.Recording(recording.drive, clean + coloured, 2e-3),
+        fj.Recording(recording.drive, clean + coloured, 2e-3, "V", "um"),
         noise=known, starts=1, history="constant",
     )  # fmt: skip
     (analysis,) = fj.analyse_residuals(found)

@@ -38,7 +38,7 @@ def test_a_fit_is_short_at_the_prompt_and_complete_in_its_summary(found):
 
 
 def test_names_are_escaped_in_a_notebook():
-    named = fj.Recording(DRIVE, CLEAN + SIGMA, STEP, source="<b>.csv")
+    named = fj.Recording(DRIVE, CLEAN + SIGMA, STEP, "V", "um", source="<b>.csv")
     assert "&lt;b&gt;.csv" in named._repr_html_()
     assert "<b>.csv" not in named._repr_html_()
 

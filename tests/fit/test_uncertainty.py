@@ -35,7 +35,7 @@ def test_intervals_cover_the_truth_though_the_noise_was_called_white(phi):
     """
     covered, alone, orders = {"k_c": 0, "mu": 0}, {"k_c": 0, "mu": 0}, []
     for seed in range(60):
-        recording = fj.Recording(DRIVE, CLEAN + SIGMA * coloured(seed, phi), STEP)
+        recording = fj.Recording(DRIVE, CLEAN + SIGMA * coloured(seed, phi), STEP, "V", "um")
         found = fit(recording)
         orders.append(found.residual_order)
         naive = uncertainty_of(

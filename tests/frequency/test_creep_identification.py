@@ -188,7 +188,7 @@ def record(drive, block: fj.AbstractBlock = ACTUATOR, sigma=1e-3, seed=0):
     response = np.asarray(clean)[::FINER]
     noise = sigma * np.random.default_rng(seed).standard_normal(response.size)
     warming = 0.02 * STEP * np.arange(response.size)
-    return fj.Recording(drive[::FINER], response + noise + warming, STEP)
+    return fj.Recording(drive[::FINER], response + noise + warming, STEP, "V", "um")
 
 
 def one_after_another():
@@ -277,7 +277,7 @@ TIMES = np.arange(8000) * STEP
     ids=["chirp", "random walk", "step"],
 )
 def test_a_drive_without_steady_tones_is_refused(drive):
-    recording = fj.Recording(drive, drive, STEP)
+    recording = fj.Recording(drive, drive, STEP, "V", "um")
     with pytest.raises(fj.InputError, match="drive: expected steady tones"):
         fj.amplitude_ratios(recording)
 
@@ -295,10 +295,10 @@ def test_frequencies_are_refined_from_the_drive_to_far_below_a_line_s_width():
     tones = (1.3717, 7.0913)
     parts = [30 * np.sin(2 * np.pi * f * times[:20_000]) for f in tones]
     drive = 50 + np.concatenate(parts)
-    found = fj.amplitude_ratios(fj.Recording(drive, 0.1 * drive, 1 / 2000))
+    found = fj.amplitude_ratios(fj.Recording(drive, 0.1 * drive, 1 / 2000, "V", "um"))
     assert found.frequencies_Hz == pytest.approx(tones, rel=1e-6)
     together = 50 + 15 * np.sum([np.sin(2 * np.pi * f * times) for f in tones], axis=0)
-    found = fj.amplitude_ratios(fj.Recording(together, 0.1 * together, 1 / 2000))
+    found = fj.amplitude_ratios(fj.Recording(together, 0.1 * together, 1 / 2000, "V", "um"))
     assert found.frequencies_Hz == pytest.approx(tones, rel=1e-6)
 
 
@@ -307,5 +307,5 @@ def test_a_parabola_of_time_is_drift_and_no_tone(in_turn):
     waves = np.sin(2 * np.pi * np.array([[2.0], [7.0]]) * TIMES)
     drive = np.concatenate(waves) if in_turn else waves.sum(axis=0)
     drift = (np.arange(drive.size) / drive.size) ** 2
-    found = fj.amplitude_ratios(fj.Recording(drive, 0.1 * drive + drift, STEP))
+    found = fj.amplitude_ratios(fj.Recording(drive, 0.1 * drive + drift, STEP, "V", "um"))
     assert found.ratios == pytest.approx([0.1, 0.1], rel=1e-9)

@@ -126,5 +126,5 @@ def test_a_trajectory_in_another_unit_is_converted():
     converted = trajectory.in_unit("um")
     assert converted.response_unit == "um"
     np.testing.assert_allclose(converted.response, RESPONSE)
-    with pytest.raises(InputError, match="a value in V"):
+    with pytest.raises(InputError, match="a motion in V"):
         trajectory.in_unit("V")

@@ -11,7 +11,7 @@ from hypothesis import strategies as st
 from scipy.signal import chirp, lfilter
 
 from fracjax._cli import run
-from fracjax._io import read, read_with_columns, write
+from fracjax._io import read, read_segments, write
 from fracjax._recording import Recording
 from fracjax._report._description import describe, loop_opening
 from fracjax._report._doubts import doubts_about
@@ -91,7 +91,7 @@ def test_the_kind_knows_neither_unit_nor_offset_nor_rate(name, gain, offset, ste
 
 
 def test_a_drive_that_never_moves_is_a_rest_and_what_it_is_good_for_is_said():
-    rest = Recording(np.full(500, 3.0), np.random.default_rng(5).normal(size=500), STEP)
+    rest = Recording(np.full(500, 3.0), np.random.default_rng(5).normal(size=500), STEP, "V")
     told = describe(rest)
     assert (told["drive"]["kind"], told["drive"]["top_frequency_Hz"]) == ("rest", None)
     assert told["noise"]["sigma"] == pytest.approx(1, rel=0.1)
@@ -204,10 +204,10 @@ def test_a_recording_without_repeats_says_so():
 def test_the_columns_that_were_read(tmp_path):
     signals = {"i": TIMES**0, "time_ms": 1e3 * TIMES, "u_V": np.sin(TURNS), "y_um": np.cos(TURNS)}
     write(tmp_path / "named.csv", signals)
-    found = read_with_columns(tmp_path / "named.csv")[1]
+    found = read_segments(tmp_path / "named.csv")[0].columns
     assert found == {"time": "time_ms", "input": "u_V", "output": "y_um"}
     np.savetxt(tmp_path / "nameless.dat", np.stack([TIMES**0, *list(signals.values())[2:]], axis=1))
-    found = read_with_columns(tmp_path / "nameless.dat", input=1, output=2, rate=100)[1]
+    found = read_segments(tmp_path / "nameless.dat", input=1, output=2, rate=100)[0].columns
     assert found == {"input": 1, "output": 2}
 
 

@@ -1,21 +1,24 @@
 """The recording's border, units, periods, rests and warnings."""
 
 import dataclasses
+from typing import Any
 
 import numpy as np
-import pint
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from fracjax._recording import (
+    UNSTATED,
     InputError,
     Recording,
     Repeats,
+    conversion,
     inspect_together,
     parse_quantity,
     unit,
 )
+from fracjax._recording._units import _SIMPLE, _by_pint
 
 SAMPLES = np.arange(8000)
 SINE = np.sin(2 * np.pi * SAMPLES / 200)
@@ -24,7 +27,8 @@ NOISE = np.random.default_rng(7).standard_normal(100_000)
 
 def record(drive, response=None, dt=0.005, **rest) -> Recording:
     """A recording of `drive`, shape (N,), with a response that merely varies."""
-    return Recording(drive, NOISE[: len(drive)] if response is None else response, dt, **rest)
+    units: dict[str, Any] = {"drive_unit": "V", "response_unit": "um"} | rest
+    return Recording(drive, NOISE[: len(drive)] if response is None else response, dt, **units)
 
 
 # The border ---------------------------------------------------------------------------------------
@@ -38,6 +42,29 @@ def test_what_it_holds():
     np.testing.assert_array_equal(recording.times, np.arange(40) / 2)
     np.testing.assert_array_equal(recording.drive, drive)
     assert recording.drive.dtype == recording.response.dtype == np.float64
+
+
+def test_units_that_nobody_stated_are_those_of_no_other_quantity():
+    recording = Recording(SINE[:50], NOISE[:50], 0.5)
+    assert (recording.drive_unit, recording.response_unit) == ("drive units", "response units")
+    assert "response units" in repr(recording)
+    assert conversion("response units", "um") is None
+    assert conversion("response units/drive units", "response units/drive units") == 1.0
+
+
+def test_the_common_units_are_those_of_pint():
+    for name in _SIMPLE:
+        if name not in UNSTATED.values():
+            own, pints = unit(name), _by_pint(name)
+            assert pints is not None
+            assert own.base == pints.base
+            assert float(own.scale / pints.scale) == pytest.approx(1, rel=1e-12)
+
+
+@pytest.mark.parametrize("name", ["rad/s", "T", "inch", "1/V", "deg/s", "m/s**2", "rpm", "%", "°"])
+def test_rarer_units_are_pints(name):
+    assert unit(name) == _by_pint(name)
+    assert not unit("rad/s").is_compatible_with(unit("Hz"))
 
 
 def test_arrays_are_copies_that_cannot_be_written():
@@ -70,7 +97,7 @@ def test_arrays_are_copies_that_cannot_be_written():
         ({"dt": np.nan}, "dt: expected"),
         ({"dt": np.inf}, "dt: expected"),
         ({"drive_unit": "wumpus"}, 'drive: expected a unit such as um.* found "wumpus"'),
-        ({"response_unit": ""}, "response: expected a unit"),
+        ({"response_unit": "1"}, "response: expected a unit"),
     ],
 )
 def test_refusals(change, sentence):
@@ -110,8 +137,7 @@ def test_window():
     ],
 )
 def test_units(text, same, ratio):
-    convert = pint.get_application_registry().convert
-    assert convert(1.0, unit(text), unit(same)) == pytest.approx(ratio)
+    assert conversion(text, same) == pytest.approx(ratio)
 
 
 @pytest.mark.parametrize(
@@ -268,7 +294,7 @@ def test_clipping(sign, name):
 
 def test_a_held_drive_or_coarse_codes_do_not_look_clipped():
     trapezoid = np.clip(2 * SINE, -1, 1)
-    assert record(trapezoid, 40 * trapezoid).checks() == ()
+    assert record(trapezoid, 40 * trapezoid**3).checks() == ()
     (warning,) = record(SINE, np.round(20 * SINE)).checks()
     assert "41 distinct values, about 1 um apart" in warning
 
@@ -310,3 +336,20 @@ def test_cusps_are_no_spikes():
     spiked[[700, 1501, 1502, 3110]] += [0.4, -0.3, -0.3, 0.4]
     found = np.flatnonzero(record(times, spiked, dt=2e-3).spikes)
     assert found.tolist() == [700, 1501, 1502, 3110]
+
+
+def test_a_channel_recorded_twice_is_said():
+    twice = record(SINE, 3 * SINE + 1)
+    assert any("repeats the drive sample by sample" in check for check in twice.checks())
+    lagging = 3 * SINE + 0.01 * NOISE[: len(SINE)]
+    assert not any("repeats" in check for check in record(SINE, lagging).checks())
+
+
+def test_a_response_that_overflowed_is_said():
+    moved = 1.3 * np.sin(2 * np.pi * SAMPLES / 200 - 0.1) + 0.001 * NOISE[: len(SAMPLES)]
+    wrapped = (moved + 1) % 2 - 1
+    (warning,) = [check for check in record(SINE, wrapped).checks() if "overflowed" in check]
+    assert "jumps through its range" in warning
+    assert not any("overflowed" in check for check in record(SINE, moved).checks())
+    square = np.sign(SINE) + 0.001 * NOISE[: len(SAMPLES)]
+    assert not any("overflowed" in check for check in record(np.sign(SINE), square).checks())

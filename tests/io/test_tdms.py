@@ -35,7 +35,9 @@ def test_tdms_channels_units_and_waveforms(tmp_path):
     (note,) = recording.warnings
     assert '200 Hz was taken as the rate, from "Position loop/Voltage/wf_increment" of' in note
     tdms(path, voltage, channel("Position", RESPONSE, "wumpus"), channel("Time", TIME, ""))
-    with pytest.raises(InputError, match=r'loop/Position": .*found "wumpus"; give --output-unit'):
+    with pytest.raises(
+        InputError, match=r'loop/Position": .*found "wumpus"; give --unit response=um'
+    ):
         read(path)
     is_the_loop(read(path, output_unit="um", output="Position"))
 

@@ -60,10 +60,8 @@ def test_real_recording():
     assert (recording.drive[1], recording.response[1]) == (1.856539, -120.154262)
     assert recording.drive_period() == (200, 0, 8027)
     assert recording.checks() == ()
-    assert recording.warnings == tuple(
-        f"{path}, column {column}: no unit is written, {unit} was assumed."
-        for column, unit in ((0, "V"), (4, "um"))
-    )
+    assert recording.warnings == ()
+    assert recording.response_unit == "response units"
 
 
 @pytest.mark.parametrize("suffix", [".csv", ".tsv", ".txt", ".dat", ".asc", ".log", ".CSV", ""])
@@ -158,16 +156,14 @@ def test_time_units(put, unit, scale):
     is_the_loop(read(put(lines_of(TIME * scale, DRIVE, RESPONSE, names=names))))
 
 
-def test_silent_units_are_assumed_aloud(put):
+def test_what_no_file_states_is_not_assumed(put):
     path = put(lines_of(names=("t", "u", "y")))
     recording = read(path)
-    assert (recording.drive_unit, recording.response_unit) == ("V", "um")
-    assert recording.warnings == tuple(
-        f'{path}, column "{name}": no unit is written, {unit} was assumed.'
-        for name, unit in (("t", "s"), ("u", "V"), ("y", "um"))
-    )
-    told = read(path, input_unit="mV", output_unit="N")
-    assert (told.drive_unit, told.response_unit, len(told.warnings)) == ("mV", "N", 1)
+    assert (recording.drive_unit, recording.response_unit) == ("drive units", "response units")
+    assert recording.warnings == (f'{path}, column "t": no unit is written, s was assumed.',)
+    told = read(path, input_unit="mV", output_unit="N", time_unit="ms")
+    assert (told.drive_unit, told.response_unit, told.warnings) == ("mV", "N", ())
+    assert told.rate == pytest.approx(200e3)
 
 
 def test_a_unit_told_is_what_the_numbers_are_converted_to_aloud(put):
@@ -177,7 +173,7 @@ def test_a_unit_told_is_what_the_numbers_are_converted_to_aloud(put):
     np.testing.assert_allclose(recording.response, 1000 * RESPONSE, rtol=1e-12)
     (warning,) = recording.warnings
     assert "converted from um to nm as given" in warning
-    with pytest.raises(InputError, match=r'of the same kind as "um".*found --output-unit "V"'):
+    with pytest.raises(InputError, match=r'of the same kind as "um".*found "V" in the call'):
         read(path, output_unit="V")
     with pytest.raises(InputError, match=r'a unit of what "displacement" speaks of, found "N"'):
         read(path, output_unit="N")
@@ -201,9 +197,6 @@ def test_a_short_file_with_wrong_columns_is_told_both(put):
         "--input and --output as a name or an index from 0; and give a longer recording: it has 10 "
         "samples, and at least 32 are needed."
     )
-    unclear = lines_of(names=("time_s", "u_V", "force"))[:11]
-    with pytest.raises(InputError, match="give --output-unit; and give a longer"):
-        read(put(unclear))
     with pytest.raises(InputError) as alone:
         read(put(lines_of()[:11]))
     assert str(alone.value).count("samples") == 1
@@ -256,6 +249,16 @@ def test_rate_beside_a_time_column(put):
         read(path, rate="250Hz")
 
 
+def test_a_bracket_that_is_no_unit_is_none(put):
+    path = put(lines_of(names=("t_s", "u (CH1)", "y (wumpus)")))
+    recording = read(path, input=1, output=2)
+    assert (recording.drive_unit, recording.response_unit) == ("drive units", "response units")
+    assert [warning.split(": ")[1] for warning in recording.warnings] == [
+        '"CH1" is no unit that is known, and none was taken.',
+        '"wumpus" is no unit that is known, and none was taken.',
+    ]
+
+
 # What is refused ----------------------------------------------------------------------------------
 
 REFUSED = {
@@ -287,7 +290,7 @@ REFUSED = {
     "two responses": (
         lines_of(names=("u_V", "x_um", "y_um")),
         {"rate": 200},
-        'one column for output, found "x_um", "y_um"; choose one with --output',
+        'one column for output, found "x_um" .*, "y_um" .*; give --output x_um or give --output y',
     ),
     "twice the same": (lines_of(), {"input": 1, "output": 1}, "--input 1, --output 1"),
     "no such name": (lines_of(), {"input": "w"}, 'a column "w", found .*"voltage_V".*--input'),
@@ -299,16 +302,11 @@ REFUSED = {
         {},
         "response: expected a signal that varies, found the constant 0",
     ),
-    "unknown unit": (
-        lines_of(names=("t", "u (V)", "y (wumpus)")),
-        {},
-        'column "y \\(wumpus\\)": expected a unit .*"wumpus"',
-    ),
-    "unknown unit told": (lines_of(), {"input_unit": "wumpus"}, '--input-unit: .*"wumpus"'),
+    "unknown unit told": (lines_of(), {"input_unit": "wumpus"}, '--unit drive=wumpus: .*"wumpus"'),
     "time in volts": (
         lines_of(names=("t [V]", "u", "y")),
         {},
-        'column "t \\[V\\]": expected a value in s',
+        'column "t \\[V\\]": expected a unit of what "t" speaks of',
     ),
     "rate in seconds": (lines_of(), {"rate": "5 ms"}, "--rate: expected a value in Hz"),
     "rate zero": (lines_of(), {"rate": 0}, "--rate: expected a positive rate"),

@@ -37,7 +37,7 @@ class Cubic(fj.AbstractBlock):
 def recording_of(block: fj.AbstractBlock, sigma: float, seed: int = 0) -> fj.Recording:
     clean = np.asarray(block(jnp.asarray(DRIVE), fj.Grid(STEP)))
     noise = np.random.default_rng(seed).standard_normal(SAMPLES)
-    return fj.Recording(DRIVE, clean + 2.0 + sigma * noise, STEP)
+    return fj.Recording(DRIVE, clean + 2.0 + sigma * noise, STEP, "V", "um")
 
 
 def fit_of(block: fj.AbstractBlock, recording: fj.Recording, sigma: float) -> fj.Fit:

@@ -37,7 +37,7 @@ def test_the_truth_of_a_short_recording_is_within_the_posterior():
     drive = 40 + 15 * np.sin(2 * np.pi * 2.3 * fine) + 9 * np.sin(2 * np.pi * 9.1 * fine + 1)
     clean = BASES["lfdh"].response(drive, STEP / OVER, law)[::OVER]
     noise = np.random.default_rng(1).standard_normal(SAMPLES)
-    recording = fj.Recording(DRIVE, clean + 1 + 0.02 * noise, STEP)
+    recording = fj.Recording(DRIVE, clean + 1 + 0.02 * noise, STEP, "V", "um")
     fit = fj.fit(
         fj.parse_model("lfdh"), recording, noise=specified(0.02), fixed={"mu": 0.4}, starts=1
     )

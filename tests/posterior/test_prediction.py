@@ -27,7 +27,7 @@ def test_mean_and_interval_are_those_of_linear_regression(sampled, cubic):
 
 
 def test_a_recording_has_its_own_step_and_must_have_the_same_units(sampled):
-    recording = fj.Recording(DRIVE, DRIVE, STEP / 2)
+    recording = fj.Recording(DRIVE, DRIVE, STEP / 2, "V", "um")
     np.testing.assert_array_equal(sampled.predict(recording).mean, sampled.predict(DRIVE).mean)
     with pytest.raises(fj.InputError, match="expected the units of"):
         sampled.predict(fj.Recording(DRIVE, DRIVE, STEP, "V", "nm"))
@@ -42,7 +42,9 @@ def test_a_loaded_posterior_predicts_the_same_if_its_name_builds_the_model(sampl
 @pytest.mark.slow
 def test_a_named_model_predicts_the_same_after_loading(tmp_path):
     generator = np.random.default_rng(3)
-    recording = fj.Recording(DRIVE, 0.1 * DRIVE + 1 + generator.normal(0, SIGMA, SAMPLES), STEP)
+    recording = fj.Recording(
+        DRIVE, 0.1 * DRIVE + 1 + generator.normal(0, SIGMA, SAMPLES), STEP, "V", "um"
+    )
     fit = fj.fit("prandtl_ishlinskii", recording, noise=SIGMA, fixed={"q": 0.0}, starts=1)
     posterior = fj.sample_posterior(fit, noise_model=fj.WhiteNoise(), steps=60)
     posterior.save(tmp_path)

@@ -28,7 +28,7 @@ def white(size: int, seed: int = 0) -> np.ndarray:
 
 
 def floor_of(drive: np.ndarray, response: np.ndarray) -> fj.Noise:
-    noise = measured_noise(Recording(drive, response, STEP))
+    noise = measured_noise(Recording(drive, response, STEP, "V", "um"))
     assert noise is not None
     return noise
 
@@ -99,7 +99,7 @@ def test_a_smooth_mismatch_is_no_noise():
     times = STEP * np.arange(3000)
     drive = 50 + 40 * np.sin(2 * np.pi * (0.5 + 0.2 * times) * times)
     mismatch = 100 * SIGMA * np.sin(drive / 20)
-    recording = Recording(drive, 0.1 * drive + mismatch, STEP)
+    recording = Recording(drive, 0.1 * drive + mismatch, STEP, "V", "um")
     residual = mismatch + white(3000)
     residual[[400, 401, 2000]] += 300 * SIGMA
     (noise,) = residual_noises([Residual(residual, np.ones(3000, bool), recording)])
@@ -138,7 +138,7 @@ def test_smooth_constant_and_coarse_signals_have_a_colour(shape, decades, code, 
     assert 0 <= innovation <= 1.5 * np.sqrt(np.mean(signal**2)) + 1e-300
     drive = np.linspace(0, 1, size) ** 1.5 * 100
     response = np.arange(size) * 0.1
-    recording = Recording(drive, response, STEP)
+    recording = Recording(drive, response, STEP, "V", "um")
     (noise,) = residual_noises([Residual(signal, np.ones(size, bool), recording)])
     assert np.isfinite(noise.sigma)
     assert noise.innovation > 0

@@ -19,7 +19,7 @@ def test_an_estimated_past_explains_what_a_recording_cut_out_of_motion_remembers
 
     law = LAW | {"k_p": 0.0}
     drive, clean = truth(drive_of, law)
-    cut = fj.Recording(drive[500:], clean[500:] + SIGMA * white(3)[500:], STEP)
+    cut = fj.Recording(drive[500:], clean[500:] + SIGMA * white(3)[500:], STEP, "V", "um")
     model = fj.parse_model("foh")
     held, estimated = (
         fj.fit(
@@ -44,7 +44,7 @@ def test_of_steady_cycles_whole_periods_count_and_all_of_them():
     times = np.arange(1100) * STEP
     drive = 40 + 30 * np.sin(2 * np.pi * times / 0.4)  # 5.5 periods of 200
     response = 0.1 * drive + SIGMA * np.random.default_rng(0).standard_normal(1100)
-    recording = fj.Recording(drive, response, STEP)
+    recording = fj.Recording(drive, response, STEP, "V", "um")
     taken = prepare([recording], history="periodic").takes[0]
     assert len(taken.recording) == taken.used.size == 1000
     assert taken.used.all()
@@ -60,7 +60,7 @@ def test_steady_cycles_that_end_within_one_are_compared_with_a_start_on_whole_on
     law = fj.parse_model("creep").with_values({"k_c": 0.1, "mu": 0.2})
     steady = np.tile(fj.simulate(law, drive[:200], STEP, "periodic").response, 6)[:1100]
     noise = SIGMA * np.random.default_rng(0).standard_normal(1100)
-    fit = fj.fit("creep", fj.Recording(drive, steady + noise, STEP), starts=1)
+    fit = fj.fit("creep", fj.Recording(drive, steady + noise, STEP, "V", "um"), starts=1)
     assert fit.to_dict()["assumptions"][0]["history"] == "periodic"
     assert fit.scores.rmse == pytest.approx(SIGMA, rel=0.1)
 
@@ -73,7 +73,7 @@ def one_period(history: History, seed: int = 0) -> fj.Recording:
     phases = generator.uniform(0, 2 * np.pi, (10, 1))
     drive = 40 + 8 * np.sum(np.cos(2 * np.pi * tones * times / (512 * STEP) + phases), axis=0)
     response = fj.simulate("foh", drive, STEP, history).response
-    return fj.Recording(drive, response + SIGMA * generator.standard_normal(512), STEP)
+    return fj.Recording(drive, response + SIGMA * generator.standard_normal(512), STEP, "V", "um")
 
 
 @pytest.mark.parametrize("history", ["periodic", "constant"])
@@ -96,7 +96,9 @@ def two_cycles(model: str, history: History, tones: int, seed: int, wandering=0.
     law = fj.parse_model(f"{model} >> resonance").with_values(mode)
     noise = SIGMA * generator.standard_normal(1024)
     noise += wandering * SIGMA * np.cumsum(generator.standard_normal(1024))
-    return fj.Recording(drive, fj.simulate(law, drive, STEP, history).response + noise, STEP)
+    return fj.Recording(
+        drive, fj.simulate(law, drive, STEP, history).response + noise, STEP, "V", "um"
+    )
 
 
 @pytest.mark.parametrize(
@@ -129,7 +131,7 @@ def test_the_period_of_a_drive():
     assert take_of(recording.window(0, 1000), None, None, None).period is None
     assert take_of(one_period("periodic"), None, None, None).period is None
     times = np.arange(1100) * STEP
-    sine = fj.Recording(np.sin(2 * np.pi * times / 0.4), times, STEP)
+    sine = fj.Recording(np.sin(2 * np.pi * times / 0.4), times, STEP, "V", "um")
     assert take_of(sine, None, None, None).period == 200
 
 
@@ -145,7 +147,7 @@ def test_a_drive_that_begins_at_rest_is_no_period():
     recording = one_period("periodic")
     drive = np.concatenate([np.full(50, recording.drive[0]), recording.drive])
     response = np.concatenate([np.full(50, recording.response[0]), recording.response])
-    take = take_of(fj.Recording(drive, response, STEP), None, None, None)
+    take = take_of(fj.Recording(drive, response, STEP, "V", "um"), None, None, None)
     assert alternative_history(take) is None
 
 

@@ -326,7 +326,13 @@ def test_a_specification_is_believed_where_nothing_shows_the_noise():
 
 def test_several_recordings_are_as_large_as_the_largest_of_each():
     small, large = (
-        Recording(c + a * np.sin(2 * np.pi * f * STEP * np.arange(n)), a * np.cos(np.arange(n)), h)
+        Recording(
+            c + a * np.sin(2 * np.pi * f * STEP * np.arange(n)),
+            a * np.cos(np.arange(n)),
+            h,
+            "V",
+            "um",
+        )
         for c, a, f, n, h in ((10, 5, 3, 600, STEP), (50, 40, 1, 400, 2 * STEP))
     )
     one, other, both = (setting_of(listed) for listed in ([small], [large], [small, large]))
@@ -344,8 +350,8 @@ def test_several_recordings_are_as_large_as_the_largest_of_each():
 def test_a_rest_recorded_beside_is_no_drive():
     """Its measured drive is noise, the fastest there is; a slight drive is one."""
     white = np.random.default_rng(3).standard_normal(600)
-    driven = Recording(50 + 40 * np.sin(np.arange(600) / 30), white, STEP)
-    rest, slight = (Recording(50 + size * white, white, STEP) for size in (0.01, 1.0))
+    driven = Recording(50 + 40 * np.sin(np.arange(600) / 30), white, STEP, "V", "um")
+    rest, slight = (Recording(50 + size * white, white, STEP, "V", "um") for size in (0.01, 1.0))
     alone, beside_rest, beside_slight = map(
         setting_of, ([driven], [driven, rest], [driven, slight])
     )

@@ -38,7 +38,7 @@ def test_repeats_show_the_noise_under_a_slow_decay():
     time = np.arange(8000) / 200
     drive = np.sin(2 * np.pi * time)
     response = 5 * drive + 0.1 * np.log(time + 0.1) + 0.01 * generator.standard_normal(8000)
-    noise = measured_noise(Recording(drive, response, 0.005))
+    noise = measured_noise(Recording(drive, response, 0.005, "V", "um"))
     assert noise is not None
     assert noise.method == "repeats"
     assert noise.sigma == pytest.approx(0.01, rel=0.05)
@@ -49,7 +49,7 @@ def test_repeats_of_a_few_samples_show_the_noise_in_full():
     generator = np.random.default_rng(4)
     drive = np.tile(np.sin(2 * np.pi * np.arange(20) / 20), 200)
     noise = measured_noise(
-        Recording(drive, 5 * drive + 0.01 * generator.standard_normal(4000), 0.005)
+        Recording(drive, 5 * drive + 0.01 * generator.standard_normal(4000), 0.005, "V", "um")
     )
     assert noise is not None
     assert noise.method == "repeats"
@@ -61,7 +61,7 @@ PATTERN = np.cumsum(np.random.default_rng(5).standard_normal(600))
 
 
 def test_of_a_drive_given_three_times_the_third_tells_nothing():
-    recording = Recording(np.tile(PATTERN, 3), np.tile(PATTERN, 3), STEP)
+    recording = Recording(np.tile(PATTERN, 3), np.tile(PATTERN, 3), STEP, "V", "um")
     residual, used = np.random.default_rng(6).standard_normal(1800), np.ones(1800, bool)
     (twice,) = residual_noises([Residual(residual, used, recording)])
     residual[1200:] += 1000
@@ -75,7 +75,7 @@ def test_a_drive_given_twice_shows_more_than_rests_unless_it_shows_more_than_noi
     drive, used = np.tile(PATTERN, 2), np.ones(1200, bool)
     rests = fj.Noise(unit, "um", "static", np.ones(1), unit, effective=50.0)
     white = unit * np.random.default_rng(7).standard_normal(1200)
-    recording = Recording(drive, 100 * unit * drive, STEP)
+    recording = Recording(drive, 100 * unit * drive, STEP, "V", "um")
     noise = refine_noise(rests, Residual(white, used, recording))
     assert (noise.method, noise.sigma) == ("repeats", pytest.approx(unit, rel=0.1))
     # It was measured, and a better fit does not change it.
@@ -88,9 +88,9 @@ def test_noises_read_together_are_those_read_alone():
     for size, memory in ((400, 0.0), (700, -0.6), (400, 0.9), (37, 0.0), (700, 0.0)):
         drive = np.cumsum(generator.standard_normal(size))
         noise = np.asarray(lfilter([1], [1, -memory], generator.standard_normal(size)))
-        recording = Recording(drive, drive + 0.1 * noise, STEP)
+        recording = Recording(drive, drive + 0.1 * noise, STEP, "V", "um")
         residuals.append(Residual(0.1 * noise, np.arange(size) >= size // 10, recording))
-    recording = Recording(np.tile(PATTERN, 2), np.tile(PATTERN, 2), STEP)
+    recording = Recording(np.tile(PATTERN, 2), np.tile(PATTERN, 2), STEP, "V", "um")
     residuals.append(Residual(generator.standard_normal(1200), np.ones(1200, bool), recording))
     residuals.append(Residual(np.zeros(400), residuals[0].used, residuals[0].recording))
     together = residual_noises(residuals)
@@ -111,7 +111,7 @@ def test_spikes_are_no_noise():
     response = 5 * drive + 0.01 * generator.standard_normal(8000)
     for at in (700, 1803, 3010, 4507, 6404):
         response[at] += generator.choice([-1, 1]) * 20
-    noise = measured_noise(Recording(drive, response, 0.005))
+    noise = measured_noise(Recording(drive, response, 0.005, "V", "um"))
     assert noise is not None
     assert noise.method == "repeats"
     assert noise.sigma == pytest.approx(0.01, rel=0.05)
@@ -123,7 +123,9 @@ def test_a_noise_floor_above_what_a_fit_leaves_is_not_believed():
     white = 0.005 * np.random.default_rng(0).standard_normal(TIMES.size)
     law = fj.simulate(fj.parse_model("creep"), drive, STEP, "constant").response
     told = fj.Noise(0.5, "um", "repeats", np.ones(1), 0.5)
-    found = fj.fit(fj.parse_model("creep"), Recording(drive, law + white, STEP), noise=told)
+    found = fj.fit(
+        fj.parse_model("creep"), Recording(drive, law + white, STEP, "V", "um"), noise=told
+    )
     noise = found.preparation.takes[0].noise
     assert noise is not None
     assert noise.method == "residual"

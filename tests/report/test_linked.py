@@ -37,7 +37,7 @@ def test_of_a_long_recording_no_extreme_is_lost():
 def test_samples_lie_in_the_bins_of_each_axis():
     """A triangle of eight samples: its levels, rates, and times since it last turned."""
     triangle = np.tile([0.0, 1, 2, 3, 4, 3, 2, 1], 8)
-    recording = Recording(triangle, triangle + 0.1, 0.5)
+    recording = Recording(triangle, triangle + 0.1, 0.5, "V", "um")
     bins = bins_of_samples(
         recording,
         [
@@ -58,7 +58,7 @@ def test_samples_lie_in_the_bins_of_each_axis():
 
 def test_time_since_reversal_starts_anew_where_the_drive_turns():
     drive = np.concatenate([np.linspace(0, 1, 41), np.linspace(1, 0, 41)[1:]])
-    recording = Recording(drive, drive, 1.0)
+    recording = Recording(drive, drive, 1.0, "V", "um")
     edges = np.arange(0, 60) * 1.0
     since = bins_of_samples(recording, [axis_of("reversal", edges)])["reversal"]
     assert since[:40].tolist() == list(range(40))
@@ -88,7 +88,7 @@ def test_no_label_of_a_strip_stands_twice():
 
 def test_samples_that_do_not_count_are_not_in_the_loop_nor_in_the_residual():
     drive = np.sin(np.arange(200) / 10)
-    recording = Recording(drive, 2 * drive, 0.1)
+    recording = Recording(drive, 2 * drive, 0.1, "V", "um")
     used = np.arange(200) >= 50
     plots = linked_plots(recording, used, [Curve("model", 2 * drive + 0.5, "#D55E00")], 0.1)
     data = {name: np.asarray(column) for name, column in plots.samples.data.items()}

@@ -1,0 +1,118 @@
+"""Parquet, Feather and lines of JSON, by PyArrow."""
+
+from collections.abc import Mapping
+from os import PathLike, fspath
+
+import numpy as np
+
+from fracjax._io._arrays import Array, array_table
+from fracjax._io._files import reading, writing
+from fracjax._io._table import Table
+
+_PARQUET, _FEATHER, _JSON = "a Parquet file", "a Feather file", "lines of JSON"
+
+
+def read_parquet(path: str | PathLike[str]) -> Table:
+    """The columns of a Parquet file, with what the metadata of the file and of its fields say.
+
+    Raises InputError for a file that is no whole Parquet file.
+    """
+    source = fspath(path)
+    with reading(source, _PARQUET):
+        from pyarrow import parquet
+
+        with open(source, "rb") as file:
+            # Arrow's threads may still run when the process ends, which aborts it.
+            content = parquet.read_table(file, use_threads=False, pre_buffer=False)
+        return _table(source, content)
+
+
+def read_feather(path: str | PathLike[str]) -> Table:
+    """The columns of a Feather file, likewise.
+
+    Raises InputError for a file that is no whole Feather file.
+    """
+    source = fspath(path)
+    with reading(source, _FEATHER):
+        from pyarrow import feather
+
+        return _table(source, feather.read_table(source, memory_map=False, use_threads=False))
+
+
+def read_json_lines(path: str | PathLike[str]) -> Table:
+    """The columns of a file with one object of JSON a line.
+
+    Raises InputError for a file that holds anything else.
+    """
+    source = fspath(path)
+    with reading(source, _JSON):
+        from pyarrow import json
+
+        options = json.ReadOptions(use_threads=False)
+        return _table(source, json.read_json(source, options).flatten())
+
+
+def write_parquet(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
+    """Write columns, each of shape (N,), that read back to the same numbers.
+
+    Raises InputError where the file cannot be written.
+    """
+    with writing(path, _PARQUET) as part:
+        import pyarrow
+        from pyarrow import parquet
+
+        parquet.write_table(pyarrow.table(dict(columns)), part)
+
+
+def write_feather(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
+    """Write columns, each of shape (N,), likewise.
+
+    Raises InputError where the file cannot be written.
+    """
+    with writing(path, _FEATHER) as part:
+        import pyarrow
+        from pyarrow import feather
+
+        feather.write_feather(pyarrow.table(dict(columns)), str(part), compression="uncompressed")
+
+
+def _table(source: str, content) -> Table:
+    """The columns of a table of Arrow's; an absent number reads as no number."""
+    schema = content.schema
+    facts: dict[str, object] = {
+        key.decode("utf-8", "replace"): value
+        for key, value in (schema.metadata or {}).items()
+        if key not in (b"ARROW:schema", b"pandas")
+    }
+    described = schema.pandas_metadata or {}
+    facts |= {f"pandas/{key}": each for key, each in (described.get("attributes") or {}).items()}
+    index = [name for name in described.get("index_columns", ()) if isinstance(name, str)]
+    arrays = {}
+    for field, column in zip(schema, content.columns, strict=True):
+        nameless = field.name in index and field.name.startswith("__")
+        # Of whole numbers an index counts, of others it is a time.
+        name = ("index" if "int" in f"{field.type}" else "time index") if nameless else field.name
+        arrays[name] = _array(column)
+        for key, value in (field.metadata or {}).items():
+            facts[f"{name}/{key.decode('utf-8', 'replace')}"] = value
+    return array_table(source, arrays, facts)
+
+
+def _array(column) -> Array:
+    """A column as NumPy's type that holds it: moments without their zone, decimals as numbers."""
+    from pyarrow import types
+
+    kind = column.type
+    if types.is_timestamp(kind) or types.is_date(kind):
+        column = column.cast("timestamp[ns]")
+    elif types.is_time(kind):
+        column = column.cast("time64[ns]").cast("int64").cast("duration[ns]")
+    elif types.is_decimal(kind):
+        column = column.cast("float64")
+    elif types.is_dictionary(kind):
+        column = column.cast(kind.value_type)
+    try:
+        dtype = np.dtype(column.type.to_pandas_dtype())
+    except (NotImplementedError, TypeError):
+        dtype = np.dtype(object)
+    return Array((len(column),), dtype, column.to_numpy)

@@ -92,8 +92,9 @@ def write_formula(self, node) -> None:
 
 
 def write_pages(_app: Sphinx) -> None:
-    """The pages that are made: the gallery of effects, and notebooks that were not executed."""
+    """The pages that are made: the galleries of effects, and notebooks that were not executed."""
     gallery.write(HERE / "effects.md", HERE / "effects")
+    gallery.write_inside(HERE / "inside.md")
     executed = HERE / "notebooks"
     executed.mkdir(exist_ok=True)
     for notebook in (HERE.parent / "notebooks").glob("*.ipynb"):

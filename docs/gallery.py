@@ -5,9 +5,12 @@ from __future__ import annotations
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+
 import fracjax as fj
 from fracjax._cli._parameters import free_parameters
 from fracjax._models import ORDINARY
+from fracjax._parameters import named_parameters
 from fracjax._report import draw_effect
 from fracjax._show import figure, quantity
 
@@ -58,10 +61,37 @@ SECTION = """\
 :::
 """
 
+INSIDE_OPENING = """\
+# Physics inside machines
+
+What acts at a port of a machine, `machine @ effect`, and changes the motion that it depends on
+([how it is found](how-to/machines.md)).  Forces and flows are in units of the drive.
+"""
+
+INSIDE_SECTION = """\
+({anchor})=
+## {title}
+
+{sentence}. It acts where there is a {kind}.
+
+```text
+{equation}
+```
+
+**Parameters**: {parameters}.
+
+**Look-alikes**, and what distinguishes them:
+
+{look_alikes}
+
+**Source**: {source}.
+"""
+
 
 def link(name: str) -> str:
     """A look-alike as a link, where it is an effect of the catalogue."""
-    return f"[{words(name)}](#{anchor(name)})" if name in fj.EFFECTS else words(name)
+    known = name in fj.EFFECTS or name in fj.blocks.INSIDE
+    return f"[{words(name)}](#{anchor(name)})" if known else words(name)
 
 
 def words(name: str) -> str:
@@ -97,6 +127,29 @@ def section(effect: fj.Effect) -> str:
         look_alikes="\n".join(alike),
         source=effect.source,
     )
+
+
+def inside_section(effect: fj.blocks.InsideEffect) -> str:
+    """The section of an effect inside a machine, in Markdown."""
+    alike = [f"- {link(other)}: {how}" for other, how in effect.separated_by.items()]
+    swing = np.sin(np.linspace(0, 2 * np.pi, 50))
+    parameters = named_parameters(effect.trials(fj.blocks.Motion(swing, swing, swing))[0])
+    return INSIDE_SECTION.format(
+        anchor=anchor(effect.name),
+        title=words(effect.name),
+        sentence=effect.sentence[0].upper() + effect.sentence[1:],
+        kind=effect.kind,
+        equation=effect.equation,
+        parameters="; ".join(f"`{name}` [{p.unit}]" for name, p in parameters.items()),
+        look_alikes="\n".join(alike),
+        source=effect.source,
+    )
+
+
+def write_inside(page: Path) -> None:
+    """Write the page of effects inside machines."""
+    sections = [inside_section(effect) for effect in fj.blocks.INSIDE.values()]
+    page.write_text("\n".join([INSIDE_OPENING, *sections]), encoding="utf-8")
 
 
 def write(page: Path, pictures: Path) -> None:

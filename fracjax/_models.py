@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import ast
-from collections.abc import Callable, Hashable, Mapping
+from collections.abc import Hashable, Mapping
 from types import MappingProxyType
 from typing import Any
 
@@ -15,16 +15,18 @@ from jax.typing import ArrayLike
 from ._aliases import ALIASES, meant_by, spelt
 from ._blocks import (
     EFFECTS,
-    FOH,
-    LFDH,
+    INSIDE,
     AbstractBlock,
-    BoucWen,
-    Creep,
-    Gain,
-    PEADynamics,
-    PrandtlIshlinskii,
+    AbstractInside,
+    AbstractMachine,
+    Motion,
     Setting,
+    Within,
 )
+from ._catalogue import GROUPS as GROUPS
+from ._catalogue import MODELS as MODELS
+from ._catalogue import ORDINARY as ORDINARY
+from ._catalogue import SIZED as SIZED
 from ._naming import ByName, path_of_name, prefixes_of, shown_names, unknown_parameter
 from ._parameters import Parameter, named_parameters, set_values
 from ._recording import InputError, closest, require_kind
@@ -101,85 +103,6 @@ class Model(eqx.Module):
         return Model(set_values(self.block, by_path), self.name)
 
 
-def coupled() -> AbstractBlock:
-    """FOH, then fractional creep, whose gain merges into FOH's [F §2.5]: six parameters."""
-    return FOH() >> Creep(fixed_gain=True)
-
-
-def coupled_model_1() -> AbstractBlock:
-    """Coupled Model-1 [F §4.4]: NBW, then the creep that TFOCIM identifies.
-
-    TFOCIM draws one straight line through the amplitude ratios, so its creep is s^-μ [F 11].
-    """
-    return BoucWen() >> Creep(fixed_gain=True)
-
-
-def coupled_model_2() -> AbstractBlock:
-    """Coupled Model-2 [F §4.4]: NBW, then the creep that OFOCIM identifies.
-
-    OFOCIM fits creep and dynamics together, so its creep is (k_p + a s^μ)/(m s² + …) [F 20].  The
-    paper does not say whether the dynamics then stay in the cascade.  Here they do, because they
-    were identified together with the creep, and at the 1 Hz of the paper's Table 4 they change
-    nothing.  The paper's count of six parameters suggests that only the creep stayed: that model is
-    `coupled`, of order -μ.
-    """
-    return BoucWen() >> PEADynamics(fixed_gain=True)
-
-
-def coupled_model_3() -> AbstractBlock:
-    """Coupled Model-3 [F §4.4]: FOH, then the creep that OFOCIM identifies, as in Model-2."""
-    return FOH() >> PEADynamics(fixed_gain=True)
-
-
-ORDINARY = Setting(
-    drive_low=0.0,
-    drive_high=100.0,
-    response_span=10.0,
-    step=1e-3,
-    duration=10.0,
-    top_frequency=10.0,
-    top_rate=1e3,
-    rms_rate=500.0,
-    response_low=0.0,
-    resolution=1e-3,
-)
-"""The setting of a common piezo stack (100 V, 10 µm), by which models and effects are sized that
-are named without a recording; chosen by judgement."""
-
-_AT_ONCE = 0.7
-"""The share of a typical response that follows the drive without memory; chosen by judgement."""
-
-
-def prandtl_ishlinskii(setting: Setting = ORDINARY) -> AbstractBlock:
-    """Prandtl–Ishlinskii plays over the setting's drive, weighted as in a typical loop.
-
-    Source: Al Janaideh, Rakheja & Su, IEEE/ASME Trans. Mechatronics 16 (2011) 734.
-    """
-    shares = np.append(_AT_ONCE, np.full(12, (1 - _AT_ONCE) / 12))
-    slope = setting.response_span / setting.drive_span
-    return PrandtlIshlinskii(slope * shares, low=setting.drive_low, high=setting.drive_high)
-
-
-SIZED = {"prandtl_ishlinskii": prandtl_ishlinskii}
-"""Models whose size follows the recordings."""
-"""The models whose blocks depend on the range of the drive, each with a function of the setting."""
-
-MODELS: dict[str, Callable[[], AbstractBlock]] = {
-    "foh": FOH,
-    "lfdh": LFDH,
-    "creep": Creep,
-    "coupled": coupled,
-    "bouc_wen": BoucWen,
-    **SIZED,
-    "pea_dynamics": PEADynamics,
-    "gain": Gain,
-    "coupled_model_1": coupled_model_1,
-    "coupled_model_2": coupled_model_2,
-    "coupled_model_3": coupled_model_3,
-}
-"""The models by name, each with a function that makes its block at nominal parameters."""
-
-
 def _catalogue_name(block: AbstractBlock) -> str:
     """The name in `MODELS` that builds a block of this structure, or else the name of its class."""
     structure = jax.tree_util.tree_structure(block)
@@ -211,7 +134,27 @@ def _typical_effect(
     return form[len(form) // 2]
 
 
-def _shapes(block: AbstractBlock) -> dict[str, tuple[int, ...]]:
+def _typical_inside(name: str, setting: Setting, own: Mapping[str, ArrayLike]) -> AbstractInside:
+    """An effect inside a machine at the middle trial for the setting's motion.
+
+    Of its forms it is the one whose parameters have the names in `own`, else the first.
+    """
+    turns = np.linspace(0, 2 * np.pi, 201)
+    span, rate = 0.5 * setting.response_span, 2 * np.pi * setting.top_frequency
+    drive = setting.drive_centre + 0.5 * setting.drive_span * np.sin(turns)
+    motion = Motion(span * np.sin(turns), span * rate * np.cos(turns), drive)
+    trials = INSIDE[name].trials(motion)
+    forms: dict[Hashable, list[AbstractInside]] = {}
+    for trial in trials:
+        names = tuple((n, p.fixed) for n, p in named_parameters(trial).items())
+        forms.setdefault(names, []).append(trial)
+    free = {n for n, value in own.items() if np.any(value)}
+    matching = [form for form in forms.values() if free and free <= {*_shapes(form[0])}]
+    form = [*matching, *forms.values()][0]
+    return form[len(form) // 2]
+
+
+def _shapes(block: AbstractBlock | AbstractInside) -> dict[str, tuple[int, ...]]:
     """The shape of every parameter, by dotted path."""
     return {name: np.shape(p.value) for name, p in named_parameters(block).items()}
 
@@ -227,6 +170,11 @@ def as_model(model: Model | str, setting: Setting | None = None) -> Model:
 class _AsNamed(ast.NodeTransformer):
     """A composition with the other words in it replaced by the names that they lead to."""
 
+    def visit_BinOp(self, node: ast.BinOp) -> ast.BinOp:
+        if isinstance(node.op, ast.MatMult):  # the words for what is inside have their own meaning
+            return ast.BinOp(self.visit(node.left), node.op, node.right)
+        return ast.BinOp(self.visit(node.left), node.op, self.visit(node.right))
+
     def visit_Name(self, node: ast.Name) -> ast.Name:  # the visitor's name for it
         return ast.Name(meant_by(node.id).name)
 
@@ -238,8 +186,12 @@ def parse_model(
 ) -> Model:
     """A model from its name, or from names joined by `>>` (series) and `+` (parallel).
 
-    `+` binds tighter than `>>`; parentheses group.  A name alone is a model; that of an effect is
-    the effect on an actuator that otherwise follows its drive in proportion, `gain >> resonance`.
+    `machine @ effect` is an effect inside a machine, at its first port of the effect's kind, and
+    `machine @ port.effect` at a port by name: "oscillator @ cubic_stiffness".
+
+    `@` binds tighter than `+`, and `+` tighter than `>>`; parentheses group.  A name alone is a
+    model; that of an effect is the effect on an actuator that otherwise follows its drive in
+    proportion, `gain >> resonance`.
     The field's other words lead to these names: "Bouc-Wen", "Prandtl-Ishlinskii", "Kelvin-Voigt".
 
     Creep is one physical process with several laws.  The model `creep`, alone, is its power law
@@ -270,13 +222,16 @@ def parse_model(
     def error(actual: str, similar: str = "") -> InputError:
         return InputError(
             f'model "{text}": expected names joined by >> and +, found {actual}{similar}; the '
-            f"models are {', '.join(MODELS)} and the effects {', '.join(EFFECTS)}"
+            f"models are {', '.join(MODELS)} and the effects {', '.join(EFFECTS)}; inside a "
+            f"machine, after @, they are {', '.join(INSIDE)}"
         )
 
     def build(
         node: ast.expr, own: Mapping[str, ArrayLike], path: str = "", ahead: bool = False
     ) -> AbstractBlock:
         match node:
+            case ast.BinOp(_, ast.MatMult(), _):
+                return within(node, own, path)
             case ast.BinOp(left, ast.RShift(), right):
                 first = build(left, own, f"{path}first.", True)
                 return first >> build(right, own, f"{path}second.", ahead)
@@ -293,6 +248,34 @@ def parse_model(
                     return MODELS[name]()
                 raise error(f'"{word}"', closest(word, words))
         raise error(f'"{ast.unparse(node)}"')
+
+    def within(node: ast.expr, own: Mapping[str, ArrayLike], path: str) -> AbstractBlock:
+        words: list[ast.expr] = []
+        while isinstance(node, ast.BinOp) and isinstance(node.op, ast.MatMult):
+            words.insert(0, node.right)
+            node = node.left
+        machine = build(node, own, f"{path}machine.")
+        if not isinstance(machine, AbstractMachine):
+            raise error(f'"{ast.unparse(node)}" before @, which has no ports')
+        block = Within(machine)
+        for k, word in enumerate(words):
+            match word:
+                case ast.Name(name):
+                    port = ""
+                case ast.Attribute(ast.Name(port), name):
+                    pass
+                case _:
+                    raise error(f'"{ast.unparse(word)}" after @')
+            if name not in INSIDE:
+                raise error(f'"{name}" after @', closest(name, INSIDE))
+            ports = machine.ports()
+            if port and port not in ports:
+                raise error(f'"{port}" after @, where the ports are {", ".join(ports) or "none"}')
+            prefix = f"{path}effects.{k}."
+            here = {n.removeprefix(prefix): v for n, v in own.items() if n.startswith(prefix)}
+            effect = _typical_inside(name, setting or ORDINARY, here)
+            block = block.at(port, effect) if port else block @ effect
+        return block
 
     try:
         whole = ast.parse(spelt(text), mode="eval").body

@@ -15,7 +15,16 @@ from typing import Any, TypeVar
 
 import jax
 
-from ._blocks import AbstractBlock, Inverse, LinearParallel, LinearSeries, Parallel, Series
+from ._blocks import (
+    AbstractBlock,
+    AbstractInside,
+    Inverse,
+    LinearParallel,
+    LinearSeries,
+    Parallel,
+    Series,
+    Within,
+)
 from ._parameters import is_parameter, named_parameters
 from ._recording import InputError, closest
 
@@ -25,7 +34,7 @@ _COMPONENT = re.compile(r"(\[\d+\])?(@\d+)?$")
 """What may follow a parameter's name: the index of a component, and that of a recording."""
 
 
-def block_name(block: AbstractBlock) -> str:
+def block_name(block: AbstractBlock | AbstractInside) -> str:
     """The name of one block: of its file among the blocks, else of its class in snake case."""
     package, _, file = type(block).__module__.rpartition(".")
     if package == AbstractBlock.__module__.rpartition(".")[0] and file[0] != "_":
@@ -41,6 +50,11 @@ def _parts(block: AbstractBlock, path: str = "") -> Iterator[tuple[str, str]]:
             yield from _parts(block.second, f"{path}second.")
         case Inverse():
             yield from _parts(block.block, f"{path}block.")
+        case Within():
+            yield from _parts(block.machine, f"{path}machine.")
+            for k, effect in enumerate(block.effects):
+                yield f"{path}effects.{k}.", block_name(effect)
+            yield path, "state"  # what remains is the state that it starts in
         case _:
             yield path, block_name(block)
 

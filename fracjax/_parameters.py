@@ -213,6 +213,24 @@ class Parameter:
         (_, *others), static = self.tree_flatten()
         return self.tree_unflatten(static, (value if traced else _array(value), *others))
 
+    def as_shape(self) -> Parameter:
+        """The same parameter where the output is not proportional to it.
+
+        Returns:
+            A new parameter that is iterated in a fit and not eliminated.
+        """
+        arrays, (unit, logarithmic, _, *others) = self.tree_flatten()
+        return self.tree_unflatten((unit, logarithmic, False, *others), arrays)
+
+    def freed(self) -> Parameter:
+        """The same parameter, which a fit moves.
+
+        Returns:
+            A new parameter, all else as in this one.
+        """
+        arrays, (unit, logarithmic, gain, _, *others) = self.tree_flatten()
+        return self.tree_unflatten((unit, logarithmic, gain, False, *others), arrays)
+
     def kept_plausible(self) -> Parameter:
         """The same parameter with its plausible range as bounds.
 

@@ -39,6 +39,11 @@ class AbstractBlock(eqx.Module):
     def linear(self) -> bool:
         """Whether superposition holds, so that gains before this block stay gains after it."""
 
+    @property
+    def leads(self) -> bool:
+        """Whether its response may lead its drive, as a force leads the motion that it causes."""
+        return False
+
     @abc.abstractmethod
     def __call__(self, drive: Array, grid: Grid) -> Array:
         """The response, as a JAX program.
@@ -260,6 +265,10 @@ class LinearSeries(AbstractLinearBlock):
     def accuracy(self) -> int:
         return min(self.first.accuracy, self.second.accuracy)
 
+    @property
+    def leads(self) -> bool:
+        return self.first.leads or self.second.leads
+
     def symbol(self, s: Array) -> Array:
         return self.first.symbol(s) * self.second.symbol(s)
 
@@ -284,6 +293,10 @@ class LinearParallel(AbstractLinearBlock):
     def accuracy(self) -> int:
         return min(self.first.accuracy, self.second.accuracy)
 
+    @property
+    def leads(self) -> bool:
+        return self.first.leads or self.second.leads
+
     def symbol(self, s: Array) -> Array:
         return self.first.symbol(s) + self.second.symbol(s)
 
@@ -307,6 +320,10 @@ class Series(AbstractBlock):
     @property
     def linear(self) -> bool:
         return self.first.linear and self.second.linear
+
+    @property
+    def leads(self) -> bool:
+        return self.first.leads or self.second.leads
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
         return self.second(self.first(drive, grid), grid)
@@ -349,6 +366,10 @@ class Parallel(AbstractBlock):
     @property
     def linear(self) -> bool:
         return self.first.linear and self.second.linear
+
+    @property
+    def leads(self) -> bool:
+        return self.first.leads or self.second.leads
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
         return self.first(drive, grid) + self.second(drive, grid)

@@ -25,7 +25,7 @@ from ._tables import print_json, print_table
 def effects_command(name: str | None, picture: Path | None, results: Results) -> None:
     """List the effects that `diagnose` can identify, or describe one in full."""
     from .._aliases import meant_by, spelt
-    from .._blocks import EFFECTS
+    from .._blocks import EFFECTS, INSIDE
     from .._models import MODELS
     from .._recording import InputError, closest
 
@@ -49,6 +49,11 @@ def effects_command(name: str | None, picture: Path | None, results: Results) ->
         print_table(
             ["effect", "inserted at", "equation", "what it is"],
             [[e["name"], e["site"], e["equation"], e["sentence"]] for e in listed],
+        )
+        print('\nInside a machine, at a port of it: --model "oscillator @ cubic_stiffness"')
+        print_table(
+            ["effect", "acts at a", "equation", "what it is"],
+            [[e.name, e.kind, e.equation, e.sentence] for e in INSIDE.values()],
         )
 
 

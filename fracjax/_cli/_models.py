@@ -20,15 +20,24 @@ if TYPE_CHECKING:
 @takes_results
 def models_command(results: Results) -> None:
     """List the models with their equations and parameters."""
-    from .._models import MODELS
+    from .._blocks import INSIDE
+    from .._models import GROUPS
 
-    listed = [_model(name, make()) for name, make in MODELS.items()]
+    listed = [
+        {"group": group} | _model(name, make())
+        for group, models in GROUPS.items()
+        for name, make in models.items()
+    ]
     if results.as_json:
         print_json(listed)
     elif not results.quiet:
         headers = ["model", "what it is", "equation", "parameters"]
-        print_table(headers, [_row(model) for model in listed])
+        for group in GROUPS:
+            print(f"\n{group}")
+            print_table(headers, [_row(model) for model in listed if model["group"] == group])
         print('Models and effects are joined in series by >> and in parallel by +: "foh >> creep".')
+        print('Inside a machine acts, by @: "oscillator @ cubic_stiffness"; there are')
+        print(f"{', '.join(INSIDE)}.")
         print("An effect alone is fitted on a gain: --model resonance is gain >> resonance.")
         print("Creep alone is the power law above; in a composition, the effect of that name.")
 

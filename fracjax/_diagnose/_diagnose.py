@@ -147,7 +147,7 @@ def diagnose(
         predict = predict_stretches if unseen is None else partial(predict_recording, take=unseen)
         # A model with rates of its own may lead its drive; one without follows with odd parameters.
         follows = not (base.displaced and isinstance(law.block, BoucWen | PrandtlIshlinskii))
-        doubts = [text for text in (wrong_way(r, follows=follows) for r in listed) if text]
+        doubts = [t for t in (wrong_way(r, law.block, follows=follows) for r in listed) if t]
         # The misfit of a fit that had to end early is not that of its model.
         may_name = not doubts and not clock.is_over
         inquiry = inquire(

@@ -9,6 +9,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.ndimage import gaussian_filter1d
 
+from .._blocks import AbstractBlock
 from .._operators import interpolate
 from .._prepare import top_frequency
 from .._recording import Recording, resolution
@@ -147,19 +148,20 @@ def lead_of(recording: Recording) -> float:
     return lead if lead > _LEAD else 0.0
 
 
-def wrong_way(recording: Recording, *, follows: bool) -> str:
+def wrong_way(recording: Recording, block: AbstractBlock, *, follows: bool) -> str:
     """The warning of a loop that no actuator has: one that is even in the drive, or one that leads
-    it, unless the model `follows` as it may; "" for other loops."""
+    it, unless the model `leads` by nature or `follows` as it may; "" for other loops."""
     if is_even(recording):
         return (
             f"{recording.source}: the response is even in the drive, a butterfly loop, which no "
             "model here describes; diagnose one branch, or measure a quantity that keeps the sign."
         )
     lead = lead_of(recording)
-    if lead and not follows:
+    if lead and not (follows or block.leads):
         return (
             f"{recording.source}: the response leads the drive by {lead:.2g} degrees, and its loop "
-            "runs the wrong way: the channels are skewed in time or swapped; correct that first. A "
-            "force leads the motion that it causes: take the force as the drive."
+            "runs the wrong way: the channels are skewed in time or swapped; correct that first. "
+            "If the drive is a motion and the response its force, which leads by nature, take a "
+            "model that does too, such as impedance."
         )
     return ""

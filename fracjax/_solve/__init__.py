@@ -4,6 +4,7 @@ from ._compressed import Compressed as Compressed
 from ._compressed import compress as compress
 from ._elimination import eliminate as eliminate
 from ._elimination import orthonormal_basis as orthonormal_basis
+from ._least_squares import Descent as Descent
 from ._least_squares import Linearised as Linearised
 from ._least_squares import Objective as Objective
 from ._least_squares import begin as begin

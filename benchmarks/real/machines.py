@@ -1,0 +1,267 @@
+"""Public benchmarks of machines whose missing physics is documented, inside their dynamics.
+
+    python -m benchmarks.real.machines [NAME …]
+
+What is documented is written down here before any of them is diagnosed.  Each is fitted on its
+benchmark's own estimation data by a linear machine; the effects that the diagnosis names are beside
+what is documented, and the errors of the linear and the extended machine are those on the
+benchmark's own test data.  The recordings are listed in machines.txt and never part of this
+package.
+"""
+
+from __future__ import annotations
+
+import csv
+import os
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import replace
+from pathlib import Path
+from typing import Any, NamedTuple
+
+import h5py
+import numpy as np
+import pooch
+from scipy.io import loadmat
+from scipy.signal import butter, filtfilt
+
+import fracjax as fj
+from benchmarks.real.recordings import HERE, rounded, table
+from fracjax import blocks
+from fracjax._inside import Inside, error_on, inquire_inside
+from fracjax._operators import History
+from fracjax._prepare import prepare
+from fracjax._solve import Solved
+
+_ORIGIN = pooch.create(path=pooch.os_cache("fracjax"), base_url="")
+_ORIGIN.load_registry(HERE / "machines.txt")
+
+
+def path_of(name: str) -> str:
+    """Where a recording lies: where FRACJAX_DATA points, else fetched from its origin."""
+    local = Path(os.environ.get("FRACJAX_DATA", "")) / name
+    if local.is_file() and pooch.file_hash(str(local)) == _ORIGIN.registry[name]:
+        return str(local)
+    return _ORIGIN.fetch(name)
+
+
+_EMPS_BAND = 40.0
+"""The band that drive and response are both cut to [Hz], the benchmark's for its regression."""
+
+
+class Case(NamedTuple):
+    """A benchmark.
+
+    Attributes:
+        documented: the names of the physics that its authors document, in the catalogue's words.
+        source: where they do.
+        machine: the linear machine that it is believed to be.
+        training: recordings for the fit.
+        tests: recordings for the error by the name of the test, and how many of their first samples
+            are not scored.
+        history: of all their drives.
+        oversampling: steps of the simulation per sample.
+        settling: first samples that are not fitted.
+        read: first samples of a test that its start is read from.
+    """
+
+    documented: tuple[str, ...]
+    source: str
+    machine: Any
+    training: list[fj.Recording]
+    tests: dict[str, tuple[fj.Recording, int]]
+    history: History = "rest"
+    oversampling: int = 2
+    settling: int = 0
+    read: int = 0
+
+
+def silverbox() -> Case:
+    """A circuit that is a mass on a cubic spring: odd multisines, and an arrow head of noise."""
+    drive, response = np.genfromtxt(
+        path_of("machines/SNLS80mV.csv"), delimiter=",", skip_header=1
+    ).T[:2]
+
+    def part(begin: int, end: int) -> fj.Recording:
+        return fj.Recording(
+            drive[begin:end], response[begin:end], 2**14 / 1e7, drive_unit="V", response_unit="V",
+            source="silverbox",
+        )  # fmt: skip
+
+    span = float(np.ptp(response) / np.ptp(drive))
+    return Case(
+        documented=("cubic_stiffness",),
+        source="Wigren & Schoukens, European Control Conference (2013), pp. 2933-2938",
+        machine=blocks.Oscillator(span, 60.0, 0.1),
+        training=[part(40_650, 40_650 + 16_384)],
+        tests={
+            "arrow head": (part(0, 40_000), 0),
+            "multisine": (part(61_000, 127_500), 500),
+        },
+    )
+
+
+def emps() -> Case:
+    """A motor's stage on a guide in closed loop, position to force, both low-passed (IDIM-LS)."""
+    return Case(
+        documented=("dry_friction",),
+        source="Janot, Gautier & Brunot, Nonlinear System Identification Benchmarks (2019)",
+        machine=blocks.Impedance(stiffness=0.0, damping=200.0, mass=100.0, springpot=None),
+        training=[_emps("machines/DATA_EMPS.mat")],
+        tests={
+            "pulses": (_emps("machines/DATA_EMPS_PULSES.mat"), 100),
+            "estimation": (_emps("machines/DATA_EMPS.mat"), 100),
+        },
+        history="constant",
+        oversampling=1,
+        settling=100,
+    )
+
+
+def _emps(name: str) -> fj.Recording:
+    """Position [m] and motor force [N] at 500 Hz, both low-passed alike."""
+    data = {key: np.ravel(value) for key, value in loadmat(path_of(name)).items() if key[0] != "_"}
+    force = data["gtau"][0] * data["vir"] + data.get("pulses_N", 0.0)
+    low_pass = butter(4, _EMPS_BAND / 500)
+    position, force = (filtfilt(*low_pass, signal) for signal in (data["qm"], force))
+    middle = slice(200, -200, 2)  # the filter's ends are not the machine's
+    return fj.Recording(
+        position[middle], force[middle], 2e-3, drive_unit="m", response_unit="N", source=name
+    )
+
+
+def tanks() -> Case:
+    """Two tanks, one above the other, which overflow."""
+    columns = np.genfromtxt(path_of("machines/dataBenchmark.csv"), delimiter=",", skip_header=1)
+    estimation, validation = (
+        fj.Recording(
+            columns[:, k], columns[:, k + 2], 4.0, drive_unit="V", response_unit="V", source="tanks"
+        )
+        for k in (0, 1)
+    )
+    return Case(
+        documented=("root_outflow", "internal_saturation"),
+        source="Schoukens & Noel, IFAC-PapersOnLine 50 (2017) 446",
+        machine=blocks.Lag(3.0, (100.0, 100.0)),
+        training=[estimation],
+        tests={"validation": (validation, 0)},
+        history="rest",
+        oversampling=1,
+        read=50,
+    )
+
+
+def bouc_wen() -> Case:
+    """A simulated mass on a spring with hysteresis, driven by multisines and a sine sweep.
+
+    The test's multisine is a steady period: it is simulated twice, and the second scored.
+    """
+
+    def recording(name: str, signal: str, samples: int | None, repeats: int) -> fj.Recording:
+        with h5py.File(path_of(f"machines/{name}.h5")) as file:
+            drive, response = (np.ravel(file[f"{signal}/{s}"])[:samples] for s in "uy")
+        return fj.Recording(
+            np.tile(drive, repeats), np.tile(1e3 * response, repeats), 1 / 750,
+            drive_unit="N", response_unit="mm", source=f"{name} {signal}",
+        )  # fmt: skip
+
+    return Case(
+        documented=("hysteretic_spring",),
+        source="Noel & Schoukens, Hysteretic benchmark with a dynamic nonlinearity (2016)",
+        machine=blocks.Oscillator(0.02, 35.0, 0.05),
+        training=[recording("train", "multisine", 8192, 1)],
+        tests={
+            "multisine": (recording("test", "multisine", None, 2), 8192),
+            "sine sweep": (recording("test", "sinesweep", None, 1), 0),
+        },
+        oversampling=4,
+    )
+
+
+CASES: dict[str, Callable[[], Case]] = {
+    "silverbox": silverbox,
+    "emps": emps,
+    "tanks": tanks,
+    "bouc_wen": bouc_wen,
+}
+
+
+def answer(case: Case) -> tuple[Inside, dict[str, tuple[float, float]], float]:
+    """The inquiry, the errors of the linear and the extended machine by test, and seconds."""
+    began = time.perf_counter()
+    preparation = prepare(case.training, history=case.history, settling=case.settling)
+    preparation = replace(preparation, oversampling=case.oversampling)
+    inside = inquire_inside(case.machine, preparation)
+    seconds = time.perf_counter() - began
+
+    def error(solved: Solved, recording: fj.Recording, skipped: int) -> float:
+        return error_on(solved, recording, case.history, skipped, case.read)[0]
+
+    errors = {
+        name: (error(inside.base, *test), error(inside.extended, *test))
+        for name, test in case.tests.items()
+    }
+    return inside, errors, seconds
+
+
+def _next(inside: Inside) -> str:
+    """The effect that would have been named next, and the share that it explains."""
+    for one in inside.rounds[inside.named : inside.named + 1]:
+        for candidate in one.candidates[:1]:
+            return f"{candidate.name} {rounded(1 - candidate.ratio)}"
+    return ""
+
+
+def main() -> None:
+    """Answer every case that is asked for, and write its rows of the table."""
+    rows = []
+    for name in sys.argv[1:] or CASES:
+        case = CASES[name]()
+        inside, errors, seconds = answer(case)
+        for one in inside.rounds:
+            print([(w.name, rounded(w.share), rounded(w.log_evidence)) for w in one.weighed[:8]])
+            print([(c.name, rounded(c.ratio), rounded(c.probability)) for c in one.candidates])
+        print(fj.Model(inside.block), flush=True)
+        for test, (linear, extended) in errors.items():
+            recording, _ = case.tests[test]
+            rows.append(
+                {
+                    "benchmark": name,
+                    "documented": " + ".join(case.documented),
+                    "named": " + ".join(inside.names),
+                    "sets": " + ".join("|".join(names) for names in inside.sets),
+                    "next": _next(inside),
+                    "outside": inside.outside,
+                    "test": test,
+                    "unit": case.training[0].response_unit,
+                    "rms": rounded(np.sqrt(np.mean(recording.response**2))),
+                    "linear": rounded(linear),
+                    "extended": rounded(extended),
+                    "parameters": sum(
+                        p.value.size
+                        for p in fj.Model(inside.block).parameters.values()
+                        if not p.fixed
+                    ),
+                    "seconds": rounded(seconds),
+                    "source": case.source,
+                }
+            )
+            print(rows[-1], flush=True)
+    again = {row["benchmark"] for row in rows}
+    kept = [row for row in _written() if row["benchmark"] not in again]
+    order = list(CASES)
+    table("machines", sorted(kept + rows, key=lambda row: order.index(row["benchmark"])))
+
+
+def _written() -> list[dict]:
+    """The rows that the table has."""
+    path = HERE / "machines.csv"
+    if not path.is_file():
+        return []
+    lines = path.read_text(encoding="utf-8").splitlines()
+    return list(csv.DictReader(line for line in lines if not line.startswith("#")))
+
+
+if __name__ == "__main__":
+    main()

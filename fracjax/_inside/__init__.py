@@ -1,0 +1,11 @@
+"""Which physics a machine's model leaves out inside its dynamics."""
+
+from ._columns import Columns as Columns
+from ._columns import columns_of as columns_of
+from ._evidence import Weighed as Weighed
+from ._evidence import weigh as weigh
+from ._inquire import inquire_inside as inquire_inside
+from ._predict import error_on as error_on
+from ._result import Candidate as Candidate
+from ._result import Inside as Inside
+from ._result import Round as Round

@@ -6,9 +6,10 @@ from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 
-from .._blocks import BoucWen, PrandtlIshlinskii
+from .._blocks import AbstractMachine, BoucWen, PrandtlIshlinskii, Within
 from .._computing import Clock, computing, within
 from .._fit import settle
+from .._inside import inquire_inside
 from .._models import Model
 from .._path import Visible, can_show
 from .._prepare import (
@@ -27,11 +28,11 @@ from .._prepare import (
 from .._recording import InputError, Recording, require_units_of
 from .._solve import Progress, discretisation_warnings, silent
 from ._drive import shortened, thinned, unrounded, without_spikes, wrong_way
-from ._extension import ANY_LOOP, extended_by
+from ._extension import ANY_LOOP, extended_by, extended_inside
 from ._findings import Findings
 from ._fitted import fitted
 from ._held_out import predict_recording, predict_stretches
-from ._inquiry import inquire
+from ._inquiry import inquire, inquired_inside
 from ._next_experiment import Limits, parse_limits, propose, recorded_limits, survey
 from ._result import Diagnosis, NextExperiment
 from ._sentence import (
@@ -150,13 +151,18 @@ def diagnose(
         doubts = [t for t in (wrong_way(r, law.block, follows=follows) for r in listed) if t]
         # The misfit of a fit that had to end early is not that of its model.
         may_name = not doubts and not clock.is_over
-        inquiry = inquire(
-            base, law.block, path, progress, clock,
-            has_model=model is not None, may_name=may_name,
-        )  # fmt: skip
         extension = None
-        if may_name:
-            extension = extended_by(inquiry, law, predict, history, progress, clock)
+        if may_name and isinstance(law.block, AbstractMachine | Within):
+            inside = inquire_inside(law.block, preparation, progress=progress)
+            inquiry = inquired_inside(base, path, inside)
+            extension = extended_inside(law, inside, preparation)
+        else:
+            asked, block = model is not None, law.block
+            inquiry = inquire(
+                base, block, path, progress, clock, has_model=asked, may_name=may_name
+            )
+            if may_name:
+                extension = extended_by(inquiry, law, predict, history, progress, clock)
         findings = Findings(law, inquiry, unseen, predict, tuple(doubts), extension)
         if findings.is_refuted:
             findings = replace(findings, inquiry=inquiry.unnamed(), extension=None)

@@ -8,13 +8,14 @@ from dataclasses import dataclass
 from .._blocks import EFFECTS, AbstractBlock
 from .._computing import Clock
 from .._fit import settle
+from .._inside import Inside
 from .._models import Model
 from .._prepare import HistoryOption, Preparation, model_of
 from .._solve import Progress
 from ._fitted import Fitted, fitted
 from ._held_out import Predict, of_determined
 from ._inquiry import Inquiry
-from ._layers import Layer, wrapped
+from ._layers import Layer, path_of, wrapped
 from ._thresholds import BETTER
 from ._views import block_of
 
@@ -26,13 +27,27 @@ _STARTS = 4
 
 @dataclass(frozen=True, eq=False)
 class Extension:
-    """A law with effects around it, the first innermost; `is_other_law` where the law is not the
-    model that was asked about."""
+    """A law with effects around it, the first innermost, or inside a machine, `inside` of them
+    before the first; `is_other_law` where the law is not the model that was asked about."""
 
     law: str
     layers: tuple[Layer, ...]
     fitted: Fitted
     is_other_law: bool
+    inside: int = 0
+
+    def path_of(self, k: int) -> str:
+        """The dotted path of the parameters of the named effect k."""
+        return path_of(self.layers, k) if self.layers else f"effects.{self.inside + k}."
+
+
+def extended_inside(law: Model, found: Inside, preparation: Preparation) -> Extension | None:
+    """A machine with the effects that were found inside it, if any."""
+    if not found.named:
+        return None
+    name = " @ ".join([law.name, *found.names])
+    before = len(found.base.block.effects)  # type: ignore[attr-defined]
+    return Extension(name, (), fitted([found.block], preparation), False, before)
 
 
 def extended_by(

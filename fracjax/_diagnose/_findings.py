@@ -17,7 +17,7 @@ from ._extension import Extension
 from ._fitted import Fitted
 from ._held_out import Predict, Prediction, of_determined
 from ._inquiry import Inquiry
-from ._layers import path_of, written
+from ._layers import written
 from ._places import Residual, acting_at, freedom_of, locate
 from ._result import Axis, Candidate, HeldOut, NamedEffect, Shape, Verdict
 from ._shape import HYSTERESIS_SHAPE, entry_of
@@ -154,8 +154,8 @@ class Findings:
         for k, name in enumerate(self.inquiry.names):
             site, parameters = entry_of(name.effect).site, ()
             if self.extension is not None and self.extended_fit is not None:
-                site = self.extension.layers[k].site
-                parameters = _own(self.extended_fit, path_of(self.extension.layers, k))
+                site = self.extension.layers[k].site if self.extension.layers else site
+                parameters = _own(self.extended_fit, self.extension.path_of(k))
             effects.append(
                 NamedEffect(
                     name=name.effect,

@@ -10,6 +10,7 @@ import numpy as np
 
 from .._blocks import AbstractBlock
 from .._computing import Clock
+from .._inside import Inside
 from .._path import PathView, Posterior, evidence, log_likelihood, misfit
 from .._solve import Progress, tolerated_error
 from ._fitted import Fitted
@@ -147,6 +148,17 @@ def inquire(
     else:
         inquiry = replace(inquiry, names=names_of(path.posterior), refits=tuple(refits))
     return _beside_jumps(inquiry, reached, limit)
+
+
+def inquired_inside(base: Fitted, path: PathView, found: Inside) -> Inquiry:
+    """What is known of the effects inside a machine, beside the columns of all others."""
+    view = model_view(base)
+    names = []
+    for name, alike, each in zip(found.names, found.sets, found.rounds, strict=False):
+        own = sum(c.probability for c in each.candidates if c.name == name)
+        others = tuple(other for other in dict.fromkeys(alike) if other != name)
+        names.append(Name(name, others, float(own), 1.0))
+    return Inquiry(base, path, view, view.posterior, is_adequate=True, names=tuple(names))
 
 
 def _beside_jumps(inquiry: Inquiry, reached: float, limit: float) -> Inquiry:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from .._blocks import EFFECTS, Effect
+from .._blocks import EFFECTS, INSIDE, Effect
 
 HYSTERESIS_SHAPE = Effect(
     name="hysteresis_shape",
@@ -20,4 +20,17 @@ HYSTERESIS_SHAPE = Effect(
 
 def entry_of(name: str) -> Effect:
     """The catalogue's entry of what a diagnosis names."""
+    if name in INSIDE:
+        inside = INSIDE[name]
+        return Effect(
+            name=name,
+            site="force",
+            sentence=inside.sentence,
+            equation=inside.equation,
+            source=inside.source,
+            trials=lambda setting: (),
+            separated_by=dict(inside.separated_by),
+            concealed_by="the linear dynamics",
+            axes=("frequency", "level", "time"),
+        )
     return HYSTERESIS_SHAPE if name == HYSTERESIS_SHAPE.name else EFFECTS[name]

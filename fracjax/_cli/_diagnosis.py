@@ -53,9 +53,9 @@ def conclude(diagnosis: Diagnosis, out: Path, results: Results) -> int:
 
 def _summary(diagnosis: Diagnosis, fits: list[Fit]) -> Summary:
     """The verdict, the scores, and what to note: where, about the fits, and the next experiment."""
-    from .._report import key_figures
+    from .._report import diagnosis_figures
 
     notes = [diagnosis.where, *(note for fit in fits for note in fit_notes(fit))]
     if diagnosis.next_experiment:
         notes.append(f"Next: {diagnosis.next_experiment.sentence}")
-    return Summary(diagnosis.sentence, key_figures(diagnosis), notes)
+    return Summary(diagnosis.sentence, diagnosis_figures(diagnosis), notes)

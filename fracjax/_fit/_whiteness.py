@@ -33,6 +33,10 @@ if TYPE_CHECKING:
 SCHEMA = "fracjax.residuals/1"
 LAGS = 25
 """Largest lag K [samples], as in MATLAB's `resid`."""
+_BINS = 41
+"""Edges of the histogram's bins."""
+_WIDEST = 5.0
+"""The histogram ends at most at so many standard deviations, or at 4 if that is more."""
 _BAND = 2.5758
 """99 % of a standard normal variable are within ± this."""
 _STRETCHES = 20
@@ -133,11 +137,34 @@ class ResidualAnalysis(Shown):
         from ._pictures import draw_residual_tests
 
         return draw_residual_tests(
-            self.residual,
+            self.histogram(),
             (self.autocorrelation, self.band),
             (self.cross_correlation, self.cross_band),
-            (self.spreads, self.edges),
+            (self.spreads, self.edges, self.spread_band()),
         )
+
+    def histogram(self) -> tuple[np.ndarray, np.ndarray]:
+        """The residual's distribution.
+
+        Returns:
+            The edges (K+1,) of bins, in units of the noise, and the densities (K,) in them; what
+            lies beyond the ends is in the outermost bins.
+        """
+        deviation = self.residual.std()
+        width = float(np.clip(np.abs(self.residual).max(), 4, _WIDEST * deviation))
+        edges = np.linspace(-width, width, _BINS)
+        clipped = np.clip(self.residual, -width, width)
+        return edges, np.histogram(clipped, edges, density=True)[0]
+
+    def spread_band(self) -> tuple[float, float]:
+        """Where the standard deviations in the stretches are with 99 % probability.
+
+        Returns:
+            Both ends of the band, in units of the noise.
+        """
+        level = float(np.sqrt(np.mean(self.residual**2)))
+        reach = level * _BAND / float(np.sqrt(2 * self.residual.size / self.spreads.size))
+        return level - reach, level + reach
 
     def to_dict(self) -> dict:
         """The tests as plain data, without the residual itself.

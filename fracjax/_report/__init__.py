@@ -6,6 +6,7 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from ._batch_page import batch_sentence as batch_sentence
     from ._batch_page import write_batch_report as write_batch_report
+    from ._bokehjs import document_of as document_of
     from ._compensation_page import compensation_figures as compensation_figures
     from ._compensation_page import compensation_sentence as compensation_sentence
     from ._compensation_page import compensation_warnings as compensation_warnings
@@ -22,6 +23,7 @@ if TYPE_CHECKING:
     from ._strips import strips as strips
     from ._text import crosscheck_figures as crosscheck_figures
     from ._text import crosscheck_sentence as crosscheck_sentence
+    from ._text import diagnosis_figures as diagnosis_figures
     from ._text import file_name as file_name
     from ._text import fit_sentence as fit_sentence
     from ._text import frequency_figures as frequency_figures
@@ -33,6 +35,7 @@ if TYPE_CHECKING:
 # Loaded on first use, so that `fracjax info` need not wait for matplotlib (PEP 562).
 _HOMES = {
     "_batch_page": ("batch_sentence", "write_batch_report"),
+    "_bokehjs": ("document_of",),
     "_compensation_page": (
         "compensation_figures",
         "compensation_sentence",
@@ -43,11 +46,12 @@ _HOMES = {
     "_linked": ("Curve", "link", "linked_plots"),
     "_posterior_page": ("posterior_row",),
     "_recording_picture": ("draw_recordings",),
-    "_report": ("Reported", "write_report"),
+    "_report": ("write_report",),
     "_strips": ("strips",),
     "_text": (
         "crosscheck_figures",
         "crosscheck_sentence",
+        "diagnosis_figures",
         "file_name",
         "fit_sentence",
         "frequency_figures",

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ._jax import prepare_jax
 from ._results import Results, Summary
 from ._statuses import status_of
 from ._tables import fit_notes
@@ -30,7 +29,6 @@ def diagnose_and_save(
     from .._diagnose import diagnose
     from .._io import column_name, write
 
-    prepare_jax()
     diagnosis = diagnose(model, recordings, progress=progress, **options)
     progress("writing the report")
     results.save(diagnosis.save, out / "diagnosis.json")

@@ -21,11 +21,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import chi2, kurtosis, levene, normaltest, skew
+from scipy.special import chdtrc
 
 from .._computing import computing
 from .._prepare import Preparation
 from .._show import Shown, View
+from ._distribution import excess_kurtosis, p_of_equal_spread, p_of_normality, skewness
 
 if TYPE_CHECKING:
     from .._show.drawing import Drawing
@@ -234,16 +235,16 @@ def analyse_whitened(
         residual=used,
         autocorrelation=autocorrelation,
         band=float(_BAND / np.sqrt(n)),
-        p_white=float(chi2.sf(q, lags)),
+        p_white=float(chdtrc(lags, q)),
         cross_correlation=_correlation(u, e, lags),
         cross_band=float(_BAND * np.sqrt(max(products.sum(), 1e-3) / n)),
         p_drive=_explained(e, u, counted, lags),
-        skewness=float(skew(used)),
-        excess_kurtosis=float(kurtosis(used)),
-        p_normal=float(normaltest(used).pvalue),
+        skewness=skewness(used),
+        excess_kurtosis=excess_kurtosis(used),
+        p_normal=p_of_normality(used),
         edges=edges,
         spreads=np.array([part.std() if part.size else np.nan for part in stretches]),
-        p_even=float(levene(*[p for p in stretches if p.size > 1], center="median").pvalue),
+        p_even=p_of_equal_spread([part for part in stretches if part.size > 1]),
     )
 
 
@@ -270,4 +271,4 @@ def _explained(e: np.ndarray, u: np.ndarray, counted: np.ndarray, lags: int) -> 
     inside[:lags] = inside[len(u) - lags :] = False
     share = directions[:, strong].T @ (shifted.T @ np.where(inside, e, 0.0))
     q = np.sum(share**2 / powers[strong]) / np.var(e[inside])
-    return float(chi2.sf(q, np.count_nonzero(strong)))
+    return float(chdtrc(np.count_nonzero(strong), q))

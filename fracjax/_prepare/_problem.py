@@ -11,9 +11,9 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from scipy.signal import lfilter
 
 from .._blocks import AbstractBlock
+from .._filters import moving_sum
 from .._operators import Grid, History, ahead, refine
 from .._recording import Recording, kept
 
@@ -109,7 +109,7 @@ class Problem(AbstractProblem):
             taps = taps[: 1 + np.flatnonzero(taps)[-1]]
             if taps.size == 1 or not signals.size:
                 return (signals.T * (taps[0] * self.weights)).T
-            return (np.asarray(lfilter(taps, 1.0, signals.T, axis=-1)) * self.weights).T
+            return (moving_sum(taps, signals).T * self.weights).T
         length, others = signals.shape[0], [(0, 0)] * (signals.ndim - 1)
         padded = jnp.pad(jnp.asarray(signals), [(_FILTER_TAPS - 1, 0), *others])
         starts = range(_FILTER_TAPS - 1, -1, -1)
@@ -181,7 +181,7 @@ def _weighting(
     counted = np.zeros(length)
     counted[:samples] = used
     if whitening.size > 1 and not used.all():
-        uncounted = np.asarray(lfilter(np.ones(whitening.size), 1.0, 1.0 - counted[:samples]))
+        uncounted = moving_sum(np.ones(whitening.size), 1.0 - counted[:samples])
         counted[:samples] = uncounted < 0.5
     counted[: whitening.size - 1] = 0.0
     if weights is not None:

@@ -31,7 +31,6 @@ import numpy as np
 import scipy.fft
 from jax import Array
 from scipy.linalg import solve_triangular
-from scipy.stats import qmc
 
 from .._blocks import AbstractBlock
 from .._operators import Grid
@@ -196,6 +195,22 @@ def unit_gains(layout: Layout) -> list[dict[str, float]]:
     return [{name: float(name == one) for name in names} for one in ("", *names)]
 
 
+def _spread(count: int, dimensions: int) -> np.ndarray:
+    """Points (K, d) that fill the unit cube evenly, of at most five dimensions.
+
+    Source: Hammersley, Ann. N. Y. Acad. Sci. 86 (1960) 844.
+    """
+    columns = [np.arange(count) / count]
+    for base in (2, 3, 5, 7)[: dimensions - 1]:
+        rest, share, column = np.arange(count), 1.0, np.zeros(count)
+        while rest.any():
+            share /= base
+            column += share * (rest % base)
+            rest //= base
+        columns.append(column)
+    return np.stack(columns, axis=1)
+
+
 def choose_shapes(
     block: AbstractBlock, driven_by: Transformed, grid: Grid, spanned: float = SPANNED
 ) -> ChosenShapes | None:
@@ -209,7 +224,7 @@ def choose_shapes(
     candidates = _CANDIDATES.get(count, _MOST_CANDIDATES)
     # Denser towards the bounds, as Chebyshev's nodes are; for one shape they are these nodes.
     if count > 1:
-        uniform = qmc.Sobol(count, scramble=False).random(candidates)
+        uniform = _spread(candidates, count)
     else:
         uniform = np.linspace(0, 1, candidates)[:, None][:, :count]
     all_blocks = set_values(block, shapes_at(block, layout, (1 - np.cos(np.pi * uniform)) / 2))

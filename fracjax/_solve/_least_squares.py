@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from .._blocks import AbstractBlock
 from .._prepare import (
@@ -275,6 +274,8 @@ def descend(at: Descent, evaluations: int) -> Descent:
     )
     if first.cost - remainder @ remainder <= _RELATIVE * first.cost:
         return at._replace(cost=first.cost, converged=True)
+    from scipy.optimize import least_squares  # stacks do without, and it takes long to import
+
     result = least_squares(
         objective.reduced_residual,
         at.position,

@@ -92,10 +92,26 @@ class Problem(AbstractProblem):
         self, block: AbstractBlock, names: Sequence[str]
     ) -> tuple[np.ndarray, np.ndarray]:
         """The response (L,) and its derivatives (L, Σ size) by the named parameters."""
-        response, columns, _ = block.linearise(np.asarray(self.drive), self.grid, names, ())
-        pieces = [columns[name][:: self.oversampling] for name in names]
-        response = response[:: self.oversampling]
+        response, columns, _ = block.linearise(self._octave(), self.grid, names, ())
+        pieces = [self._sampled(columns[name]) for name in names]
+        response = self._sampled(response)
         return response, np.concatenate([np.zeros((response.size, 0)), *pieces], axis=1)
+
+    def respond(self, block: AbstractBlock) -> np.ndarray:
+        """The block's response (L,) at the recording's samples, by its compiled program."""
+        return self._sampled(block.respond(self._octave(), self.grid))
+
+    def _octave(self) -> np.ndarray:
+        """The drive, extended to a power of two of samples, which steady cycles are not: all
+        recordings of an octave have one program."""
+        drive = np.asarray(self.drive)
+        if self.grid.history == "periodic":
+            return drive
+        return _extended(drive, 2 ** (drive.size - 1).bit_length() - drive.size)
+
+    def _sampled(self, signals: np.ndarray) -> np.ndarray:
+        """Signals (M, …) on the finer grid and beyond the drive, at the recording's samples."""
+        return signals[: np.size(self.drive) : self.oversampling]
 
     @property
     def size(self) -> float:

@@ -71,7 +71,7 @@ class Linearised(Protocol):
 
 def simulate(block: AbstractBlock, problem: Problem) -> np.ndarray:
     """The block's response (L,) at a recording's samples."""
-    return block.respond(np.asarray(problem.drive), problem.grid)[:: problem.oversampling]
+    return problem.respond(block)
 
 
 def simulate_all(

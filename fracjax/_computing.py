@@ -153,7 +153,9 @@ class Compiled(Generic[_Result]):
         kinds = tuple((a.shape, a.dtype, getattr(a, "weak_type", False)) for a in arrays)
         key = others, structure, kinds
         if key not in self._programs:
-            self._programs[key] = obtain(self._work, self._jitted, arrays, others, structure)
+            self._programs[key] = obtain(
+                self._work, lambda: self._jitted, arrays, others, structure
+            )
         return partial(self._programs[key], arrays)
 
     @cached_property

@@ -51,24 +51,24 @@ def folder() -> Path | None:
 
 
 def obtain(
-    work: Callable[..., Any], jitted: Any, arrays: list[Any], others: Any, tree: Any
+    work: Callable[..., Any], jitted: Callable[[], Any], arrays: list[Any], others: Any, tree: Any
 ) -> Callable[[list[Any]], Any]:
     """The compiled program of a function for arrays, other arguments and their structure.
 
-    It is read where it was kept, else compiled and kept.  `jitted` takes the three as they are, and
-    the last two are static.
+    It is read where it was kept, else compiled and kept.  `jitted` gives what takes the three as
+    they are, the last two statically.
     """
     place, name = folder(), None
     if place is not None and jax.default_backend() == "cpu":
         with suppress(_NotNamedError):
             name = _name(work, arrays, others, tree)
     if place is None or name is None:
-        return jitted.lower(arrays, others, tree).compile()
+        return jitted().lower(arrays, others, tree).compile()
     path = place / name
     structure = jax.tree_util.tree_structure(((arrays,), {}))
     program = _read(path, structure)
     if program is None:
-        program = jitted.lower(arrays, others, tree).compile()
+        program = jitted().lower(arrays, others, tree).compile()
         _write(path, program)
     return program
 

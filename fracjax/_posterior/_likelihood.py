@@ -169,7 +169,7 @@ def log_posteriors_of(target: Density) -> Callable[[np.ndarray], np.ndarray]:
     @cache
     def program_for(shape: tuple[int, ...]) -> Callable[[list[Any]], Array]:
         arrays = [*fixed, np.zeros(shape)]
-        return obtain(_log_posteriors, _log_posteriors_program(), arrays, scalar, structure)
+        return obtain(_log_posteriors, _log_posteriors_program, arrays, scalar, structure)
 
     return lambda standards: np.asarray(program_for(standards.shape)([*fixed, standards]))
 

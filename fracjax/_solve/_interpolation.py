@@ -55,6 +55,15 @@ _NEGLIGIBLE = 1e-13
 """Coefficients below this share of the largest are rounding."""
 _BASE, _LARGEST_DEGREE = 8, 60
 """T_8 is the inner polynomial of a series, whose coefficients from degree 60 on must vanish."""
+_SOBOL = (
+    (0, 0, (1,)),
+    (1, 0, (1,)),
+    (2, 1, (1, 3)),
+    (3, 1, (1, 3, 1)),
+    (3, 2, (1, 1, 1)),
+    (4, 1, (1, 1, 3, 3)),
+)
+"""By dimension: degree and inner coefficients of the primitive polynomial, first odd numbers."""
 _LARGEST_TABLE = 2**21
 """At most so many transfer function values at once, which limits memory."""
 
@@ -196,18 +205,26 @@ def unit_gains(layout: Layout) -> list[dict[str, float]]:
 
 
 def _spread(count: int, dimensions: int) -> np.ndarray:
-    """Points (K, d) that fill the unit cube evenly, of at most five dimensions.
+    """The first points (K, d) of Sobol's sequence, which fill the unit cube evenly; those of
+    `scipy.stats.qmc`, which takes longer to import than a fit takes.
 
-    Source: Hammersley, Ann. N. Y. Acad. Sci. 86 (1960) 844.
+    Source: Joe & Kuo, SIAM J. Sci. Comput. 30 (2008) 2635.
     """
-    columns = [np.arange(count) / count]
-    for base in (2, 3, 5, 7)[: dimensions - 1]:
-        rest, share, column = np.arange(count), 1.0, np.zeros(count)
-        while rest.any():
-            share /= base
-            column += share * (rest % base)
-            rest //= base
-        columns.append(column)
+    bits = int(count - 1).bit_length()
+    order = np.arange(count)
+    gray = order ^ (order >> 1)
+    columns = []
+    for degree, inner, numbers in _SOBOL[:dimensions]:
+        odd = list(numbers) if degree else [1] * bits
+        for k in range(len(odd), bits):
+            new = odd[k - degree] ^ (odd[k - degree] << degree)
+            for j in range(1, degree):
+                new ^= ((inner >> (degree - 1 - j)) & 1) * (odd[k - j] << j)
+            odd.append(new)
+        point = np.zeros(count, int)
+        for k in range(bits):
+            point ^= ((gray >> k) & 1) * (odd[k] << (bits - 1 - k))
+        columns.append(point / 2**bits)
     return np.stack(columns, axis=1)
 
 

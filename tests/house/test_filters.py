@@ -11,6 +11,7 @@ from fracjax._fit._distribution import (
     p_of_normality,
     skewness,
 )
+from fracjax._solve._interpolation import _spread
 
 TAPS = np.array([1.0, -1.6, 0.8, 0.1])
 
@@ -36,3 +37,9 @@ def test_tests_of_a_distribution_are_those_of_scipy(skewed):
     parts = np.split(sample * np.linspace(1, 1 + skewed / 4, sample.size), [100, 900, 2000])
     expected = float(stats.levene(*parts, center="median").pvalue)
     assert p_of_equal_spread(parts) == pytest.approx(expected, rel=1e-9)
+
+
+@pytest.mark.parametrize("dimensions", range(1, 7))
+def test_points_are_those_of_scipy(dimensions):
+    expected = stats.qmc.Sobol(dimensions, scramble=False).random(256)
+    np.testing.assert_array_equal(_spread(256, dimensions), expected)

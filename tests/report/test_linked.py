@@ -1,6 +1,7 @@
 """The linked plots: what is drawn of a recording, where samples lie, and how bins are labelled."""
 
 import json
+from typing import Any
 
 import numpy as np
 import pytest
@@ -114,16 +115,16 @@ def test_what_is_written_is_what_bokeh_reads(fitted):
     link([plots], located, ["model"], "um")
     (analysis,) = analyse_residuals(fitted)
     roots = [*plots.figures, *(strip.plot for strip in located), *residual_plots(analysis)]
-    read = Document.from_json(json.loads(document_of(roots, "p")))
-    assert [root.height for root in read.roots] == [root.height for root in roots]
-    source = read.roots[0].renderers[0].data_source
-    assert source is read.roots[4].renderers[0].data_source
+    read: list[Any] = list(Document.from_json(json.loads(document_of(roots, "p"))).roots)
+    assert [root.height for root in read] == [root.height for root in roots]
+    source = read[0].renderers[0].data_source
+    assert source is read[4].renderers[0].data_source
     assert source.data.keys() == plots.samples.data.keys()
     for name, column in plots.samples.data.items():
         assert np.array_equal(source.data[name], column, equal_nan=True)
     (callback,) = source.selected.js_property_callbacks["change:indices"]
     assert callback.args["recordings"] == [source]
-    assert read.roots[0].renderers[1].glyph.size.value == 2
-    histogram = read.roots[6].renderers[0].data_source.data
+    assert read[0].renderers[1].glyph.size.value == 2
+    histogram = read[6].renderers[0].data_source.data
     widths = np.asarray(histogram["right"]) - np.asarray(histogram["left"])
     assert np.sum(widths * histogram["top"]) == pytest.approx(1)

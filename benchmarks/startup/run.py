@@ -121,8 +121,13 @@ def main() -> None:
             if chosen.only not in name:
                 continue
             rows += rows_of(name, arguments, files, folder, chosen.repeats)
+            write(rows)
     finally:
         shutil.rmtree(folder)
+
+
+def write(rows: list[dict[str, object]]) -> None:
+    """Write the table, as far as it has come."""
     with TABLE.open("w", newline="", encoding="utf-8") as file:
         file.write(versions(["fracjax", "jax", "numpy", "scipy"]))
         writer = csv.DictWriter(file, list(rows[0]))

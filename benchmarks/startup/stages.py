@@ -24,7 +24,7 @@ WRAPPED = {
     ("fracjax._io", "read_segments"): "read",
     ("fracjax._programs", "_read"): "load",
     ("fracjax._programs", "_write"): "store",
-    ("fracjax._report._report", "write_report"): "write",
+    ("fracjax._cli._results", "write_whole"): "write",
 }
 """Functions whose time is a stage of its own."""
 

@@ -12,8 +12,9 @@ All computations use float64, which the functions enable for themselves.  Invali
 `InputError` of one sentence: where, what was expected, what was found, and the remedy.
 """
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from ._lazy import attach
 
 if TYPE_CHECKING:
     from . import _blocks as blocks
@@ -91,89 +92,6 @@ if TYPE_CHECKING:
 
 __version__ = "0.1.0"
 
-# The names are loaded on first use (PEP 562), so that `fracjax --help` does not wait for JAX.
-_HOMES = {
-    "_batch": ("fit_batch",),
-    "_blocks": (
-        "EFFECTS",
-        "AbstractBlock",
-        "AbstractLinearBlock",
-        "Effect",
-        "bode",
-        "frequency_response",
-        "poles",
-        "step_response",
-    ),
-    "_compensate": (
-        "Compensation",
-        "Trajectory",
-        "compensate",
-        "load_compensation",
-    ),
-    "_diagnose": ("Diagnosis", "diagnose"),
-    "_prepare": (
-        "Noise",
-        "Normal",
-    ),
-    "_fit": (
-        "Combination",
-        "Comparison",
-        "Estimate",
-        "Fit",
-        "LinearSystem",
-        "Profile",
-        "ResidualAnalysis",
-        "analyse_residuals",
-        "compare",
-        "fit",
-        "load_model",
-        "profile",
-        "with_profiles",
-    ),
-    "_frequency": (
-        "AmplitudeRatios",
-        "CreepIdentification",
-        "FrequencyFit",
-        "FrequencyTable",
-        "amplitude_ratios",
-        "fit_frequency_response",
-        "frequency_table",
-        "ofocim",
-        "read_frequency_table",
-        "tfocim",
-    ),
-    "_crosscheck": (
-        "Crosscheck",
-        "crosscheck",
-    ),
-    "_io": ("read", "write"),
-    "_models": ("MODELS", "Model", "parse_model"),
-    "_operators": ("Grid", "derivative"),
-    "_parameters": ("Parameter",),
-    "_posterior": (
-        "ARNoise",
-        "MeasuredNoise",
-        "Posterior",
-        "PosteriorPrediction",
-        "StudentNoise",
-        "WhiteNoise",
-        "load_posterior",
-        "sample_posterior",
-    ),
-    "_recording": ("InputError", "Recording"),
-    "_registry": ("RECORDINGS", "fetch_recording"),
-    "_report": ("write_report",),
-    "_simulate": ("Simulation", "simulate"),
-    "_streaming": (
-        "Adaptation",
-        "StreamingInverse",
-        "StreamingModel",
-        "streaming_inverse",
-        "streaming_model",
-    ),
-}
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
-
 __all__ = [
     "EFFECTS",
     "MODELS",
@@ -250,13 +168,4 @@ __all__ = [
 ]
 
 
-def __getattr__(name: str) -> object:
-    if name in ("blocks", "operators"):
-        return import_module(f"._{name}", __name__)
-    if name not in _HOME_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".{_HOME_OF[name]}", __name__), name)
-
-
-def __dir__() -> list[str]:
-    return __all__
+__getattr__, __dir__ = attach(__name__)

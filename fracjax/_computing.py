@@ -9,13 +9,15 @@ from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import ThreadPoolExecutor
 from contextlib import AbstractContextManager, contextmanager
 from contextvars import ContextVar
-from functools import cache, wraps
-from typing import Any, TypeVar
+from functools import cache, cached_property, partial, update_wrapper
+from typing import Any, Generic, TypeVar
 
 import jax
 import numpy as np
 import scipy.linalg  # noqa: F401  loads its own BLAS library, which `_libraries` must see
 from threadpoolctl import ThreadpoolController
+
+from ._programs import obtain
 
 _Item = TypeVar("_Item")
 _Result = TypeVar("_Result")
@@ -124,37 +126,74 @@ def map_in_threads(work: Callable[[_Item], _Result], items: Sequence[_Item]) -> 
             raise
 
 
-def compiled(work: Callable[..., _Result]) -> Callable[..., _Result]:
+class Compiled(Generic[_Result]):
     """A function of trees, compiled once per structure: arrays are traced, all else is static.
 
     This does what `equinox.filter_jit` does, without its overhead per call: that binds a signature
-    and sets a filter on a logger, for which threads wait on a lock.
+    and sets a filter on a logger, for which threads wait on a lock.  Programs are kept between
+    processes (`_programs`).
     """
 
-    def run(arrays: list[Any], others: tuple[Any, ...], structure: Any) -> _Result:
-        traced = iter(arrays)
-        leaves = [next(traced) if other is _TRACED else other for other in others]
-        return work(*structure.unflatten(leaves))
+    def __init__(self, work: Callable[..., _Result]):
+        update_wrapper(self, work)
+        self._work = work
+        self._programs: dict[Any, Callable[[list[Any]], _Result]] = {}
+        _functions.append(self)
 
-    @cache
-    def program() -> Callable[..., _Result]:
-        return jax.jit(run, static_argnums=(1, 2), compiler_options=compiler_options())
+    def __call__(self, *arguments: Any) -> _Result:
+        return self.prepared(*arguments)()
 
-    @wraps(work)
-    def call(*arguments: Any) -> _Result:
+    def prepared(self, *arguments: Any) -> Callable[[], _Result]:
+        """What computes the result, compiled."""
         leaves, structure = jax.tree_util.tree_flatten(arguments)
         others = tuple(_TRACED if isinstance(leaf, _ARRAYS) else leaf for leaf in leaves)
-        pairs = zip(leaves, others, strict=True)
-        return program()([leaf for leaf, other in pairs if other is _TRACED], others, structure)
+        arrays = [leaf for leaf in leaves if isinstance(leaf, _ARRAYS)]
+        if not jax.config.jax_enable_x64:  # type: ignore[attr-defined]
+            return partial(self._jitted, arrays, others, structure)
+        kinds = tuple((a.shape, a.dtype, getattr(a, "weak_type", False)) for a in arrays)
+        key = others, structure, kinds
+        if key not in self._programs:
+            self._programs[key] = obtain(
+                self._work, lambda: self._jitted, arrays, others, structure
+            )
+        return partial(self._programs[key], arrays)
 
-    return call
+    @cached_property
+    def _jitted(self) -> Any:
+        """The function of its arrays, and statically of all else and the structure of both."""
+
+        def run(arrays: list[Any], others: tuple[Any, ...], structure: Any) -> _Result:
+            traced = iter(arrays)
+            leaves = [next(traced) if other is _TRACED else other for other in others]
+            return self._work(*structure.unflatten(leaves))
+
+        return jax.jit(run, static_argnums=(1, 2), compiler_options=compiler_options())
+
+    def forget(self) -> None:
+        """Free the memory of its programs."""
+        self._programs.clear()
+
+
+def compiled(work: Callable[..., _Result]) -> Compiled[_Result]:
+    """The function, compiled."""
+    return Compiled(work)
+
+
+_functions: list[Compiled[Any]] = []
+
+
+def forget_programs() -> None:
+    """Free the memory of all compiled programs of this process."""
+    for function in _functions:
+        function.forget()
+    jax.clear_caches()
 
 
 @cache
 def compiler_options() -> dict[str, bool]:
     """The options for XLA's compiler; none if its version does not know them."""
     try:
-        jax.jit(lambda: 0, compiler_options=_QUICKER)()
+        jax.jit(lambda: 0, compiler_options=_QUICKER).lower().compile()
     except jax.errors.JaxRuntimeError:
         return {}
     return _QUICKER

@@ -13,14 +13,10 @@ import pytest
 
 ROOT = Path(__file__).resolve().parents[1]
 # Programs that one process has compiled the others read: the workers and all that tests start
-# inherit the folder, which is there for one run of the tests.
-CACHE, OWNER = "JAX_COMPILATION_CACHE_DIR", "FRACJAX_TESTS_CACHE_OWNER"
+# inherit the folder, which is there for one run of the tests.  JAX's own cache takes precedence.
+CACHE, OWNER = "FRACJAX_CACHE", "FRACJAX_TESTS_CACHE_OWNER"
 if CACHE not in os.environ:
     os.environ |= {CACHE: tempfile.mkdtemp(prefix="fracjax-tests-"), OWNER: str(os.getpid())}
-# XLA calls a cached program's tuning flags an error.
-os.environ.setdefault("JAX_LOGGING_LEVEL", "CRITICAL")
-jax.config.update("jax_compilation_cache_dir", os.environ[CACHE])
-jax.config.update("jax_persistent_cache_min_compile_time_secs", 0.0)
 
 # The layers below the public entry points take float64 as given; the entry points enable it
 # themselves.  Set before a test module is read, so that its module-level arrays have it too.

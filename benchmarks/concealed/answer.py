@@ -67,7 +67,7 @@ def answer(case: dict, exam: Path, answers: Path) -> str:
 def tell_each(work: Callable[[dict], str], cases: Iterable[dict], answers: Path, jobs: int) -> None:
     """Print what the work says of each case."""
     # Workers inherit it: what one has compiled the other need not.
-    os.environ.setdefault("JAX_COMPILATION_CACHE_DIR", str(answers / ".programs"))
+    os.environ.setdefault("FRACJAX_CACHE", str(answers / ".programs"))
     # Recordings of like length share compiled programs.
     listed = sorted(cases, key=lambda case: (case["samples"] or 0, case["base"]))
     with ProcessPoolExecutor(jobs, get_context("spawn")) as pool:

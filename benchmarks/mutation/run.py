@@ -15,7 +15,7 @@ few to one with all tests, and survivors are tried again after tests have been w
 A table belongs to one state of the package.  What is printed at the end stands in `summary.csv`
 beside it.
 
-FRACJAX_DATA is not needed.  JAX_COMPILATION_CACHE_DIR makes the tests several times as fast.
+FRACJAX_DATA is not needed.  FRACJAX_CACHE makes the tests several times as fast.
 """
 
 from __future__ import annotations

@@ -2,19 +2,29 @@
 
 from __future__ import annotations
 
+import json
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 import panel as pn
+from bokeh.document import Document
 from bokeh.layouts import column, row
 from bokeh.models import ColumnDataSource
 
 from .._recording import Recording, runs_of
-from .._report import Curve, describe, fit_sentence, link, linked_plots, noise_of, strips
-from .._show import figure, quantity
-from .._show.drawing import COLOURS
+from .._report import (
+    Curve,
+    describe,
+    document_of,
+    fit_sentence,
+    link,
+    linked_plots,
+    noise_of,
+    strips,
+)
+from .._show import COLOURS, figure, quantity
 
 
 def _at(recording: Recording, fit: Any) -> tuple[np.ndarray, np.ndarray]:
@@ -46,6 +56,7 @@ class Plots:
 
     def __init__(self) -> None:
         self.pane = pn.Column(sizing_mode="stretch_width")
+        self._drawings = 0
         self.clear()
 
     def clear(self) -> None:
@@ -115,12 +126,19 @@ class Plots:
         plots = linked_plots(recording, used, curves, sigma, self._axes)
         located = strips(self._axes) if self._axes else []
         link([plots], located, [curve.name for curve in curves], recording.response_unit)
-        self.samples = plots.samples
-        over = 3 if curves else 2
+        # A page has one model of each id, also of those that it drew before.
+        self._drawings += 1
+        parts = [*plots.figures, *(strip.plot for strip in located)]
+        text = document_of(parts, f"drawing-{self._drawings}-")
+        document = Document.from_json(json.loads(text))
+        roots: list[Any] = list(document.roots)
+        document.clear()
+        self.samples = roots[0].renderers[0].data_source
+        over, drawn = 3 if curves else 2, len(plots.figures)
         layout = column(
-            *plots.figures[:over],
-            row(*plots.figures[over:], sizing_mode="stretch_width"),
-            *(strip.plot for strip in located),
+            *roots[:over],
+            row(*roots[over:drawn], sizing_mode="stretch_width"),
+            *roots[drawn:],
             sizing_mode="stretch_width",
         )
         self.pane.objects = [pn.pane.Bokeh(layout, sizing_mode="stretch_width")]

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import jax.numpy as jnp
 import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
@@ -42,7 +41,7 @@ class SensorLag(AbstractLinearBlock):
     @property
     def time_constant(self) -> Array:
         """The time constant τ of each low-pass, one number [s]."""
-        return jnp.sqrt(2 ** (1 / self.order.value) - 1) / (2 * np.pi * self.corner.value)
+        return (2 ** (1 / self.order.value) - 1) ** 0.5 / (2 * np.pi * self.corner.value)
 
     def symbol(self, s: Array) -> Array:
         return (1 + self.time_constant * s) ** -self.order.value
@@ -86,8 +85,8 @@ class SensorFilter(AbstractLinearBlock):
     def frequency(self) -> Array:
         """The natural frequency ω of the poles, one number [rad/s]."""
         bend = 1 - 2 * self.damping.value**2
-        squared = bend + jnp.sqrt(bend**2 + 2 ** (2 / self.order.value) - 1)
-        return 2 * np.pi * self.corner.value / jnp.sqrt(squared)
+        squared = bend + (bend**2 + 2 ** (2 / self.order.value) - 1) ** 0.5
+        return 2 * np.pi * self.corner.value / squared**0.5
 
     def symbol(self, s: Array) -> Array:
         x = s / self.frequency

@@ -10,7 +10,6 @@ import click
 
 from ._files import folder
 from ._given import Given
-from ._jax import prepare_jax
 from ._options import (
     bound_option,
     fix_option,
@@ -66,7 +65,6 @@ def batch_command(
 
     if given.pair is not None:
         raise click.UsageError("batch takes files with drive and response in each")
-    prepare_jax()
     # It would print a traceback when the scheduler is lost, which `fit_batch` reports itself.
     logging.getLogger("distributed.client").disabled = True
     with folder(out):

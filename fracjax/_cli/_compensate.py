@@ -13,7 +13,6 @@ import click
 
 from ._files import Content, folder
 from ._given import model_of_fit
-from ._jax import prepare_jax
 from ._options import (
     folder_option,
     options,
@@ -123,7 +122,6 @@ def compensate_command(
         **(_draws(posterior) if posterior else {}),
     }
     suffix = Path(trajectory).suffix.lower()
-    prepare_jax()
     content = Content("compensation", [trajectory], [model.name])
     with folder(out, content), stages(results.quiet) as progress:
         compensation = compensate(model, desired, progress=progress, **requested)

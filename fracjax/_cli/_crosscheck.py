@@ -10,7 +10,6 @@ import click
 
 from ._files import Content, folder
 from ._given import Given
-from ._jax import prepare_jax
 from ._options import (
     bound_option,
     fix_option,
@@ -56,7 +55,6 @@ def crosscheck_command(
     from .._crosscheck import crosscheck
     from .._report import crosscheck_figures, crosscheck_sentence
 
-    prepare_jax()
     content = Content("cross-check", [each.source for each in data], [model.name])
     place = nullcontext() if out is None else folder(out, content)
     with place, stages(results.quiet) as progress:

@@ -5,7 +5,6 @@ from __future__ import annotations
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
-from ._jax import prepare_jax
 from ._results import Results, Summary
 from ._statuses import status_of
 from ._tables import fit_notes
@@ -30,7 +29,6 @@ def diagnose_and_save(
     from .._diagnose import diagnose
     from .._io import column_name, write
 
-    prepare_jax()
     diagnosis = diagnose(model, recordings, progress=progress, **options)
     progress("writing the report")
     results.save(diagnosis.save, out / "diagnosis.json")
@@ -53,9 +51,9 @@ def conclude(diagnosis: Diagnosis, out: Path, results: Results) -> int:
 
 def _summary(diagnosis: Diagnosis, fits: list[Fit]) -> Summary:
     """The verdict, the scores, and what to note: where, about the fits, and the next experiment."""
-    from .._report import key_figures
+    from .._report import diagnosis_figures
 
     notes = [diagnosis.where, *(note for fit in fits for note in fit_notes(fit))]
     if diagnosis.next_experiment:
         notes.append(f"Next: {diagnosis.next_experiment.sentence}")
-    return Summary(diagnosis.sentence, key_figures(diagnosis), notes)
+    return Summary(diagnosis.sentence, diagnosis_figures(diagnosis), notes)

@@ -11,7 +11,6 @@ import click
 from ._files import Content, folder
 from ._fit_table import fit_table
 from ._given import Given
-from ._jax import prepare_jax
 from ._options import (
     bound_option,
     fix_option,
@@ -108,7 +107,6 @@ def fit_command(
     held_out = [given.read(path) for path in held_out_paths]
     all_names = set().union(*(accepted_names(model.block) for model in models))
 
-    prepare_jax()
     content = Content("fit", [each.source for each in data], [model.name for model in models])
     with folder(out, content), stages(results.quiet) as progress:
         fits = []

@@ -10,7 +10,6 @@ import click
 
 from ._files import Content, folder
 from ._given import Given
-from ._jax import prepare_jax
 from ._progress import stages
 from ._results import Results, Summary
 from ._statuses import status_of
@@ -44,7 +43,6 @@ def fit_table(
     table = read_frequency_table(paths[0], drive_unit=units[0], response_unit=units[1])
     models = [parse_model(name, table.setting) for name in dict.fromkeys(names)]
     all_names = set().union(*(accepted_names(model.block) for model in models))
-    prepare_jax()
     content = Content("fit", [table.source], [model.name for model in models])
     with folder(out, content), stages(results.quiet) as progress:
         fits = []

@@ -24,6 +24,7 @@ from ._fit import fit_command
 from ._info import info_command
 from ._models import models_command
 from ._posterior import posterior_command
+from ._progress import announced
 from ._results import Call
 from ._simulate import simulate_command
 from ._statuses import INTERRUPTED, UNUSABLE, fail
@@ -91,7 +92,8 @@ def run(arguments: Sequence[str] | None = None) -> int:
     saved: list[Path] = []
     call = Call(shlex.join(["fracjax", *arguments]), saved)
     try:
-        return cli.main(arguments, prog_name="fracjax", standalone_mode=False, obj=call) or 0
+        with announced(arguments):
+            return cli.main(arguments, prog_name="fracjax", standalone_mode=False, obj=call) or 0
     except click.Abort:
         files = f"kept {', '.join(map(str, saved))}" if saved else "nothing had been written yet"
         return fail(f"Interrupted; {files}.", INTERRUPTED)

@@ -9,7 +9,6 @@ import click
 
 from ._files import Content, folder
 from ._given import Given, models_for
-from ._jax import prepare_jax
 from ._options import (
     folder_option,
     model_option,
@@ -82,7 +81,6 @@ def posterior_command(
     noise = measured_noise(data[0], given.read(repeat)) if repeat else None
     from .._posterior import sample_posterior
 
-    prepare_jax()
     chain = out / "chain.h5"
     with folder(out, Content("posterior", [data[0].source], [model.name])):
         try:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 import threading
 import time
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -17,14 +17,36 @@ if TYPE_CHECKING:
     from .._solve import Progress
 
 
+_AT_ONCE = ("info", "models", "effects")
+"""Commands that have nothing to compute."""
 _BRIEF = 0.5
 """A stage that is shorter [s] gets no line."""
+_SOON = 0.2
+"""A command that has shown nothing for so long [s] says that it runs."""
 _PAUSE = 10.0
 """Time between two lines of a count [s]; chosen by judgement, for logs that are read later."""
 
 
 def _silent(*_: object) -> None:
     """No progress."""
+
+
+@contextmanager
+def announced(arguments: Sequence[str]) -> Iterator[None]:
+    """A context in which a command says on a terminal that it runs, before it has anything else to
+    show: what it needs takes longer to load than a user waits for a sign."""
+    quiet = {"--quiet", "--help", "-h", "--version"} & {*arguments} or not arguments
+    if quiet or arguments[0] in _AT_ONCE or not sys.stderr.isatty():
+        yield
+        return
+    text = f"fracjax {arguments[0]}: loading and reading\n"
+    sign = threading.Timer(_SOON, lambda: sys.stderr.write(text))
+    sign.daemon = True
+    sign.start()
+    try:
+        yield
+    finally:
+        sign.cancel()
 
 
 class _Lines:

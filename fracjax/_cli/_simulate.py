@@ -8,7 +8,6 @@ from typing import TYPE_CHECKING, Any
 import click
 
 from ._given import model_of_fit
-from ._jax import prepare_jax
 from ._options import (
     input_option,
     options,
@@ -84,7 +83,6 @@ def simulate_command(
         model, samples, drive_unit, own_unit, offset = _fitted(fitted, samples, drive_unit)
         response_unit = output_unit or own_unit
     scale = parse_quantity(f"1 {own_unit}", response_unit, "--unit response")
-    prepare_jax()
     with stages(results.quiet) as progress:
         progress(f"simulating {model.name}")
         response, error = simulate(model, samples, step, history)

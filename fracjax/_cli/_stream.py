@@ -10,7 +10,6 @@ import click
 
 from ._files import folder
 from ._given import model_of_fit
-from ._jax import prepare_jax
 from ._options import options
 from ._progress import stages
 from ._results import Results, Summary
@@ -60,7 +59,6 @@ def write_stream(fitted: str, out: Path, wanted: Wanted, results: Results) -> in
             "none",
             'give --step "50 us"',
         )
-    prepare_jax()
     with folder(out), stages(results.quiet) as progress:
         progress("inverting the model sample by sample")
         inverse = _inverse(fitted, wanted)

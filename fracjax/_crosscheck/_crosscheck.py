@@ -9,12 +9,11 @@ from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 from typing import Any, Unpack
 
-import equinox as eqx
 import jax
 import numpy as np
 
 from .._blocks import AbstractBlock
-from .._computing import compiler_options, computing
+from .._computing import compiled, computing
 from .._fit import Fit, fit_of, scores_of, settle_finely
 from .._models import Model
 from .._parameters import named_parameters
@@ -293,6 +292,9 @@ def run_search(
     return search(objective(block, problems), draws)
 
 
+_run_search = compiled(run_search)
+
+
 def _result_of_search(
     method: str,
     search: Search,
@@ -304,10 +306,8 @@ def _result_of_search(
     limit_compiled_programs()
     draws = search.draw(dimension(block), generator)
     arguments = (search, block, preparation.problems(), draws)
-    # Equinox passes on compiler options that its types do not declare.
-    run: Any = eqx.filter_jit(run_search, compiler_options=compiler_options())  # type: ignore
-    program = run.lower(*arguments).compile()
-    result, seconds = _with_time(lambda: jax.block_until_ready(program(*arguments)))
+    program = _run_search.prepared(*arguments)
+    result, seconds = _with_time(lambda: jax.block_until_ready(program()))
     return _MethodResult(method, _as_solved(block, result, preparation), False, seconds)
 
 

@@ -3,6 +3,7 @@
 from ._combinations import Combination as Combination
 from ._combinations import combinations_among as combinations_among
 from ._compare import Comparison as Comparison
+from ._compare import HeldOutScores as HeldOutScores
 from ._compare import compare as compare
 from ._compare import compare_fits as compare_fits
 from ._compare import rank_fits as rank_fits

@@ -3,8 +3,8 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.signal import lfilter
 
+from .._filters import moving_sum
 from .._prepare import autoregression
 from .._solve import Solved
 
@@ -46,9 +46,7 @@ def prefers_other_history(other: Solved, solved: Solved) -> bool:
     taps = autoregression([constant for constant, _ in changes])[0]
     filtered = slice(taps.size - 1, None)
     constant, periodic = (
-        np.concatenate(
-            [np.asarray(lfilter(taps, 1.0, change))[filtered] for change in changes_of_one]
-        )
+        np.concatenate([moving_sum(taps, change)[filtered] for change in changes_of_one])
         for changes_of_one in zip(*changes, strict=True)
     )
     return constant.size * float(np.sum(periodic**2) / np.sum(constant**2) - 1) < _SIGNIFICANT

@@ -23,11 +23,6 @@ from .._show.drawing import (
     thinned,
 )
 
-_BINS = 41
-"""Edges of the histogram's bins."""
-_WIDEST = 5.0
-"""The histogram ends at most at so many standard deviations, or at 4 if that is more."""
-
 
 @mpl.rc_context(STYLE)
 def draw_fit(take: Take, noise: Noise, simulation: np.ndarray, name: str) -> Drawing:
@@ -112,36 +107,32 @@ def _stems(panel: Axes, places: np.ndarray, heights: np.ndarray, band: float) ->
 
 @mpl.rc_context(STYLE)
 def draw_residual_tests(
-    residual: np.ndarray,
+    histogram: tuple[np.ndarray, np.ndarray],
     autocorrelation: tuple[np.ndarray, float],
     cross_correlation: tuple[np.ndarray, float],
-    spreads: tuple[np.ndarray, np.ndarray],
+    spreads: tuple[np.ndarray, np.ndarray, tuple[float, float]],
 ) -> Drawing:
     """The residual's histogram, autocorrelation, correlation with the drive, and level in time.
 
-    `residual` (n,) is in units of the noise, as are the levels `spreads` (K,) between times (K+1,)
-    [s]; the correlations, at lags from 1 and from -L to L, each have the width of the 99 % band.
+    The histogram is given by the edges (B+1,) of its bins, in units of the noise as all is here,
+    and the densities in them; the levels `spreads` (K,) by times (K+1,) [s] and the band that holds
+    99 % of them; the correlations, at lags from 1 and from -L to L, by the width of their band.
     """
-    levels, edges = spreads
-    drawing, ((histogram, auto), (cross, spread)) = canvas(6.4, 2, 2)
-    width = float(np.clip(np.abs(residual).max(), 4, _WIDEST * residual.std()))
-    bins = np.linspace(-width, width, _BINS)
-    histogram.hist(np.clip(residual, -width, width), bins=bins, density=True, color=COLOURS[1])
-    histogram.plot(bins, norm.pdf(bins), color=MEASURED, label="normal")
-    histogram.legend(loc="upper right")
-    histogram.set_title("distribution")
-    histogram.set_xlabel("residual over noise")
+    (edges, densities), (levels, times, (low, high)) = histogram, spreads
+    drawing, ((distribution, auto), (cross, spread)) = canvas(6.4, 2, 2)
+    distribution.stairs(densities, edges, fill=True, color=COLOURS[1])
+    distribution.plot(edges, norm.pdf(edges), color=MEASURED, label="normal")
+    distribution.legend(loc="upper right")
+    distribution.set_title("distribution")
+    distribution.set_xlabel("residual over noise")
     lags = autocorrelation[0].size
     _stems(auto, np.arange(1, lags + 1), *autocorrelation)
     auto.set_title("autocorrelation")
     _stems(cross, np.arange(-lags, lags + 1), *cross_correlation)
     cross.set_title("correlation with the drive, which leads at positive lags")
-    per_bin = residual.size / levels.size
-    level = float(np.sqrt(np.mean(residual**2)))
-    reach = level * norm.ppf(0.995) / np.sqrt(2 * per_bin)
-    _within(spread, level - reach, level + reach)
-    spread.stairs(levels, edges, color=COLOURS[1], lw=2)
-    spread.set_ylim(0, 1.2 * float(np.nanmax([level + reach, *levels])))
+    _within(spread, low, high)
+    spread.stairs(levels, times, color=COLOURS[1], lw=2)
+    spread.set_ylim(0, 1.2 * float(np.nanmax([high, *levels])))
     spread.set_title("standard deviation over time, in units of the noise")
     spread.set_xlabel("time [s]")
     return drawing

@@ -14,7 +14,7 @@ from collections.abc import Iterable, Mapping
 from dataclasses import replace
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtri
 
 from .._blocks import AbstractBlock
 from .._computing import computing, map_in_threads
@@ -326,7 +326,7 @@ def _end(constrained: _ConstrainedFit, centre: float, factor: float, side: int) 
 
 def _interval(values: np.ndarray, delta: np.ndarray, level: float) -> Interval:
     """Where Δ crosses the level on either side of its minimum, by interpolation of √Δ."""
-    reach = float(norm.ppf(0.5 + level / 2))
+    reach = float(ndtri(0.5 + level / 2))
     middle, root = int(np.argmin(delta)), np.sqrt(delta)
     ends: list[float | None] = []
     for side in (slice(middle, None, -1), slice(middle, None)):

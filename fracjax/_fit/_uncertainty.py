@@ -7,9 +7,9 @@ from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
 
 from .._blocks import AbstractBlock
+from .._filters import solve_recursion
 from .._naming import suffix_of
 from .._parameters import named_parameters
 from .._prepare import Conditions, FreeParameter, autoregression, free_parameters_of, prior_rows
@@ -167,16 +167,16 @@ def _coloured_square(columns: np.ndarray, fit: Evidence, recursion: np.ndarray) 
     return np.sum([c.T @ c for c in coloured], axis=0)
 
 
-def _coloured(columns: np.ndarray, recursion: np.ndarray) -> np.ndarray:
+def _coloured(columns: np.ndarray, taps: np.ndarray) -> np.ndarray:
     """Columns C (L, n) as HᵀC, with HHᵀ the autocorrelation of an autoregression."""
-    if recursion.size == 1:
+    if taps.size == 1:
         return columns
     impulse = np.zeros(len(columns))
     impulse[0] = 1.0
-    power = np.sum(np.asarray(lfilter([1.0], recursion, impulse)) ** 2)
+    power = np.sum(solve_recursion(taps, impulse) ** 2)
     # Backwards in time, and beyond the first sample, because the noise began before it.
     reversed_ = np.concatenate([columns[::-1], np.zeros_like(columns)])
-    return np.asarray(lfilter([1.0], recursion, reversed_, axis=0)) / np.sqrt(power)
+    return solve_recursion(taps, reversed_) / np.sqrt(power)
 
 
 def _estimates(

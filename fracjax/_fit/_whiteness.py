@@ -21,11 +21,12 @@ from dataclasses import dataclass
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.stats import chi2, kurtosis, levene, normaltest, skew
+from scipy.special import chdtrc
 
 from .._computing import computing
 from .._prepare import Preparation
 from .._show import Shown, View
+from ._distribution import excess_kurtosis, p_of_equal_spread, p_of_normality, skewness
 
 if TYPE_CHECKING:
     from .._show.drawing import Drawing
@@ -33,6 +34,10 @@ if TYPE_CHECKING:
 SCHEMA = "fracjax.residuals/1"
 LAGS = 25
 """Largest lag K [samples], as in MATLAB's `resid`."""
+_BINS = 41
+"""Edges of the histogram's bins."""
+_WIDEST = 5.0
+"""The histogram ends at most at so many standard deviations, or at 4 if that is more."""
 _BAND = 2.5758
 """99 % of a standard normal variable are within ± this."""
 _STRETCHES = 20
@@ -133,11 +138,34 @@ class ResidualAnalysis(Shown):
         from ._pictures import draw_residual_tests
 
         return draw_residual_tests(
-            self.residual,
+            self.histogram(),
             (self.autocorrelation, self.band),
             (self.cross_correlation, self.cross_band),
-            (self.spreads, self.edges),
+            (self.spreads, self.edges, self.spread_band()),
         )
+
+    def histogram(self) -> tuple[np.ndarray, np.ndarray]:
+        """The residual's distribution.
+
+        Returns:
+            The edges (K+1,) of bins, in units of the noise, and the densities (K,) in them; what
+            lies beyond the ends is in the outermost bins.
+        """
+        deviation = self.residual.std()
+        width = float(np.clip(np.abs(self.residual).max(), 4, _WIDEST * deviation))
+        edges = np.linspace(-width, width, _BINS)
+        clipped = np.clip(self.residual, -width, width)
+        return edges, np.histogram(clipped, edges, density=True)[0]
+
+    def spread_band(self) -> tuple[float, float]:
+        """Where the standard deviations in the stretches are with 99 % probability.
+
+        Returns:
+            Both ends of the band, in units of the noise.
+        """
+        level = float(np.sqrt(np.mean(self.residual**2)))
+        reach = level * _BAND / float(np.sqrt(2 * self.residual.size / self.spreads.size))
+        return level - reach, level + reach
 
     def to_dict(self) -> dict:
         """The tests as plain data, without the residual itself.
@@ -207,16 +235,16 @@ def analyse_whitened(
         residual=used,
         autocorrelation=autocorrelation,
         band=float(_BAND / np.sqrt(n)),
-        p_white=float(chi2.sf(q, lags)),
+        p_white=float(chdtrc(lags, q)),
         cross_correlation=_correlation(u, e, lags),
         cross_band=float(_BAND * np.sqrt(max(products.sum(), 1e-3) / n)),
         p_drive=_explained(e, u, counted, lags),
-        skewness=float(skew(used)),
-        excess_kurtosis=float(kurtosis(used)),
-        p_normal=float(normaltest(used).pvalue),
+        skewness=skewness(used),
+        excess_kurtosis=excess_kurtosis(used),
+        p_normal=p_of_normality(used),
         edges=edges,
         spreads=np.array([part.std() if part.size else np.nan for part in stretches]),
-        p_even=float(levene(*[p for p in stretches if p.size > 1], center="median").pvalue),
+        p_even=p_of_equal_spread([part for part in stretches if part.size > 1]),
     )
 
 
@@ -243,4 +271,4 @@ def _explained(e: np.ndarray, u: np.ndarray, counted: np.ndarray, lags: int) -> 
     inside[:lags] = inside[len(u) - lags :] = False
     share = directions[:, strong].T @ (shifted.T @ np.where(inside, e, 0.0))
     q = np.sum(share**2 / powers[strong]) / np.var(e[inside])
-    return float(chi2.sf(q, np.count_nonzero(strong)))
+    return float(chdtrc(np.count_nonzero(strong), q))

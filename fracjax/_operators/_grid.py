@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from typing import Literal, get_args
 
 import equinox as eqx
 import jax.numpy as jnp
@@ -11,8 +10,7 @@ import numpy as np
 from jax import Array
 from scipy.linalg import get_lapack_funcs
 
-History = Literal["rest", "constant", "periodic"]
-HISTORIES: tuple[History, ...] = get_args(History)
+from ._history import History
 
 
 class Grid(eqx.Module):

@@ -18,6 +18,7 @@ from .._fit import Fit, physical_unit
 from .._naming import shown_name
 from .._parameters import named_parameters, set_values
 from .._prepare import AbstractProblem, Problem, layout_of, values_by_name
+from .._programs import obtain
 from .._recording import InputError, closest
 from .._solve import compress, jacobian
 from ._discrepancy import Discrepancy
@@ -135,20 +136,23 @@ class Target(eqx.Module):
         return jnp.asarray(jnp.where(jnp.isfinite(density), density, -jnp.inf))
 
 
-def _log_posteriors(
-    structure: Any, arrays: list[Array | None], scalars: Array, standards: Array
-) -> Array:
-    """`log_posterior` (K,) at coordinates (K, D), of a target given as structure and leaves."""
-    remaining = iter(scalars)
-    leaves = [next(remaining) if array is None else array for array in arrays]
+def _log_posteriors(arrays: list[Array], scalar: tuple[bool, ...], structure: Any) -> Array:
+    """`log_posterior` (K,) of a target given as leaves and structure.
+
+    The arrays are its leaves that are no scalars, then the scalars in one, then coordinates (K, D).
+    """
+    *rest, scalars, standards = arrays
+    remaining, others = iter(scalars), iter(rest)
+    leaves = [next(remaining if is_scalar else others) for is_scalar in scalar]
     target: Density = jax.tree_util.tree_unflatten(structure, leaves)
     return jax.vmap(target.log_posterior)(standards)
 
 
 @cache
-def _log_posteriors_program() -> Callable[..., Array]:
+def _log_posteriors_program() -> Any:
     """The compiled `_log_posteriors`, made once."""
-    return jax.jit(_log_posteriors, static_argnums=0, compiler_options=compiler_options())
+    options = compiler_options()
+    return jax.jit(_log_posteriors, static_argnums=(1, 2), compiler_options=options)
 
 
 def log_posteriors_of(target: Density) -> Callable[[np.ndarray], np.ndarray]:
@@ -158,10 +162,16 @@ def log_posteriors_of(target: Density) -> Callable[[np.ndarray], np.ndarray]:
     at every call this would take longer than a compressed density does.
     """
     leaves, structure = jax.tree_util.tree_flatten(jax.tree_util.tree_map(jnp.asarray, target))
+    scalar = tuple(leaf.ndim == 0 for leaf in leaves)
     scalars = jnp.stack([leaf for leaf in leaves if leaf.ndim == 0])
-    arrays = [leaf if leaf.ndim else None for leaf in leaves]
-    program = _log_posteriors_program()
-    return lambda standards: np.asarray(program(structure, arrays, scalars, standards))
+    fixed = [*(leaf for leaf in leaves if leaf.ndim), scalars]
+
+    @cache
+    def program_for(shape: tuple[int, ...]) -> Callable[[list[Any]], Array]:
+        arrays = [*fixed, np.zeros(shape)]
+        return obtain(_log_posteriors, _log_posteriors_program, arrays, scalar, structure)
+
+    return lambda standards: np.asarray(program_for(standards.shape)([*fixed, standards]))
 
 
 @compiled

@@ -6,7 +6,8 @@ from collections.abc import Sequence
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.signal import lfilter, lfiltic
+
+from .._filters import moving_sum, solve_recursion
 
 _LARGEST_ORDER = 12
 """Largest order: the whitening filter of a problem has 13 taps."""
@@ -173,8 +174,9 @@ def _covariance(noise: Autoregression, size: int) -> np.ndarray:
     covariance = np.zeros(size)
     covariance[: order + 1] = first[:size]
     if 0 < order < size - 1:
-        before = lfiltic([1.0], taps, first[:0:-1])
-        covariance[order + 1 :] = lfilter([1.0], taps, covariance[order + 1 :], zi=before)[0]
+        # The first ones are a start's own: what drives the recursion to them, and nothing later.
+        covariance[: order + 1] = moving_sum(taps, first)
+        covariance = solve_recursion(taps, covariance)
     return covariance
 
 

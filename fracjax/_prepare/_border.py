@@ -17,8 +17,8 @@ from .._recording import (
     parse_quantity,
     require_kind,
 )
-from ._preparation import settling_samples
 from ._setting import setting_of
+from ._take import settling_samples
 
 HISTORY_OPTIONS = (*HISTORIES, "estimated")
 """The histories that a call can choose."""

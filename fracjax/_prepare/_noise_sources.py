@@ -7,8 +7,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.signal import lfilter
 
+from .._filters import moving_sum
 from .._recording import (
     InputError,
     Recording,
@@ -107,7 +107,7 @@ def with_level_profile(noise: Noise, residual: np.ndarray, used: np.ndarray) -> 
     the same code as their neighbours.
     """
     lost = noise.filter.size - 1
-    whitened = np.asarray(lfilter(noise.whitening, 1.0, residual))[lost:]
+    whitened = moving_sum(noise.whitening, residual)[lost:]
     differences, counted = np.diff(whitened), used[lost + 1 :]
     where = lost + np.arange(differences.size)
     parts = np.array_split(np.flatnonzero(counted), PIECES)

@@ -13,7 +13,8 @@ from ._conditions import PLAIN, Conditions
 from ._keywords import ParameterOptions, apply_options
 from ._noise import Noise
 from ._noise_sources import measured_noises
-from ._preparation import HistoryOption, Preparation, coarse_oversampling, take_of
+from ._preparation import Preparation, coarse_oversampling
+from ._take import HistoryOption, take_of
 from ._weights import Mask, Weights, weights_of
 
 

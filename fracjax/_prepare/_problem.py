@@ -11,9 +11,9 @@ import equinox as eqx
 import jax.numpy as jnp
 import numpy as np
 from jax import Array
-from scipy.signal import lfilter
 
 from .._blocks import AbstractBlock
+from .._filters import moving_sum
 from .._operators import Grid, History, ahead, refine
 from .._recording import Recording, kept
 
@@ -92,10 +92,26 @@ class Problem(AbstractProblem):
         self, block: AbstractBlock, names: Sequence[str]
     ) -> tuple[np.ndarray, np.ndarray]:
         """The response (L,) and its derivatives (L, Σ size) by the named parameters."""
-        response, columns, _ = block.linearise(np.asarray(self.drive), self.grid, names, ())
-        pieces = [columns[name][:: self.oversampling] for name in names]
-        response = response[:: self.oversampling]
+        response, columns, _ = block.linearise(self._octave(), self.grid, names, ())
+        pieces = [self._sampled(columns[name]) for name in names]
+        response = self._sampled(response)
         return response, np.concatenate([np.zeros((response.size, 0)), *pieces], axis=1)
+
+    def respond(self, block: AbstractBlock) -> np.ndarray:
+        """The block's response (L,) at the recording's samples, by its compiled program."""
+        return self._sampled(block.respond(self._octave(), self.grid))
+
+    def _octave(self) -> np.ndarray:
+        """The drive, extended to a power of two of samples, which steady cycles are not: all
+        recordings of an octave have one program."""
+        drive = np.asarray(self.drive)
+        if self.grid.history == "periodic":
+            return drive
+        return _extended(drive, 2 ** (drive.size - 1).bit_length() - drive.size)
+
+    def _sampled(self, signals: np.ndarray) -> np.ndarray:
+        """Signals (M, …) on the finer grid and beyond the drive, at the recording's samples."""
+        return signals[: np.size(self.drive) : self.oversampling]
 
     @property
     def size(self) -> float:
@@ -109,7 +125,7 @@ class Problem(AbstractProblem):
             taps = taps[: 1 + np.flatnonzero(taps)[-1]]
             if taps.size == 1 or not signals.size:
                 return (signals.T * (taps[0] * self.weights)).T
-            return (np.asarray(lfilter(taps, 1.0, signals.T, axis=-1)) * self.weights).T
+            return (moving_sum(taps, signals).T * self.weights).T
         length, others = signals.shape[0], [(0, 0)] * (signals.ndim - 1)
         padded = jnp.pad(jnp.asarray(signals), [(_FILTER_TAPS - 1, 0), *others])
         starts = range(_FILTER_TAPS - 1, -1, -1)
@@ -181,7 +197,7 @@ def _weighting(
     counted = np.zeros(length)
     counted[:samples] = used
     if whitening.size > 1 and not used.all():
-        uncounted = np.asarray(lfilter(np.ones(whitening.size), 1.0, 1.0 - counted[:samples]))
+        uncounted = moving_sum(np.ones(whitening.size), 1.0 - counted[:samples])
         counted[:samples] = uncounted < 0.5
     counted[: whitening.size - 1] = 0.0
     if weights is not None:

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import lru_cache
+from typing import TYPE_CHECKING
 
 import numpy as np
 from scipy.fft import prev_fast_len
 
-from .._blocks import Setting
 from .._recording import Recording, kept, varying
+
+if TYPE_CHECKING:
+    from .._blocks import Setting
 
 _REST = 1e-2
 """A recording whose drive spans less than this share of the widest one is a rest."""
@@ -18,6 +21,8 @@ _REST = 1e-2
 def setting_of(recordings: list[Recording]) -> Setting:
     """The magnitudes that the recordings suggest.  Raises InputError where no drive varies."""
     driven = driven_recordings(recordings)
+    from .._blocks import Setting
+
     return Setting(
         drive_low=float(min(r.drive.min() for r in recordings)),
         drive_high=float(max(r.drive.max() for r in recordings)),

@@ -7,8 +7,7 @@ from dataclasses import dataclass
 
 import numpy as np
 from scipy.ndimage import median_filter
-from scipy.optimize import minimize_scalar
-from scipy.stats import gamma
+from scipy.special import gammaincc, gammaincinv
 
 _SIGNIFICANT = 1e-7
 """Largest p-value of a tone, all frequencies counted.  Chosen by judgement."""
@@ -56,26 +55,27 @@ def tone_in(
     # Compared with the neighbours, because a short filter does not fully whiten a steep slope.
     width = 2 * max(power.size // 40, _LEAST_NEIGHBOURS) + 1
     neighbours = median_filter(power, width, mode="mirror")
-    levels = neighbours * freedom / gamma.median(freedom)
+    levels = neighbours * freedom / gammaincinv(freedom, 0.5)
     eligible = (frequencies * sizes.max() >= _SLOWEST) & (levels > 0)
     ratio = np.divide(power, levels, out=np.zeros_like(power), where=eligible)
     top = int(np.argmax(ratio))
     level = levels[top]
-    chance = longest / 2 * gamma.sf(ratio[top] * freedom, freedom)
+    if longest / 2 * gammaincc(freedom, ratio[top] * freedom) > _SIGNIFICANT:
+        return None
     frequency = _refined(whitened, float(frequencies[top]), 1 / longest)
     phases = 2j * np.pi * frequency * np.arange(taps.size)
     response = np.abs(taps @ np.exp(-phases))
     variance = 2 * max(power[top] - level, 0.0) * sizes.sum() / np.sum(sizes**2)
     rms = float(np.sqrt(variance) / response)
-    if chance > _SIGNIFICANT or rms < _LEAST_SHARE * sigma:
-        return None
-    return Tone(frequency, rms)
+    return Tone(frequency, rms) if rms >= _LEAST_SHARE * sigma else None
 
 
 def _refined(whitened: Sequence[np.ndarray], frequency: float, width: float) -> float:
     """The frequency [1/sample] within a `width` of this one at which the stretches have most power,
     by stretches, because the phase from one to the next is unknown.
     """
+
+    from scipy.optimize import minimize_scalar  # tones are rare, and it takes long to import
 
     def power(candidate: float) -> float:
         wave = np.exp(-2j * np.pi * candidate * np.arange(max(w.size for w in whitened)))

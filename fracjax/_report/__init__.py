@@ -1,11 +1,13 @@
 """The report: one self-contained HTML file, and what of it other outputs share."""
 
-from importlib import import_module
 from typing import TYPE_CHECKING
+
+from .._lazy import attach
 
 if TYPE_CHECKING:
     from ._batch_page import batch_sentence as batch_sentence
     from ._batch_page import write_batch_report as write_batch_report
+    from ._bokehjs import document_of as document_of
     from ._compensation_page import compensation_figures as compensation_figures
     from ._compensation_page import compensation_sentence as compensation_sentence
     from ._compensation_page import compensation_warnings as compensation_warnings
@@ -22,6 +24,7 @@ if TYPE_CHECKING:
     from ._strips import strips as strips
     from ._text import crosscheck_figures as crosscheck_figures
     from ._text import crosscheck_sentence as crosscheck_sentence
+    from ._text import diagnosis_figures as diagnosis_figures
     from ._text import file_name as file_name
     from ._text import fit_sentence as fit_sentence
     from ._text import frequency_figures as frequency_figures
@@ -30,37 +33,4 @@ if TYPE_CHECKING:
     from ._text import noise_of as noise_of
     from ._text import parameter_rows as parameter_rows
 
-# Loaded on first use, so that `fracjax info` need not wait for matplotlib (PEP 562).
-_HOMES = {
-    "_batch_page": ("batch_sentence", "write_batch_report"),
-    "_compensation_page": (
-        "compensation_figures",
-        "compensation_sentence",
-        "compensation_warnings",
-    ),
-    "_description": ("describe", "shown_by"),
-    "_effect_picture": ("draw_effect",),
-    "_linked": ("Curve", "link", "linked_plots"),
-    "_posterior_page": ("posterior_row",),
-    "_recording_picture": ("draw_recordings",),
-    "_report": ("Reported", "write_report"),
-    "_strips": ("strips",),
-    "_text": (
-        "crosscheck_figures",
-        "crosscheck_sentence",
-        "file_name",
-        "fit_sentence",
-        "frequency_figures",
-        "frequency_sentence",
-        "key_figures",
-        "noise_of",
-        "parameter_rows",
-    ),
-}
-_HOME_OF = {name: home for home, names in _HOMES.items() for name in names}
-
-
-def __getattr__(name: str) -> object:
-    if name not in _HOME_OF:
-        raise AttributeError(f"module {__name__!r} has no attribute {name!r}")
-    return getattr(import_module(f".{_HOME_OF[name]}", __name__), name)
+__getattr__, __dir__ = attach(__name__)

@@ -12,8 +12,8 @@ from .._batch import Spread, at_bounds, over_noise, overview, spreads
 from .._fit import FAR_ABOVE_NOISE
 from .._show import figure, pretty_unit
 from ._batch_figures import distributions
+from ._page import write_page
 from ._provenance import provenance
-from ._report import write_page
 
 _MOST_ROWS = 2000
 """Most recordings that are drawn and listed, suspect ones first; the table has all.  Chosen so that

@@ -7,7 +7,6 @@ from typing import Any
 
 import numpy as np
 
-from .._path import Signal, can_show, denoised
 from .._prepare import Noise, measured_noise, top_frequency
 from .._recording import Recording
 from ._doubts import doubts_about
@@ -77,6 +76,8 @@ def shown_by(recording: Recording) -> list[dict[str, Any]] | None:
     noise = _noise_of(recording)
     if noise is None or kind_of_drive(recording) == "rest":
         return None
+    from .._path import Signal, can_show, denoised  # takes as long to import as all else of `info`
+
     drive, error = denoised(recording.drive)
     weights = np.ones(len(recording))
     if recording.masked is not None:

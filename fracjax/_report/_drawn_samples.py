@@ -3,11 +3,14 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import TYPE_CHECKING
 
 import numpy as np
 
-from .._diagnose import Axis
 from .._recording import Recording
+
+if TYPE_CHECKING:
+    from .._diagnose import Axis
 
 _WHOLE = 6000
 """Recordings of at most so many samples are drawn whole."""

@@ -8,32 +8,19 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from importlib.resources import files
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
 import numpy as np
-from bokeh.models import (
-    BoxAnnotation,
-    BoxSelectTool,
-    BoxZoomTool,
-    ColumnDataSource,
-    CrosshairTool,
-    CustomJS,
-    DataRange1d,
-    HoverTool,
-    LassoSelectTool,
-    PanTool,
-    ResetTool,
-    SaveTool,
-    Span,
-    WheelZoomTool,
-)
 
-from .._diagnose import Axis
 from .._recording import Recording
 from .._show import pretty_unit, quantity
+from ._bokehjs import Field, Model
 from ._drawn_samples import bins_of_samples, drawn_samples
-from ._plot import BRUSHED, MEASURED, empty_plot
+from ._plot import BRUSHED, MEASURED, draw, draw_band, draw_line, empty_plot, one, table
 from ._strips import Strip
+
+if TYPE_CHECKING:
+    from .._diagnose import Axis
 
 
 class Curve(NamedTuple):
@@ -68,9 +55,9 @@ class LinkedPlots:
         count: the number of samples.
     """
 
-    samples: ColumnDataSource
-    figures: tuple[Any, ...]
-    errors: Any
+    samples: Model
+    figures: tuple[Model, ...]
+    errors: Model | None
     title: str
     drawn: int
     count: int
@@ -100,7 +87,7 @@ def linked_plots(
         **{f"residual_{k}": residual for k, residual in enumerate(residuals)},
         **{f"explained_{k}": curve.response for k, curve in enumerate(explained)},
     }
-    samples = ColumnDataSource(
+    samples = table(
         {
             "time": recording.times[chosen],
             **{name: signal[chosen].astype(np.float32) for name, signal in columns.items()},
@@ -111,7 +98,8 @@ def linked_plots(
     drive_label = f"drive [{pretty_unit(recording.drive_unit)}]"
     response_label, error_label = f"response [{unit}]", f"measured − simulated [{unit}]"
     hover = _hover(recording, curves)
-    time, drive = DataRange1d(range_padding=0.01), DataRange1d(range_padding=0.02)
+    time = Model("DataRange1d", range_padding=0.01)
+    drive = Model("DataRange1d", range_padding=0.02)
     lines = [
         _Line("measured", "measured", MEASURED, 3.0),
         *(_Line(f"model_{k}", f"simulated_{k}", c.colour, 1.2) for k, c in enumerate(curves)),
@@ -126,24 +114,24 @@ def linked_plots(
         along.append((265, error_label, errors))
         over.append((330, error_label, errors))
     along.append((130, drive_label, [_Line("drive", "drive", MEASURED, 1.2)]))
-    cursor = Span(dimension="height", line_color=MEASURED, line_dash="dotted")
+    cursor = Model("Span", dimension="height", line_color=MEASURED, line_dash="dotted")
     figures = []
     for height, label, drawn in along:
         plot = empty_plot(height, ("time [s]", label), time)
-        plot.add_tools(CrosshairTool(overlay=cursor))
+        plot.toolbar.tools.append(Model("CrosshairTool", overlay=cursor))
         _draw(plot, samples, "time", drawn, joined=True)
-        _let_brush(plot, [BoxSelectTool(dimensions="width")], hover | {"mode": "vline"})
+        _let_brush(plot, [Model("BoxSelectTool", dimensions="width")], hover | {"mode": "vline"})
         figures.append(plot)
     for height, label, drawn in over:
         plot = empty_plot(height, (drive_label, label), drive)
         _draw(plot, samples, "counted_drive", drawn, joined=chosen.size == len(recording))
-        _let_brush(plot, [BoxSelectTool(), LassoSelectTool()], hover)
+        _let_brush(plot, [Model("BoxSelectTool"), Model("LassoSelectTool")], hover)
         figures.append(plot)
     if not curves:
         return LinkedPlots(samples, tuple(figures), None, "", chosen.size, len(recording))
     if sigma is not None:
         for plot in (figures[1], figures[-1]):
-            _draw_band(plot, sigma)
+            draw_band(plot, -2 * sigma, 2 * sigma)
     levels = [quantity(_rms(residual), recording.response_unit) for residual in residuals]
     title = "all samples:\n" + "; ".join(
         f"{curve.name}: {level} rms" for curve, level in zip(curves, levels, strict=True)
@@ -164,9 +152,10 @@ def link(
     linked = [
         strip.bins
         for strip in beside
-        if all(f"bin_{strip.bins.name}" in samples.column_names for samples in recordings)
+        if all(f"bin_{strip.bins.name}" in samples.data for samples in recordings)
     ]
-    callback = CustomJS(
+    callback = Model(
+        "CustomJS",
         args={
             "recordings": recordings,
             "strips": linked,
@@ -179,40 +168,48 @@ def link(
         code=files("fracjax._report").joinpath("brush.js").read_text("utf-8"),
     )
     for source in (*recordings, *linked):
-        source.selected.js_on_change("indices", callback)
+        source.selected.js_property_callbacks = {"change:indices": [callback]}
 
 
-def _draw(
-    plot: Any, samples: ColumnDataSource, x: str, lines: Sequence[_Line], *, joined: bool
-) -> None:
+def _draw(plot: Model, samples: Model, x: str, lines: Sequence[_Line], *, joined: bool) -> None:
     """Draw lines, and the points that appear where they are brushed.
 
     Without `joined` there are points alone, for lines between distant samples would cut across a
     loop.
     """
     for line in lines:
-        shared = {"source": samples, "name": line.layer, "visible": line.visible}
+        shown = {"name": line.layer, "visible": line.visible}
         if joined:
-            plot.line(x, line.column, line_color=line.colour, line_width=line.width, **shared)
-        points = plot.scatter(
-            x,
-            line.column,
-            size=2,
-            fill_color=None if joined else line.colour,
-            line_color=None,
-            **shared,
+            style = {"line_color": line.colour, "line_width": line.width}
+            draw_line(plot, samples, x, line.column, style, **shown)
+        points = Model(
+            "Scatter",
+            x=Field(x),
+            y=Field(line.column),
+            **one(size=2, line_color=None, fill_color=None if joined else line.colour),
         )
-        points.selection_glyph = points.glyph.clone(fill_color=BRUSHED, size=4)
-        points.nonselection_glyph = points.glyph.clone()
+        brushed = points.like(**one(size=4, fill_color=BRUSHED))
+        draw(
+            plot,
+            samples,
+            points,
+            selection_glyph=brushed,
+            nonselection_glyph=points.like(),
+            **shown,
+        )
 
 
-def _let_brush(plot: Any, brushes: Sequence[Any], hover: dict[str, Any]) -> None:
+def _let_brush(plot: Model, brushes: Sequence[Model], hover: dict[str, Any]) -> None:
     """The tools of a plot; a drag brushes until another tool is chosen."""
-    points = [each for each in plot.renderers if type(each.glyph).__name__ == "Scatter"]
+    points = [each for each in plot.renderers if each.glyph.kind == "Scatter"]
     for brush in brushes:
         brush.renderers = points
-    plot.add_tools(*brushes, BoxZoomTool(), PanTool(), WheelZoomTool(), ResetTool(), SaveTool())
-    plot.add_tools(HoverTool(renderers=points[:1], limit=1, **hover))
+    others = ("BoxZoomTool", "PanTool", "WheelZoomTool", "ResetTool", "SaveTool")
+    plot.toolbar.tools += [
+        *brushes,
+        *map(Model, others),
+        Model("HoverTool", renderers=points[:1], limit=1, **hover),
+    ]
     plot.toolbar.active_drag = brushes[0]
 
 
@@ -234,11 +231,3 @@ def _hover(recording: Recording, curves: Sequence[Curve]) -> dict[str, Any]:
 def _rms(residual: np.ndarray) -> float:
     """The rms of a residual (N,), over the samples that count."""
     return float(np.sqrt(np.nanmean(residual**2)))
-
-
-def _draw_band(plot: Any, sigma: float) -> None:
-    """Draw the band of ±2 standard deviations of the noise."""
-    band = BoxAnnotation(bottom=-2 * sigma, top=2 * sigma, level="underlay")
-    band.fill_color = band.line_color = MEASURED
-    band.fill_alpha, band.line_dash = 0.2, "dashed"
-    plot.add_layout(band)

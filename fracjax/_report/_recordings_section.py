@@ -4,17 +4,19 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any, NamedTuple
+from typing import TYPE_CHECKING, Any, NamedTuple
 
-from .._diagnose import Diagnosis
-from .._fit import Fit
+from .._fit import Fit, ResidualAnalysis
 from .._prepare import Noise
-from .._show.drawing import CANDIDATES, COLOURS
+from .._show import CANDIDATES, COLOURS
 from ._embedding import embedded
-from ._explained import drawn_candidates, explained_by
 from ._linked import Curve, LinkedPlots, link, linked_plots
 from ._plot import MEASURED
+from ._residual_plots import PLOTS, residual_plots
 from ._strips import strips
+
+if TYPE_CHECKING:
+    from .._diagnose import Diagnosis
 
 MOST_RECORDINGS = 3
 """Most recordings drawn."""
@@ -30,14 +32,18 @@ class Layer(NamedTuple):
 
 
 def recordings_section(
-    fits: Sequence[Fit], noise: Noise, diagnosis: Diagnosis | None = None
+    fits: Sequence[Fit],
+    noise: Noise,
+    diagnosis: Diagnosis | None = None,
+    tests: Sequence[ResidualAnalysis] = (),
 ) -> dict[str, Any]:
     """The template's content: the elements of the plots, the layers to choose from, the scripts.
 
-    `fits` are of the same recordings; of a diagnosis its axes and candidates are drawn too.
+    `fits` are of the same recordings; of a diagnosis its axes and candidates are drawn too, and
+    the tests of residuals.
     """
     axes = () if diagnosis is None else diagnosis.axes
-    candidates = [] if diagnosis is None else [c.name for c in drawn_candidates(diagnosis)]
+    candidates = _candidates(diagnosis)
     takes = fits[0].preparation.takes
     names = [fit.model.name for fit in fits]
     plots = [
@@ -54,7 +60,9 @@ def recordings_section(
     located = strips(axes) if axes else []
     link(plots, located, names, noise.unit)
     drawn = [figure for plot in plots for figure in plot.figures]
-    elements, scripts = embedded([*drawn, *(strip.plot for strip in located)])
+    drawn += [strip.plot for strip in located]
+    tested = [plot for analysis in tests for plot in residual_plots(analysis)]
+    elements, scripts = embedded([*drawn, *tested])
     return {
         "recordings": [
             {
@@ -65,7 +73,15 @@ def recordings_section(
             for index, (take, plot) in enumerate(zip(takes, plots, strict=False))
         ],
         "omitted": len(takes) - len(plots),
-        "strips": elements[len(drawn) :],
+        "strips": elements[len(drawn) - len(located) : len(drawn)],
+        "residual_tests": [
+            {
+                "source": analysis.source,
+                "findings": analysis.findings,
+                "elements": elements[len(drawn) + PLOTS * index :][:PLOTS],
+            }
+            for index, analysis in enumerate(tests)
+        ],
         "layers": [
             Layer("measured", "measured", MEASURED, True),
             *(
@@ -81,10 +97,21 @@ def recordings_section(
     }
 
 
+def _candidates(diagnosis: Diagnosis | None) -> list[str]:
+    """The candidates whose changes of the response are drawn."""
+    if diagnosis is None:
+        return []
+    from ._explained import drawn_candidates
+
+    return [candidate.name for candidate in drawn_candidates(diagnosis)]
+
+
 def _explained(base: Fit, index: int, candidates: Sequence[str]) -> list[Curve]:
     """What candidates would explain of the residual of one recording."""
     if not candidates:
         return []
+    from ._explained import explained_by
+
     curves = explained_by(base, index, candidates)
     return [Curve(*each) for each in zip(candidates, curves, CANDIDATES, strict=False)]
 

@@ -6,12 +6,11 @@ import base64
 import json
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 import numpy as np
 from markupsafe import Markup
 
-from .._crosscheck import Crosscheck
-from .._diagnose import Diagnosis
 from .._fit import (
     Comparison,
     Fit,
@@ -21,10 +20,17 @@ from .._fit import (
     rank_fits,
     shortcomings_of,
 )
-from .._frequency import FrequencyFit
 from .._prepare import Noise
 from .._show import figure, percentage, pretty_unit, quantity
 
+if TYPE_CHECKING:
+    from .._crosscheck import Crosscheck
+    from .._diagnose import Diagnosis
+    from .._fit import HeldOutScores
+    from .._frequency import FrequencyFit
+
+Figures = tuple[list[str], list[list[str]]]
+"""Headers and rows of a table."""
 _METHODS = {
     "repeats": "from repeats",
     "static": "at rest",
@@ -105,23 +111,29 @@ def parameter_rows(fit: Fit | FrequencyFit) -> list[dict[str, str]]:
     ]
 
 
-def key_figures(
-    result: Diagnosis | Comparison | Sequence[Fit],
-) -> tuple[list[str], list[list[str]]]:
+def key_figures(result: Comparison | Sequence[Fit]) -> Figures:
     """Headers and rows of the table of scores, a column per model."""
-    held_out: list[float | None]
-    held_out_scores = []
-    if isinstance(result, Diagnosis):
-        fits = [fit for fit in (result.base, result.extended) if fit is not None]
-        held_out = [result.held_out.base_rmse, result.held_out.extended_rmse][: len(fits)]
-        bics = [fit.scores.bic for fit in fits]
-    elif isinstance(result, Comparison):
-        fits, held_out_scores = list(result.fits), [row.unseen for row in result.rows]
-        held_out = [None if errors is None else errors.rmse for errors in held_out_scores]
-        bics = [row.bic for row in result.rows]
-    else:
-        fits, held_out = list(result), []
-        bics = [bic for _, bic in rank_fits(fits)]
+    if isinstance(result, Comparison):
+        held_out = [row.unseen for row in result.rows]
+        errors = [None if scores is None else scores.rmse for scores in held_out]
+        return _scores(result.fits, [row.bic for row in result.rows], errors, held_out)
+    return _scores(result, [bic for _, bic in rank_fits(result)])
+
+
+def diagnosis_figures(diagnosis: Diagnosis) -> Figures:
+    """Headers and rows of the table of scores without and with what is missing."""
+    fits = [fit for fit in (diagnosis.base, diagnosis.extended) if fit is not None]
+    errors = [diagnosis.held_out.base_rmse, diagnosis.held_out.extended_rmse][: len(fits)]
+    return _scores(fits, [fit.scores.bic for fit in fits], errors)
+
+
+def _scores(
+    fits: Sequence[Fit],
+    bics: Sequence[float],
+    held_out: Sequence[float | None] = (),
+    held_out_scores: Sequence[HeldOutScores | None] = (),
+) -> Figures:
+    """Headers and rows of the scores of models, a column each: of fitted and of held-out data."""
     noise = noise_of(fits[0])
     unit = noise.unit
     scores = [fit.scores for fit in fits]
@@ -157,7 +169,7 @@ def frequency_sentence(fits: Sequence[FrequencyFit]) -> str:
     )
 
 
-def frequency_figures(fits: Sequence[FrequencyFit]) -> tuple[list[str], list[list[str]]]:
+def frequency_figures(fits: Sequence[FrequencyFit]) -> Figures:
     """Headers and rows of the scores of fits to one frequency response, a column per model."""
     rows = [
         ["amplitude residual [dB rms]", *(figure(fit.amplitude_rms_dB) for fit in fits)],
@@ -187,7 +199,7 @@ def crosscheck_sentence(crosscheck: Crosscheck) -> str:
     )
 
 
-def crosscheck_figures(crosscheck: Crosscheck) -> tuple[list[str], list[list[str]]]:
+def crosscheck_figures(crosscheck: Crosscheck) -> Figures:
     """Headers and rows of the cross-check's table: a column per method, and the unit."""
     methods = crosscheck.rows
     unit = crosscheck.fit.preparation.takes[0].recording.response_unit

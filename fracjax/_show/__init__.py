@@ -5,6 +5,8 @@ fit, one of a posterior beside the posterior, and the report takes them from the
 matplotlib and is imported only where something is drawn.
 """
 
+from ._colours import CANDIDATES as CANDIDATES
+from ._colours import COLOURS as COLOURS
 from ._forecast import Forecast as Forecast
 from ._numbers import figure as figure
 from ._numbers import p_value as p_value

@@ -31,7 +31,6 @@ import numpy as np
 import scipy.fft
 from jax import Array
 from scipy.linalg import solve_triangular
-from scipy.stats import qmc
 
 from .._blocks import AbstractBlock
 from .._operators import Grid
@@ -56,6 +55,15 @@ _NEGLIGIBLE = 1e-13
 """Coefficients below this share of the largest are rounding."""
 _BASE, _LARGEST_DEGREE = 8, 60
 """T_8 is the inner polynomial of a series, whose coefficients from degree 60 on must vanish."""
+_SOBOL = (
+    (0, 0, (1,)),
+    (1, 0, (1,)),
+    (2, 1, (1, 3)),
+    (3, 1, (1, 3, 1)),
+    (3, 2, (1, 1, 1)),
+    (4, 1, (1, 1, 3, 3)),
+)
+"""By dimension: degree and inner coefficients of the primitive polynomial, first odd numbers."""
 _LARGEST_TABLE = 2**21
 """At most so many transfer function values at once, which limits memory."""
 
@@ -196,6 +204,30 @@ def unit_gains(layout: Layout) -> list[dict[str, float]]:
     return [{name: float(name == one) for name in names} for one in ("", *names)]
 
 
+def _spread(count: int, dimensions: int) -> np.ndarray:
+    """The first points (K, d) of Sobol's sequence, which fill the unit cube evenly; those of
+    `scipy.stats.qmc`, which takes longer to import than a fit takes.
+
+    Source: Joe & Kuo, SIAM J. Sci. Comput. 30 (2008) 2635.
+    """
+    bits = int(count - 1).bit_length()
+    order = np.arange(count)
+    gray = order ^ (order >> 1)
+    columns = []
+    for degree, inner, numbers in _SOBOL[:dimensions]:
+        odd = list(numbers) if degree else [1] * bits
+        for k in range(len(odd), bits):
+            new = odd[k - degree] ^ (odd[k - degree] << degree)
+            for j in range(1, degree):
+                new ^= ((inner >> (degree - 1 - j)) & 1) * (odd[k - j] << j)
+            odd.append(new)
+        point = np.zeros(count, int)
+        for k in range(bits):
+            point ^= ((gray >> k) & 1) * (odd[k] << (bits - 1 - k))
+        columns.append(point / 2**bits)
+    return np.stack(columns, axis=1)
+
+
 def choose_shapes(
     block: AbstractBlock, driven_by: Transformed, grid: Grid, spanned: float = SPANNED
 ) -> ChosenShapes | None:
@@ -209,7 +241,7 @@ def choose_shapes(
     candidates = _CANDIDATES.get(count, _MOST_CANDIDATES)
     # Denser towards the bounds, as Chebyshev's nodes are; for one shape they are these nodes.
     if count > 1:
-        uniform = qmc.Sobol(count, scramble=False).random(candidates)
+        uniform = _spread(candidates, count)
     else:
         uniform = np.linspace(0, 1, candidates)[:, None][:, :count]
     all_blocks = set_values(block, shapes_at(block, layout, (1 - np.cos(np.pi * uniform)) / 2))

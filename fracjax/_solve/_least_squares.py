@@ -16,7 +16,6 @@ from collections.abc import Sequence
 from typing import Any, NamedTuple, Protocol
 
 import numpy as np
-from scipy.optimize import least_squares
 
 from .._blocks import AbstractBlock
 from .._prepare import (
@@ -72,7 +71,7 @@ class Linearised(Protocol):
 
 def simulate(block: AbstractBlock, problem: Problem) -> np.ndarray:
     """The block's response (L,) at a recording's samples."""
-    return block.respond(np.asarray(problem.drive), problem.grid)[:: problem.oversampling]
+    return problem.respond(block)
 
 
 def simulate_all(
@@ -275,6 +274,8 @@ def descend(at: Descent, evaluations: int) -> Descent:
     )
     if first.cost - remainder @ remainder <= _RELATIVE * first.cost:
         return at._replace(cost=first.cost, converged=True)
+    from scipy.optimize import least_squares  # stacks do without, and it takes long to import
+
     result = least_squares(
         objective.reduced_residual,
         at.position,

@@ -7,7 +7,7 @@ import time
 from functools import lru_cache
 from pathlib import Path
 
-import jax
+from .._computing import forget_programs
 
 _MAPS, _LIMIT = Path("/proc/self/maps"), Path("/proc/sys/vm/max_map_count")
 """The memory maps of this process, and the largest number that Linux allows."""
@@ -34,7 +34,7 @@ def _clear_when_full(second: int) -> None:
         return
     used = _MAPS.read_bytes().count(b"\n")
     if used > int(_LIMIT.read_text()) // _SHARE:
-        jax.clear_caches()
+        forget_programs()
         # glibc keeps what is freed, which is most of it, unless told to return it.
         trim = getattr(ctypes.CDLL(None), "malloc_trim", None)
         if trim is not None:

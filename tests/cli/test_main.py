@@ -13,7 +13,7 @@ from rich.progress import Progress
 import fracjax._diagnose
 from fracjax._cli import run
 from fracjax._cli._main import cli
-from fracjax._cli._progress import _BRIEF, chain_bar, stages, until
+from fracjax._cli._progress import _BRIEF, _SOON, announced, chain_bar, stages, until
 from fracjax._cli._tables import print_text
 from fracjax._computing import map_in_threads
 from tests.helpers import failure
@@ -257,3 +257,48 @@ def test_a_cold_start_is_quick(call, most):
         for _ in range(3)
     ]
     assert min(runs) <= most
+
+
+@pytest.mark.parametrize(
+    ("call", "shown"),
+    [
+        (["fit", "a.csv"], "fracjax fit: loading and reading\n"),
+        (["fit", "a.csv", "--quiet"], ""),
+        (["info", "a.csv"], ""),
+        ([], ""),
+    ],
+)
+def test_a_command_on_a_terminal_says_soon_that_it_runs(call, shown, monkeypatch, capsys):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    with announced(call):
+        time.sleep(_SOON + 0.1)
+    assert capsys.readouterr().err == shown
+
+
+def test_a_command_that_is_done_says_nothing_more(monkeypatch, capsys):
+    monkeypatch.setattr(sys.stderr, "isatty", lambda: True, raising=False)
+    with announced(["fit", "a.csv"]):
+        pass
+    time.sleep(_SOON + 0.1)
+    assert capsys.readouterr().err == ""
+
+
+def test_info_and_help_do_without_jax(loop):
+    script = (
+        "import sys; from fracjax._cli import run; status = run(sys.argv[1:]); "
+        "heavy = {'jax', 'equinox', 'pandas', 'matplotlib', 'bokeh', 'scipy.stats', 'scipy.signal'}"
+        "; assert status == 0; assert not heavy & sys.modules.keys(), heavy & sys.modules.keys()"
+    )
+    for call in (["info", loop], ["--help"], ["fit", "--help"]):
+        subprocess.run([sys.executable, "-c", script, *call], check=True)
+
+
+def test_a_fit_imports_no_library_that_it_does_not_use(loop, tmp_path):
+    script = (
+        "import sys; from fracjax._cli import run; status = run(sys.argv[1:]); "
+        "heavy = {'pandas', 'matplotlib', 'bokeh', 'scipy.stats', 'scipy.signal', 'arviz', "
+        "'optimistix', 'jaxopt'}"
+        "; assert status == 0; assert not heavy & sys.modules.keys(), heavy & sys.modules.keys()"
+    )
+    call = ["fit", loop, "--model", "foh", "--out", str(tmp_path / "out"), "--quiet"]
+    subprocess.run([sys.executable, "-c", script, *call], check=True)

@@ -20,6 +20,7 @@ ROOT = ""  # fracjax/__init__.py, which may gather anything but the command line
 # Lowest first; a module imports from its own layer and those below.
 LAYERS = [
     {"_show"},
+    {"_lazy", "_programs", "_filters"},
     {"_recording", "_parameters", "_computing"},
     {"_operators", "_path"},
     {"_blocks"},

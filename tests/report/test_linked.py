@@ -1,12 +1,19 @@
 """The linked plots: what is drawn of a recording, where samples lie, and how bins are labelled."""
 
+import json
+from typing import Any
+
 import numpy as np
 import pytest
+from bokeh.document import Document
 
 from fracjax._diagnose import Axis
+from fracjax._fit import analyse_residuals
 from fracjax._recording import Recording
+from fracjax._report._bokehjs import document_of
 from fracjax._report._drawn_samples import bins_of_samples, drawn_samples
-from fracjax._report._linked import Curve, linked_plots
+from fracjax._report._linked import Curve, link, linked_plots
+from fracjax._report._residual_plots import residual_plots
 from fracjax._report._strips import strips
 from fracjax._show import rounded_edges
 
@@ -82,7 +89,7 @@ def test_edges_are_signed_and_rounded_to_their_bins(edges, texts):
 
 def test_no_label_of_a_strip_stands_twice():
     (strip,) = strips([axis_of("rate", [-131, -1e-6, 1e-6, 1.01])])
-    labels = list(strip.plot.xaxis.major_label_overrides.values())
+    labels = list(strip.plot.below[0].major_label_overrides.values())
     assert labels == ["−130", "0", "1"]
 
 
@@ -96,3 +103,28 @@ def test_samples_that_do_not_count_are_not_in_the_loop_nor_in_the_residual():
     assert np.isnan(data["residual_0"][:50]).all()
     assert data["residual_0"][50:] == pytest.approx(-0.5)
     assert plots.title == "all samples:\nmodel: 0.5 µm rms"
+
+
+def test_what_is_written_is_what_bokeh_reads(fitted):
+    """Bokeh knows every class and property, and reads every value and column as it was."""
+    drive = np.sin(np.arange(200) / 10)
+    recording, axis = Recording(drive, 2 * drive, 0.1), axis_of("time", [0, 10, 20])
+    curve = Curve("model", 2 * drive + 0.5, "#D55E00")
+    plots = linked_plots(recording, np.ones(200, bool), [curve], 0.1, [axis])
+    located = strips([axis])
+    link([plots], located, ["model"], "um")
+    (analysis,) = analyse_residuals(fitted)
+    roots = [*plots.figures, *(strip.plot for strip in located), *residual_plots(analysis)]
+    read: list[Any] = list(Document.from_json(json.loads(document_of(roots, "p"))).roots)
+    assert [root.height for root in read] == [root.height for root in roots]
+    source = read[0].renderers[0].data_source
+    assert source is read[4].renderers[0].data_source
+    assert source.data.keys() == plots.samples.data.keys()
+    for name, column in plots.samples.data.items():
+        assert np.array_equal(source.data[name], column, equal_nan=True)
+    (callback,) = source.selected.js_property_callbacks["change:indices"]
+    assert callback.args["recordings"] == [source]
+    assert read[0].renderers[1].glyph.size.value == 2
+    histogram = read[6].renderers[0].data_source.data
+    widths = np.asarray(histogram["right"]) - np.asarray(histogram["left"])
+    assert np.sum(widths * histogram["top"]) == pytest.approx(1)

@@ -41,13 +41,13 @@ class Extension:
         return path_of(self.layers, k) if self.layers else f"effects.{self.inside + k}."
 
 
-def extended_inside(law: Model, found: Inside, preparation: Preparation) -> Extension | None:
+def extended_inside(law: Model, inside: Inside, preparation: Preparation) -> Extension | None:
     """A machine with the effects that were found inside it, if any."""
-    if not found.named:
+    if not inside.named:
         return None
-    name = " @ ".join([law.name, *found.names])
-    before = len(found.base.block.effects)  # type: ignore[attr-defined]
-    return Extension(name, (), fitted([found.block], preparation), False, before)
+    name = " @ ".join([law.name, *inside.names])
+    before = len(inside.base.block.effects)  # type: ignore[attr-defined]
+    return Extension(name, (), fitted([inside.block], preparation), False, before)
 
 
 def extended_by(

@@ -150,11 +150,11 @@ def inquire(
     return _beside_jumps(inquiry, reached, limit)
 
 
-def inquired_inside(base: Fitted, path: PathView, found: Inside) -> Inquiry:
+def inquired_inside(base: Fitted, path: PathView, inside: Inside) -> Inquiry:
     """What is known of the effects inside a machine, beside the columns of all others."""
     view = model_view(base)
     names = []
-    for name, alike, each in zip(found.names, found.sets, found.rounds, strict=False):
+    for name, alike, each in zip(inside.names, inside.sets, inside.rounds, strict=False):
         own = sum(c.probability for c in each.candidates if c.name == name)
         others = tuple(other for other in dict.fromkeys(alike) if other != name)
         names.append(Name(name, others, float(own), 1.0))

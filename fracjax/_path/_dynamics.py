@@ -71,7 +71,8 @@ class Motion:
         size = np.abs(self.response - self.response[0])
         power = rate**losses * size ** (2 - losses)
         kept = np.exp(-self.step / time_constant)
-        return lfilter([1 - kept], [1, -kept], power / max(power.mean(), 1e-300))
+        scaled = power / max(power.mean(), 1e-300)
+        return np.asarray(lfilter([1 - kept], [1, -kept], scaled))
 
 
 class Columns(NamedTuple):
@@ -138,7 +139,7 @@ class Family(NamedTuple):
     def columns(self, motions: Sequence[Motion], shape: Shape, scale: Scale) -> Columns:
         """The columns of one shape."""
         parts = [self.column(m, shape, scale).reshape(m.times.size, -1) for m in motions]
-        values = block_diag(*parts) if self.each else np.concatenate(parts)
+        values = np.asarray(block_diag(*parts)) if self.each else np.concatenate(parts)
         return Columns(self.effect, shape, values, self.one_sided)
 
 
@@ -164,10 +165,10 @@ def modes_of(motions: Sequence[Motion]) -> Iterator[list[Columns]]:
         ]
 
 
-def refined(motions: Sequence[Motion], found: Sequence[Columns], finer: float) -> list[Columns]:
-    """Shapes about those that were found, this many times as near to each other."""
+def refined(motions: Sequence[Motion], known: Sequence[Columns], finer: float) -> list[Columns]:
+    """Shapes about known ones, this many times as near to each other."""
     scale, columns = Scale.of(motions), []
-    for one in found:
+    for one in known:
         family = MODE if one.effect == MODE.effect else FAMILIES[one.effect]
         shapes = [one.shape]
         for name, spacing in family.spacing(one.shape, scale).items():

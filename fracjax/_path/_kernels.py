@@ -104,7 +104,7 @@ class Convolution:
 
     @cached_property
     def _transform(self) -> np.ndarray:
-        return rfft(self._increments, self._length)
+        return np.asarray(rfft(self._increments, self._length))
 
     def with_departure(self, departure: Departure) -> np.ndarray:
         """What a departure adds to the signal (N,), in its unit."""
@@ -112,8 +112,9 @@ class Convolution:
             # The kernel is a geometric series, which a recursion sums.
             z = np.exp(departure.rate * self._step)
             first = -departure.share * (z - 1) / (departure.rate * self._step)
-            whole = np.real(lfilter([first], [1, -z], self._increments))
+            whole = np.real(np.asarray(lfilter([first], [1, -z], self._increments)))
         else:
             kernel = np.diff(departure(self._times)) / self._step
-            whole = irfft(self._transform * rfft(kernel, self._length), self._length)
+            transform = np.asarray(rfft(kernel, self._length))
+            whole = np.asarray(irfft(self._transform * transform, self._length))
         return whole[(self._passes - 1) * self._size : self._passes * self._size]

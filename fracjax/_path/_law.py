@@ -16,7 +16,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
-from typing import NamedTuple
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -67,9 +67,9 @@ class Whitening:
     def __init__(self, taps: Sequence[np.ndarray], weights: Sequence[np.ndarray]):
         parts = []
         for own, weight in zip(taps, weights, strict=True):
-            filtered = sp.diags_array(
-                list(own), offsets=[-k for k in range(own.size)], shape=(weight.size, weight.size)
-            )
+            lags: Any = [-k for k in range(own.size)]
+            shape = (weight.size, weight.size)
+            filtered = sp.diags_array(list(own), offsets=lags, shape=shape)
             parts.append(sp.diags_array(weight) @ filtered)
         self._matrix = sp.block_diag(parts, format="csr")
         self.innovation = float(np.median([1 / abs(own[0]) for own in taps]))
@@ -200,7 +200,7 @@ class Settled:
     """The prior of path curves of one roughness [response unit], and of one fading over the
     response's span."""
 
-    def __init__(self, law: PathLaw, roughness: float, fading: float, factors=None):
+    def __init__(self, law: PathLaw, roughness: float, fading: float, factors: Any = None):
         self.law, self.roughness, self.fading = law, roughness, fading
         if factors is None:
             prior = law.bends / roughness**2

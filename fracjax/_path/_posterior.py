@@ -16,7 +16,7 @@ priors that scale with the noise.
 from __future__ import annotations
 
 from collections.abc import Collection, Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from functools import cached_property
 from typing import NamedTuple
 
@@ -49,7 +49,8 @@ class Kind(NamedTuple):
     one_sided: bool
 
 
-class Law(NamedTuple):
+@dataclass(frozen=True)
+class Law:
     """A hypothesis about the hysteresis: inner products of the effects' columns under it.
 
     Attributes:
@@ -84,7 +85,7 @@ class Law(NamedTuple):
             inner.square * share,
             inner.log_determinant,
         )
-        return self._replace(inner=thinned, count=self.count * share)
+        return replace(self, inner=thinned, count=self.count * share)
 
 
 class Hypothesis(NamedTuple):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 from scipy.signal import find_peaks
@@ -11,7 +12,7 @@ from scipy.signal import find_peaks
 from ._curves import Curves
 from ._dynamics import Columns, Motion, dynamics_of, modes_of, refined
 from ._kernels import Convolution, lag
-from ._law import Inner, PathLaw, Prior, Whitening, log_likelihood
+from ._law import Inner, PathLaw, Prior, Settled, Whitening, log_likelihood
 from ._posterior import (
     EACH,
     MOST_EFFECTS,
@@ -47,8 +48,8 @@ FAMILIES = (
 the loop of a rate-independent law from two relaxations of opposite sign."""
 _PEAKS = 6
 """Peaks of a scan for modes that become columns, of each damping."""
-_FINER = (1.0, 1.0, 3.0, 9.0)
-"""The curve is fitted anew beside the effects that were found with it, as often as there are values
+_FINER = (1.0, 3.0, 9.0)
+"""The curve is fitted anew beside the effects that fit best with it, as often as there are values
 here, and their shapes are tried this many times as near to each other."""
 
 
@@ -214,39 +215,68 @@ def _view_of(
         ]
     prior = prior_of(signals, span)
     whitening = prior.whitening
-    white, effect = whitening(response), np.zeros_like(response)
-    found: list[Columns] = []
+    expansion = _about(signals, prior, response, np.zeros_like(response), [], 1.0, barred, law_name)
     for finer in _FINER:
-        settled = prior.settled(response - effect)
-        curve, slope = settled.curve(response - effect)
-        motions = motions_of(signals, curve, slope)
-        rest = whitening(response - effect)
-        modes = scanned_modes(motions, whitening, settled.prior, rest)
-        columns = [*dynamics_of(motions), *modes, *refined(motions, found, finer)]
-        columns = [c for c in columns if c.effect not in barred]
-        matrix = np.concatenate([c.values for c in columns], axis=1)
-        inner = settled.prior.inner(whitening(matrix), white)
-        law = Law(law_name, kinds_of(columns), inner, whitening.count, UNKNOWN, apart())
         # What fits best is what the next columns are made about; what is named is judged at last.
-        best = search(law, 0.0).best
-        chosen, sizes = best.columns(law.kinds)
-        effect = matrix[:, chosen] @ _coefficients(inner, chosen, sizes)
-        found = [columns[k] for k in best.kinds]
-        if not found:
+        best = search(expansion.law, 0.0).best
+        if not best.names:
             break
-    posterior = select(law)
-    chosen, sizes = posterior.best.columns(law.kinds)
-    effect = matrix[:, chosen] @ _coefficients(inner, chosen, sizes)
-    residual = response - effect - settled.curve(response - effect)[0]
-    whole = np.linalg.norm(whitening(matrix), axis=0)
-    owners = [
-        columns[k].effect for k in posterior.best.kinds for _ in range(columns[k].values.shape[1])
-    ]
-    parts = matrix[:, chosen] * _coefficients(inner, chosen, sizes)
+        effect = expansion.parts(best).sum(axis=1)
+        shapes = [expansion.columns[k] for k in best.kinds]
+        expansion = _about(signals, prior, response, effect, shapes, finer, barred, law_name)
+    posterior = select(expansion.law)
+    parts, best = expansion.parts(posterior.best), posterior.best
+    own = [expansion.columns[k] for k in best.kinds]
+    owners = [one.effect for one in own for _ in range(one.values.shape[1])]
+    without = response - parts.sum(axis=1)
     return PathView(
-        posterior, law, columns, whole, residual, prior.curves, span,
-        dict(_summed(owners, parts)),
-    )  # fmt: skip
+        posterior=posterior,
+        law=expansion.law,
+        columns=expansion.columns,
+        whole=np.linalg.norm(whitening(expansion.matrix), axis=0),
+        residual=without - expansion.settled.curve(without)[0],
+        curves=prior.curves,
+        span=span,
+        effects=dict(_summed(owners, parts)),
+    )
+
+
+class _Expansion(NamedTuple):
+    """The columns of all effects about a curve, and their inner products."""
+
+    settled: Settled
+    law: Law
+    columns: list[Columns]
+    matrix: np.ndarray
+
+    def parts(self, hypothesis: Hypothesis) -> np.ndarray:
+        """What each column (ΣN, k) of a hypothesis adds [response unit]."""
+        chosen, sizes = hypothesis.columns(self.law.kinds)
+        return self.matrix[:, chosen] * _coefficients(self.law.inner, chosen, sizes)
+
+
+def _about(
+    signals: Sequence[Signal],
+    prior: PathLaw,
+    response: np.ndarray,
+    effect: np.ndarray,
+    shapes: Sequence[Columns],
+    finer: float,
+    barred: Collection[str],
+    law_name: str,
+) -> _Expansion:
+    """The columns about the curve of a response (ΣN,) without an effect (ΣN,), some shapes of which
+    are tried again, `finer`."""
+    whitening, without = prior.whitening, response - effect
+    settled = prior.settled(without)
+    motions = motions_of(signals, *settled.curve(without))
+    modes = scanned_modes(motions, whitening, settled.prior, whitening(without))
+    columns = [*dynamics_of(motions), *modes, *refined(motions, shapes, finer)]
+    columns = [c for c in columns if c.effect not in barred]
+    matrix = np.concatenate([c.values for c in columns], axis=1)
+    inner = settled.prior.inner(whitening(matrix), whitening(response))
+    law = Law(law_name, kinds_of(columns), inner, float(whitening.count), UNKNOWN, apart())
+    return _Expansion(settled, law, columns, matrix)
 
 
 def _summed(names: Sequence[str], parts: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:

@@ -35,14 +35,14 @@ def denoised(drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     level = float(np.median(differences)) / (_NORMAL_MEDIAN * np.sqrt(comb(2 * _ORDER, _ORDER)))
     if level <= _LEAST * np.ptp(drive) or drive.size <= _WINDOWS[-1]:
         return drive, np.zeros_like(drive)
-    smooth, left = drive.copy(), np.full(drive.size, level)
+    smooth, remaining = drive.copy(), np.full(drive.size, level)
     fits = np.ones(drive.size, dtype=bool)
     for window in _WINDOWS:
         cubic = savgol_filter(drive, window, 3)
         fits &= uniform_filter1d(((drive - cubic) / level) ** 2, window) <= _FITS
         # A cubic's middle has 9/4 over the window of the noise's variance.
-        smooth, left = (
+        smooth, remaining = (
             np.where(fits, new, old)
-            for new, old in ((cubic, smooth), (level * np.sqrt(2.25 / window), left))
+            for new, old in ((cubic, smooth), (level * np.sqrt(2.25 / window), remaining))
         )
-    return smooth, left
+    return smooth, remaining

@@ -1,0 +1,96 @@
+"""The dynamics of recordings whose law of hysteresis is none of the product's."""
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+
+from fracjax._path import denoised, view_of
+from tests.path.helpers import plays, preisach, relays, signal_of, twin_rates
+
+STEP, NOISE = 1e-3, 1e-3
+DRIVE = twin_rates()
+TIMES = STEP * np.arange(DRIVE.size)
+
+
+def smooth_plane(drive: np.ndarray) -> np.ndarray:
+    """A response (N,) of the span 1, of a Preisach plane with many relays."""
+    up, down, _ = relays(7, -0.1, 1.1, 4000)
+    response = preisach(drive, (up, down, np.exp(-4 * (up - down)))) + 1000 * drive
+    return response / np.ptp(response)
+
+
+LAWS = {"plays": plays(DRIVE), "plane": smooth_plane(DRIVE)}
+
+
+def creeping(law: np.ndarray) -> np.ndarray:
+    kernel = np.log10(1 + TIMES / 0.01)
+    steps = np.diff(law, prepend=law[0])
+    return law + 0.04 * np.convolve(steps, kernel)[: law.size]
+
+
+def lagging(law: np.ndarray) -> np.ndarray:
+    return law[0] + lsim(([1.0], [0.003, 1.0]), law - law[0], TIMES, interp=True)[1]
+
+
+def drifting(law: np.ndarray) -> np.ndarray:
+    return law + 0.15 * -np.expm1(-TIMES)
+
+
+def named(view) -> set:
+    """What the posterior holds all but certain."""
+    return {n for n in view.posterior.best.names if view.posterior.probability_of(n) > 0.95}
+
+
+@pytest.mark.parametrize("law", LAWS)
+def test_nothing_is_named_where_a_law_is_all_there_is(law):
+    view = view_of([signal_of(DRIVE, LAWS[law], NOISE)])
+    assert view.posterior.best.names == ()
+    assert np.std(view.residual) < 1.1 * NOISE
+
+
+@pytest.mark.parametrize(
+    ("law", "effect", "names"),
+    [
+        ("plays", creeping, {"creep", "viscoelastic_layer"}),
+        ("plays", lagging, {"drive_lag", "sensor_lag", "delay"}),
+        ("plane", creeping, {"creep", "viscoelastic_layer"}),
+        ("plane", drifting, {"thermal_drift"}),
+    ],
+)
+def test_an_effect_is_named_whatever_the_law(law, effect, names):
+    view = view_of([signal_of(DRIVE, effect(LAWS[law]), NOISE)])
+    present = 1 - sum(p for own, p in view.posterior.sets.items() if not own & names)
+    assert present > 0.95
+    assert set(view.posterior.best.names) <= names
+    assert np.std(view.residual) < 1.15 * NOISE
+
+
+def test_the_shape_and_the_share_of_an_effect_are_its_own():
+    view = view_of([signal_of(DRIVE, lagging(LAWS["plays"]), NOISE)])
+    (name,) = view.posterior.best.names
+    constant = view.shape_of(name).get("time_constant")
+    constant = constant or 1 / (2 * np.pi * view.shape_of(name)["corner"])
+    assert constant == pytest.approx(0.003, rel=0.5)
+    assert view.share_of(name) > 0.75
+
+
+def test_two_recordings_are_one_actuator():
+    """What one recording meets once the other meets at another rate."""
+    whole = lagging(LAWS["plays"])
+    end = DRIVE.size // 2
+    parts = [(DRIVE[:end], whole[:end]), (DRIVE[end:], whole[end:] + 3.0)]
+    signals = [signal_of(u, y, NOISE, seed=k) for k, (u, y) in enumerate(parts)]
+    met = [view_of([signal]).curves.met_again for signal in signals]
+    view = view_of(signals)
+    assert view.curves.met_again > max(met) + 0.2
+    assert set(view.posterior.best.names) & {"drive_lag", "sensor_lag", "delay"}
+    # The second zero is that recording's own.
+    assert np.std(view.residual) < 1.15 * NOISE
+
+
+def test_a_measured_drive_with_noise_names_nothing_that_is_not_there():
+    noisy = DRIVE + 2e-4 * np.random.default_rng(8).standard_normal(DRIVE.size)
+    smooth, left = denoised(noisy)
+    own = signal_of(smooth, LAWS["plays"], NOISE)
+    signal = own.__class__(**{**vars(own), "drive_error": left})
+    assert named(view_of([signal])) == set()

@@ -174,9 +174,7 @@ def test_when_the_time_is_over_no_further_rival_is_refitted():
         solved = settle(model.block, preparation, history=None, starts=4, seed=0)
         base = fitted([solved.block], solved.preparation)
         path, _ = path_view(solved.preparation)
-        inquire(
-            base, model.block, path, progress, clock, has_model=True, may_name=True
-        )
+        inquire(base, model.block, path, progress, clock, has_model=True, may_name=True)
     assert len(refits) == 1
     assert clock.stopped
 

@@ -58,7 +58,9 @@ def test_an_integral_is_that_of_its_departure(integral, departure, accuracy):
 
 @pytest.mark.parametrize("integral", [kernels.lag(0.2), kernels.mode(7.0, 0.1)])
 def test_steady_cycles_are_the_end_of_many_passes(integral):
-    cycle = np.sin(2 * np.pi * np.arange(500) / 500) + 0.3 * np.cos(8 * np.pi * np.arange(500) / 500)
+    cycle = np.sin(2 * np.pi * np.arange(500) / 500) + 0.3 * np.cos(
+        8 * np.pi * np.arange(500) / 500
+    )
     many = added(integral, np.tile(cycle, 12))[-500:]
     np.testing.assert_allclose(added(integral, cycle, periodic=True), many, atol=1e-3)
 

@@ -10,6 +10,7 @@ import fracjax as fj
 from fracjax._diagnose._views import path_view
 from fracjax._prepare import prepare
 from fracjax._recording import Recording
+from tests.diagnose.helpers import white
 from tests.path.helpers import plays, through, twin_rates
 
 STEP, SIGMA = 1e-3, 1e-3
@@ -59,8 +60,8 @@ def test_a_steady_recording_is_read_beside_one_that_is_not():
 def test_recordings_share_the_states_of_their_path():
     fast, slow = (through([0.0, 1.0, 0.0, 1.0, 0.0], [n] * 4) for n in (100, 300))
     recordings = [recorded(u, plays(u), seed=k) for k, u in enumerate((fast, slow))]
-    both = path_view(prepare(recordings, noise=SIGMA))[0]
-    alone = [path_view(prepare([r], noise=SIGMA))[0] for r in recordings]
+    both = path_view(prepare(recordings, noise=white(SIGMA)))[0]
+    alone = [path_view(prepare([r], noise=white(SIGMA)))[0] for r in recordings]
     assert both.curves.branches < sum(view.curves.branches for view in alone)
     assert both.posterior.best.names == ()
     assert np.std(both.residual) < 1.1 * SIGMA

@@ -165,13 +165,13 @@ def test_what_is_missing_is_told_with_what_it_brings():
 
 
 def test_what_even_path_curves_leave_is_told():
-    plain, left = said("missing", [named()]), inquiry(is_adequate=False, path_misfit=3.0)
-    assert said("missing", [named()], inquiry=left) == plain + (
+    plain, beyond = said("missing", [named()]), inquiry(is_adequate=False, path_misfit=3.0)
+    assert said("missing", [named()], inquiry=beyond) == plain + (
         " Beside any law of hysteresis 2 times the noise is left, which nothing here explains."
     )
     little = inquiry(is_adequate=False, path_misfit=0.5)
     assert said("missing", [named()], inquiry=little) == plain
-    assert said("unexplained", inquiry=left).endswith("which nothing here explains.")
+    assert said("unexplained", inquiry=beyond).endswith("which nothing here explains.")
 
 
 def test_without_a_model_the_dynamics_are_told():

@@ -1,5 +1,7 @@
 """Branches of the path against a Preisach plane, whose memory is what Madelung's rules say."""
 
+from itertools import pairwise
+
 import numpy as np
 import pytest
 from hypothesis import given, settings
@@ -73,9 +75,10 @@ def test_inner_loops_are_wiped_out_and_outer_ones_kept():
     drive = drive_of(levels)
     (branches,), _ = branches_of([drive])
     ends = np.concatenate([[0], np.cumsum(2 * np.abs(np.diff(levels)))])
-    middles = [int(branches[(a + b) // 2]) for a, b in zip(ends[:-1], ends[1:], strict=True)]
+    middles = [int(branches[(a + b) // 2]) for a, b in pairwise(ends)]
     up, down, first, inner, back, again, on, _ = middles
-    assert inner == again and back != inner
+    assert inner == again
+    assert back != inner
     # Past 8 the small loop is forgotten, and the branch goes on that was left there.
     assert branches[ends[7] - 1] == first
     assert len({up, down, first, inner, back}) == 5
@@ -101,9 +104,7 @@ def test_turning_points_within_the_tolerance_are_one(levels, seed):
 def test_turning_points_further_apart_than_the_tolerance_are_two():
     for apart, count in ((0.5 * SAME, 1), (2 * SAME, 2)):
         ends = [0.0, 1.0, 0.3, 0.9, 0.3 - apart, 0.9]
-        drive = np.concatenate(
-            [np.linspace(a, b, 50) for a, b in zip(ends[:-1], ends[1:], strict=True)]
-        )
+        drive = np.concatenate([np.linspace(a, b, 50) for a, b in pairwise(ends)])
         (branches,), _ = branches_of([drive])
         assert len({int(branches[125]), int(branches[225])} - {int(branches[175])}) == count
 

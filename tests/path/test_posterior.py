@@ -35,28 +35,28 @@ def noise(seed: int) -> np.ndarray:
 
 
 def test_nothing_is_found_in_noise():
-    found = [select(law_of(columns_of(seed), noise(seed))) for seed in range(16)]
-    assert all(p.best.names == () for p in found)
-    strongest = [max(p.probability_of(name) for name in NAMES) for p in found]
+    posteriors = [select(law_of(columns_of(seed), noise(seed))) for seed in range(16)]
+    assert all(p.best.names == () for p in posteriors)
+    strongest = [max(p.probability_of(name) for name in NAMES) for p in posteriors]
     assert max(strongest) < 0.5
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_planted_effect_is_found_with_its_shape(seed):
     columns = columns_of(seed)
-    found = select(law_of(columns, columns[:, 7] + noise(seed)))
-    assert found.best.names == ("delay",)
-    assert found.best.kinds == (7,)
-    assert found.probability_of("delay") > 0.99
-    assert sum(found.sets.values()) == pytest.approx(1.0)
+    posterior = select(law_of(columns, columns[:, 7] + noise(seed)))
+    assert posterior.best.names == ("delay",)
+    assert posterior.best.kinds == (7,)
+    assert posterior.probability_of("delay") > 0.99
+    assert sum(posterior.sets.values()) == pytest.approx(1.0)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_two_effects_are_found_together(seed):
     columns = columns_of(seed)
-    found = select(law_of(columns, columns[:, 1] - 0.8 * columns[:, 12] + noise(seed)))
-    assert set(found.best.names) == {"creep", "resonance"}
-    assert found.sets[frozenset({"creep", "resonance"})] > 0.8
+    posterior = select(law_of(columns, columns[:, 1] - 0.8 * columns[:, 12] + noise(seed)))
+    assert set(posterior.best.names) == {"creep", "resonance"}
+    assert posterior.sets[frozenset({"creep", "resonance"})] > 0.8
 
 
 def test_an_effect_of_one_sign_is_not_found_with_the_other():
@@ -95,10 +95,10 @@ def test_a_misfit_that_stays_counts_as_noise():
 def test_the_evidence_of_a_hypothesis_is_above_that_of_nothing_where_it_is_true():
     columns = columns_of(3)
     law = law_of(columns, columns[:, 7] + noise(3))
-    found = select(law)
-    nothing = next(h for h in found.hypotheses if not h.names)
-    assert evidence(law, found.best) > evidence(law, nothing) + 20
-    assert misfit(law, found.best) < misfit(law, nothing)
+    posterior = select(law)
+    nothing = next(h for h in posterior.hypotheses if not h.names)
+    assert evidence(law, posterior.best) > evidence(law, nothing) + 20
+    assert misfit(law, posterior.best) < misfit(law, nothing)
 
 
 def test_its_probabilities_are_frequencies(monkeypatch):
@@ -117,8 +117,8 @@ def test_its_probabilities_are_frequencies(monkeypatch):
             size = rng.choice(posterior_module.SIZES)
             shape = k * SHAPES + rng.integers(SHAPES)
             response += size * rng.standard_normal() * columns[:, shape]
-        found = search(law_of(columns, response), 0.0)
-        stated += [found.probability_of(name) for name in NAMES]
+        posterior = search(law_of(columns, response), 0.0)
+        stated += [posterior.probability_of(name) for name in NAMES]
         present += there.tolist()
     stated, present = np.array(stated), np.array(present)
     bins = np.digitize(stated, [0.4, 0.6, 0.95])

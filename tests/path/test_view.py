@@ -88,7 +88,7 @@ def test_two_recordings_are_one_actuator():
 
 def test_a_measured_drive_with_noise_names_nothing_that_is_not_there():
     noisy = DRIVE + 2e-4 * np.random.default_rng(8).standard_normal(DRIVE.size)
-    smooth, left = denoised(noisy)
+    smooth, error = denoised(noisy)
     own = signal_of(smooth, LAWS["plays"], NOISE)
-    signal = own.__class__(**{**vars(own), "drive_error": left})
+    signal = own.__class__(**{**vars(own), "drive_error": error})
     assert named(view_of([signal])) == set()

@@ -6,7 +6,8 @@ from scipy.signal import lsim
 
 from fracjax._path import denoised, view_of
 from fracjax._path._curves import curves_of
-from tests.path.helpers import plays, preisach, relays, signal_of, twin_rates
+from fracjax._path._fading import path_length
+from tests.path.helpers import plays, preisach, relays, signal_of, through, twin_rates
 
 STEP, NOISE = 1e-3, 1e-3
 DRIVE = twin_rates()
@@ -64,6 +65,22 @@ def test_an_effect_is_named_whatever_the_law(law, effect, names):
     assert present > 0.95
     assert set(view.posterior.best.names) <= names
     assert np.std(view.residual) < 1.15 * NOISE
+
+
+def test_what_changes_with_the_path_is_told_from_what_changes_in_time():
+    """Of cycles at two rates, with a rest between them, the gain falls with the path travelled."""
+    levels, counts = [0.0], []
+    for rest in (40, 340, 40):
+        for pieces in (60, 110):
+            levels += [1.0, 0.3, 0.8, 0.3, 1.0, 0.0]
+            counts += [pieces] * 6
+        levels, counts = [*levels, 0.0], [*counts, rest]
+    drive = through(levels, counts)
+    path = path_length(drive)
+    worn = plays(drive) * (1 + 0.15 * np.expm1(-path / (0.3 * path[-1])))
+    view = view_of([signal_of(drive, worn, NOISE)])
+    assert named(view) == {"degradation"}
+    assert np.std(view.residual) < 1.1 * NOISE
 
 
 def test_the_shape_and_the_share_of_an_effect_are_its_own():

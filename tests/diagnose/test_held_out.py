@@ -180,8 +180,8 @@ def test_what_rests_on_one_step_is_named_and_said_to():
     """Without the stretch with the step the others determine neither the gain nor a relaxation."""
     diagnosis = fj.diagnose("gain", relaxing_after_a_step(0.002), noise=0.002)
     assert {"viscoelastic_layer", "creep"} & {e.name for e in diagnosis.effects}
-    # Three relaxations are none of the catalogue's laws: of a step of 5 N little more than the noise
-    # is left.
+    # Three relaxations are none of the catalogue's laws: of a step of 5 N little more than the
+    # noise is left.
     assert diagnosis.held_out.extended_rmse < 1.5 * 0.002
     assert len(diagnosis.held_out.extended_folds) < FOLDS
     assert any("such as a single step" in warning for warning in diagnosis.warnings)

@@ -44,7 +44,7 @@ def test_a_delay_shifts():
     ("integral", "departure", "accuracy"),
     [
         (kernels.creep(0.01), lambda t: np.log10(1 + t / 0.01), 1e-10),
-        (kernels.lag(0.05), lambda t: -np.exp(-t / 0.05), 1e-10),
+        (kernels.second_lag(0.05), lambda t: -(1 + t / 0.05) * np.exp(-t / 0.05), 1e-10),
         (kernels.yielding(0.02, 0.4), lambda t: -1 / (1 + (t / 0.02) ** 0.4), 1e-3),
         (kernels.yielding(0.5, 0.15), lambda t: -1 / (1 + (t / 0.5) ** 0.15), 1e-3),
     ],

@@ -43,7 +43,7 @@ def assert_one_response_each(branches, drives, responses):
         assert response == pytest.approx(first, abs=1e-9)
 
 
-@settings(max_examples=100, deadline=None)
+@settings(max_examples=60, deadline=None)
 @given(level_lists())
 def test_a_preisach_plane_has_one_response_per_branch_and_drive(levels):
     drive = drive_of(levels)
@@ -52,7 +52,7 @@ def test_a_preisach_plane_has_one_response_per_branch_and_drive(levels):
     assert set(branches[0]) <= set(range(count))
 
 
-@settings(max_examples=80, deadline=None)
+@settings(max_examples=40, deadline=None)
 @given(level_lists(), level_lists())
 def test_recordings_share_their_branches(first, second):
     drives = [drive_of(first), drive_of(second)]
@@ -109,7 +109,7 @@ def test_turning_points_further_apart_than_the_tolerance_are_two():
         assert len({int(branches[125]), int(branches[225])} - {int(branches[175])}) == count
 
 
-@settings(max_examples=60, deadline=None)
+@settings(max_examples=25, deadline=None)
 @given(level_lists(), st.data())
 def test_a_hold_stays_on_its_branch(levels, data):
     drive = drive_of(levels)

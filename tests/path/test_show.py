@@ -37,7 +37,6 @@ def presence(signal, names: set[str]) -> float:
     [
         ("creep", {"viscoelastic_layer"}),
         ("drive_lag", {"sensor_lag", "delay"}),
-        ("gain_drift", {"degradation"}),
         ("mains_interference", set()),
     ],
 )

@@ -40,6 +40,7 @@ NOTHING = {
     "lost_contact": {"share": 0.0, "compliance": 0.0},
     "slew_rate_limit": {"rate": 1e9},
     "gain_drift": {"gain": 0.0},
+    "degradation": {"gain": 0.0},
     "viscoelastic_layer": {"strength": 0.0},
     "clock_skew": {"skew": 0.0},
     "quantisation": {"share": 0.0},

@@ -32,6 +32,13 @@ def test_diagnose_as_json(loop, quick, capsys):
     assert told == json.loads((FOLDER / "diagnosis.json").read_text())
 
 
+def test_diagnose_without_a_model(loop, quick, capsys):
+    assert run(["diagnose", loop, "--out", "results"]) == 0
+    (told,) = quick
+    assert told["model"] is None
+    assert written() == {"diagnosis.json", "fit.json", "report.html"}
+
+
 def test_demo(quick, capsys):
     assert run(["demo"]) == 0
     (told,) = quick

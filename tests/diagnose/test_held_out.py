@@ -15,16 +15,13 @@ from fracjax._blocks import EFFECTS
 from fracjax._diagnose._diagnose import held_out_take
 from fracjax._diagnose._findings import Findings
 from fracjax._diagnose._fitted import Fitted, fitted
-from fracjax._diagnose._folds import Folds
 from fracjax._diagnose._held_out import (
     FOLDS,
-    STRETCHES,
     Prediction,
     fold_of_sample,
     predict_recording,
     predict_stretches,
 )
-from fracjax._diagnose._thresholds import CHANCE, SHARE
 from fracjax._operators._grid import History
 from fracjax._parameters import set_values
 from fracjax._prepare import Noise, Preparation, prepare, take_of
@@ -133,44 +130,6 @@ def test_stretches_are_predicted_as_by_refits_of_a_linear_model():
     assert predict_stretches(base).rmse == pytest.approx(rmse, abs=0.05 * (rmse - seen))
 
 
-def test_errors_of_folds_are_those_of_refits_beside_columns_and_shapes():
-    generator = np.random.default_rng(6)
-    error = 0.5 * generator.standard_normal(SAMPLES)
-    base = fit_of(CREEP.block, DRIVE, response(DRIVE), white(0.5), error)
-    residual = base.whitened(base.error)
-    shapes, columns = generator.standard_normal((2, residual.size, 3))
-    fold = fold_of_sample(base.preparation.takes[0].recording, residual.size)
-    # A prior sd of 1000 holds nothing.
-    tangent = base.whitened(base.tangent)
-    design = np.concatenate([tangent, shapes, columns], axis=1)
-    wanted = refitted_errors(design, residual, fold)
-    folds = Folds(base, 1e3 * shapes, residual)
-    np.testing.assert_allclose(folds.errors(1e3 * columns), wanted, rtol=1e-3, atol=1e-3)
-    parts = np.array_split(np.flatnonzero(base.counted), STRETCHES)
-    squares = [np.sum(wanted[part] ** 2) for part in parts]
-    np.testing.assert_allclose(folds.squares(1e3 * columns), squares, rtol=1e-3)
-
-
-def test_what_is_there_improves_most_parts_and_what_follows_a_misfit_one():
-    generator, bump = np.random.default_rng(7), np.zeros(SAMPLES)
-    bump[700:780] = 20 * SIGMA
-    line = hum(0.3, 2 * SIGMA)
-    error = bump + line + SIGMA * generator.standard_normal(SAMPLES)
-    base = fit_of(CREEP.block, DRIVE, response(DRIVE), white(SIGMA), error)
-    folds = Folds(base, np.zeros((base.error.size, 0)), base.whitened(base.error))
-    without, there = np.zeros((base.error.size, 0)), np.zeros((base.error.size, 1))
-    follows = there.copy()
-    there[:SAMPLES, 0] = hum(0.3, 1.0) / SIGMA
-    # It explains most of the whole excess, and predicts nothing but that.
-    follows[:SAMPLES, 0] = (bump + 0.2 * generator.standard_normal(SAMPLES)) / SIGMA
-    before = folds.squares(without)
-    real, imagined = folds.gain(before, there), folds.gain(before, follows)
-    assert real.share > SHARE
-    assert real.p_value < CHANCE
-    assert imagined.share < SHARE
-    assert imagined.p_value > CHANCE
-
-
 def test_stretches_are_whole_periods_as_many_as_make_a_twentysecond():
     times = np.arange(2000) * 0.01
     recording = fj.Recording(np.sin(2 * np.pi * 5 * times), times, 0.01)
@@ -216,23 +175,24 @@ def test_what_is_held_out_of_steady_motion_is_itself_steady_where_it_ends_as_it_
     assert (steady.history, begun.history) == ("periodic", "constant")
 
 
+@pytest.mark.slow
 def test_what_rests_on_one_step_is_named_and_said_to():
     """Without the stretch with the step the others determine neither the gain nor a relaxation."""
     diagnosis = fj.diagnose("gain", relaxing_after_a_step(0.002), noise=0.002)
     assert {"viscoelastic_layer", "creep"} & {e.name for e in diagnosis.effects}
-    assert diagnosis.held_out.extended_rmse == pytest.approx(0.002, rel=0.2)
+    # Three relaxations are none of the catalogue's laws: of a step of 5 N little more than the
+    # noise is left.
+    assert diagnosis.held_out.extended_rmse < 1.5 * 0.002
     assert len(diagnosis.held_out.extended_folds) < FOLDS
     assert any("such as a single step" in warning for warning in diagnosis.warnings)
 
 
-@pytest.mark.parametrize(
-    ("determined", "ratio", "refuted"),
-    [(True, 1.5, False), (True, 2.5, True), (False, 0.99, True), (False, 0.5, False)],
-)
-def test_names_that_rest_on_one_event_must_predict_the_rest(determined, ratio, refuted):
+@pytest.mark.parametrize(("ratio", "refuted"), [(0.5, False), (1.5, False), (2.5, True)])
+def test_names_that_held_out_data_contradict_are_refuted(ratio, refuted):
     """On a recording of an elastomer's step a saturation, a cube and a skew of clocks explained the
     step alone."""
-    events = () if determined else ("one step",)
-    before, after = (Prediction((e, e), (10, 10), (determined, True)) for e in (1.0, ratio))
-    findings: Any = SimpleNamespace(predicted=(before, after), events=events)
+    before, after = (Prediction((e, e), (10, 10), (True, True)) for e in (1.0, ratio))
+    findings: Any = SimpleNamespace(predicted=(before, after))
     assert Findings.is_refuted.__get__(findings) == refuted
+    findings.predicted = (before, None)
+    assert not Findings.is_refuted.__get__(findings)

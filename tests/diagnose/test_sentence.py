@@ -9,7 +9,6 @@ import pytest
 from scipy.signal import lfilter
 
 import fracjax as fj
-from fracjax._diagnose._nearest import Nearest
 from fracjax._diagnose._next_experiment import Drive, Proposal
 from fracjax._diagnose._result import Axis, Candidate, HeldOut, NamedEffect, Shape
 from fracjax._diagnose._sentence import (
@@ -82,7 +81,11 @@ def test_of_several_recordings_each_is_told_first_where_most_is_left():
     assert "times" not in where_of(AXES, "none", residuals=residuals)
 
 
-def said(verdict, effects=(), most_like=None, nearest=None, **others) -> str:
+def inquiry(model: object = "foh", is_adequate: bool = True, path_misfit: float = 0.0) -> Any:
+    return SimpleNamespace(model=model, is_adequate=is_adequate, path_misfit=path_misfit)
+
+
+def said(verdict, effects=(), **others) -> str:
     candidates = [
         Candidate("creep", "series", 1.0, 0.0, 0.25, 0.9, ""),
         Candidate("resonance", "series", 1.0, 0.0, 0.5, 0.3, ""),
@@ -91,6 +94,7 @@ def said(verdict, effects=(), most_like=None, nearest=None, **others) -> str:
         verdict=verdict,
         effects=tuple(effects),
         base_fit=BASE,
+        base=SimpleNamespace(preparation=BASE.preparation),
         candidates=candidates,
         axes=AXES,
         noise=KNOWN,
@@ -101,10 +105,12 @@ def said(verdict, effects=(), most_like=None, nearest=None, **others) -> str:
         doubts=(),
         jumps="",
         follows_nothing=False,
+        inquiry=inquiry(),
+        extension=None,
     )
     for name, value in others.items():
         setattr(findings, name, value)
-    return sentence_of(findings, most_like, nearest)
+    return sentence_of(findings)
 
 
 def named(*confusable_with: str, name: str = "creep") -> NamedEffect:
@@ -158,13 +164,29 @@ def test_what_is_missing_is_told_with_what_it_brings():
     )
 
 
-def test_what_has_no_name_is_told_as_what_it_is_most_like():
-    plain = said("missing", [named()])
-    assert said("missing", [named()], most_like="backlash") == plain + (
-        " A smaller residual remains, most similar to backlash, but too small to name an effect."
+def test_what_even_path_curves_leave_is_told():
+    plain, beyond = said("missing", [named()]), inquiry(is_adequate=False, path_misfit=3.0)
+    assert said("missing", [named()], inquiry=beyond) == plain + (
+        " Beside any law of hysteresis 2 times the noise is left, which nothing here explains."
     )
-    assert said("unexplained", most_like="backlash").endswith(" It is most similar to backlash.")
-    assert said("none", most_like="backlash") == said("none")
+    little = inquiry(is_adequate=False, path_misfit=0.5)
+    assert said("missing", [named()], inquiry=little) == plain
+    assert said("unexplained", inquiry=beyond).endswith("which nothing here explains.")
+
+
+def test_without_a_model_the_dynamics_are_told():
+    law, asked = fj.EFFECTS["creep"].sentence, inquiry(model=None, is_adequate=False)
+    whatever = "Whatever law of hysteresis the actuator has, the recording shows "
+    assert said("missing", [named()], inquiry=asked).startswith(f"{whatever}creep ({law})")
+    assert said("none", inquiry=asked) == (
+        f"{whatever}no dynamics beyond the noise floor of 1 um (specification); what the drive "
+        "could not have shown is listed."
+    )
+    most = inquiry(model=None, is_adequate=False, path_misfit=8.0)
+    assert said("unexplained", inquiry=most) == (
+        "No rate-independent law of hysteresis describes the recording, whatever its shape: 3 "
+        "times the noise is left, and no effect of the catalogue explains it."
+    )
 
 
 def test_the_loop_s_shape_is_told_with_its_size():
@@ -180,16 +202,9 @@ def test_the_loop_s_shape_is_told_with_its_size():
     assert size in both
 
 
-def test_a_nearer_model_and_jumps_are_told_at_the_end():
-    nearest, jumps = Nearest("prandtl_ishlinskii", 0.05), "The response jumps by 2 um at 3 s."
-    near = (
-        " The model prandtl_ishlinskii is nearer: its error on held-out data is 0.05 um, that of "
-        "foh 0.3."
-    )
-    for case in (("missing", [named()]), ("unexplained",)):
-        assert said(*case, nearest=nearest) == said(*case) + near
-    told = said("unexplained", most_like="thermal_drift", jumps=jumps)
-    assert told == f"{said('unexplained')} {jumps}"
+def test_jumps_are_told_at_the_end():
+    jumps = "The response jumps by 2 um at 3 s."
+    assert said("unexplained", jumps=jumps) == f"{said('unexplained')} {jumps}"
 
 
 def test_an_error_on_held_out_data_far_above_the_noise_is_remarked_on():

@@ -48,7 +48,7 @@ class Inner(NamedTuple):
     def given(self, chosen: np.ndarray, sizes: np.ndarray) -> Inner:
         """The same with the columns `chosen` (k,) in the covariance too, with coefficients of these
         standard deviations (k,)."""
-        own = self.columns[np.ix_(chosen, chosen)]
+        own = self.columns[chosen][:, chosen]
         coefficients = np.linalg.solve(
             np.diag(sizes**-2) + own, np.column_stack([self.columns[chosen], self.along[chosen]])
         )
@@ -204,21 +204,23 @@ class Settled:
         self.law, self.roughness, self.fading = law, roughness, fading
         if factors is None:
             prior = law.bends / roughness**2
-            prior = sp.csc_array(prior + sp.eye_array(prior.shape[0]) / law.span**2)
+            prior = sp.csc_array(prior + sp.eye_array(law.curves.basis.shape[1]) / law.span**2)
             factor = _factor(sp.csc_array(law.gram + prior))
-            factors = factor, _log_determinant(factor) - _log_determinant(_factor(prior))
-        self._factors, basis = factors, law.basis
+            determinant = _log_determinant(factor) - _log_determinant(_factor(prior))
+            factors = (factor, determinant)
+        self._factors: Any = factors
+        solve, basis = self._factors[0].solve, law.basis
 
         def reduced(white: np.ndarray) -> np.ndarray:
             if not white.size:
                 return white
-            return white - basis @ factors[0].solve(np.asarray(basis.T @ white))
+            return white - basis @ solve(np.asarray(basis.T @ white))
 
         kinds, own = law.fading.shape[1], law.own.shape[1]
         sizes = np.concatenate([np.full(kinds, fading * law.span), np.ones(own)])
         self._clear = sizes > 0
         self._sizes = sizes[self._clear]
-        self.prior = Prior(law.dense[:, self._clear] * self._sizes, reduced, factors[1])
+        self.prior = Prior(law.dense[:, self._clear] * self._sizes, reduced, self._factors[1])
 
     def with_fading(self, fading: float) -> Settled:
         """The same roughness with another fading."""

@@ -70,8 +70,9 @@ def branches_of(drives: Sequence[np.ndarray], error: float = 0.0) -> tuple[list[
     numbers = []
     turns = [turning_points(drive, smallest) for drive in drives]
     names = _names([drive[at] for drive, at in zip(drives, turns, strict=True)], same)
-    for drive, at, own in zip(drives, turns, names, strict=True):
-        numbers.append(_along(drive, at, own, smallest, index))
+    for k, (drive, at, own) in enumerate(zip(drives, turns, names, strict=True)):
+        # What came before a start is not known: no two are the same.
+        numbers.append(_along(drive, at, own, smallest, -1 - k, index))
     return numbers, len(index)
 
 
@@ -93,11 +94,16 @@ def _names(values: Sequence[np.ndarray], same: float) -> list[np.ndarray]:
 
 
 def _along(
-    drive: np.ndarray, turns: np.ndarray, names: np.ndarray, smallest: float, index: dict
+    drive: np.ndarray,
+    turns: np.ndarray,
+    names: np.ndarray,
+    smallest: float,
+    start: int,
+    index: dict,
 ) -> np.ndarray:
-    """The branch of each sample (N,) of one drive; `index` numbers the branches."""
+    """The branch of each sample (N,) of one drive, whose first value, which is no turning point,
+    has the name `start`; `index` numbers the branches."""
     numbers = np.empty(drive.size, dtype=int)
-    start = -1  # the name of the first value, which is no turning point
     stack: list[tuple[float, int]] = [(float(drive[0]), start)]
     ends = [*turns.tolist(), drive.size - 1]
     first = 0

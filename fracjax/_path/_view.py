@@ -334,5 +334,5 @@ def scanned_modes(
 
 def _coefficients(inner: Inner, chosen: np.ndarray, sizes: np.ndarray) -> np.ndarray:
     """The most probable coefficients (k,) of columns with these prior sizes (k,)."""
-    own = inner.columns[np.ix_(chosen, chosen)]
+    own = inner.columns[chosen][:, chosen]
     return np.linalg.solve(np.diag(sizes**-2) + own, inner.along[chosen])

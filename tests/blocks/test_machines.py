@@ -92,7 +92,7 @@ def solved(machine: Within, times: np.ndarray, law) -> np.ndarray:
     ).y
     u = drive_at(times)
     forces = np.array([force(x, v) for x, v in zip(states.T, u, strict=True)])
-    return c @ states + d * u + float(port.direct) * forces
+    return c @ states + d * u + np.asarray(port.direct) * forces
 
 
 @pytest.mark.parametrize("name", MACHINES)
@@ -262,7 +262,7 @@ def test_a_periodic_history_is_the_last_of_many_cycles(name):
 def test_a_constant_drive_is_held_in_equilibrium():
     for machine in (OSCILLATOR, Lag(0.8, (0.4, 1.1)), MACHINES["modes"]):
         held = np.asarray(respond(Within(machine), np.full(50, 2.0), Grid(0.01, "constant")))
-        np.testing.assert_allclose(held, 2.0 * float(machine.static_gain()), rtol=1e-9)
+        np.testing.assert_allclose(held, 2.0 * np.asarray(machine.static_gain()), rtol=1e-9)
 
 
 def test_an_impedance_adds_what_acts_to_the_force():
@@ -293,7 +293,7 @@ def test_an_effect_needs_its_port():
         fj.InputError,
         match="Lag @ CubicStiffness: expected a machine with a port for a force, found one with",
     ):
-        Lag() @ CubicStiffness()
+        _ = Lag() @ CubicStiffness()
 
 
 @pytest.mark.parametrize("name", INSIDE)

@@ -1,6 +1,7 @@
 """Which physics is inside a machine: recordings of another integrator, evidence, columns."""
 
 from dataclasses import replace
+from typing import Any
 
 import numpy as np
 import pytest
@@ -73,6 +74,8 @@ def is_named_and_predicts(law):
     inside, test = asked(law)
     assert inside.names == (law,)
     assert inside.sets[0][0] == law
+    assert inside.base_error is not None
+    assert inside.extended_error is not None
     assert inside.base_error > 4 * inside.extended_error or law == "quadratic_damping"
     assert inside.extended_error < 8e-3 * np.ptp(test.response)
     parameters = fj.Model(inside.block).parameters
@@ -101,8 +104,9 @@ def test_a_column_is_the_derivative_by_the_effect():
         (column,) = columns.effects["cubic_stiffness"]
         ((_, effect),) = column.inside
         size, (problem,) = float(effect.stiffness.value), preparation.problems()
+        machine: Any = solved.block
         ends = [
-            problem.linearised(solved.block @ CubicStiffness(factor * size), ())[0]
+            problem.linearised(machine @ CubicStiffness(factor * size), ())[0]
             for factor in (1e-4, -1e-4)
         ]
         wanted = problem.whiten((ends[0] - ends[1]) / 2e-4)

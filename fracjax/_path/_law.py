@@ -127,6 +127,12 @@ class PathLaw:
             curves_of(drives, error), fading, span * own, whitening, span, whitening.innovation
         )
 
+    @property
+    def columns(self) -> int:
+        """How many splines there are."""
+        shape: Any = self.curves.basis.shape
+        return int(shape[1])
+
     @cached_property
     def basis(self) -> sp.csr_array:
         """The curves' basis, whitened."""
@@ -204,7 +210,7 @@ class Settled:
         self.law, self.roughness, self.fading = law, roughness, fading
         if factors is None:
             prior = law.bends / roughness**2
-            prior = sp.csc_array(prior + sp.eye_array(law.curves.basis.shape[1]) / law.span**2)
+            prior = sp.csc_array(prior + sp.eye_array(law.columns) / law.span**2)
             factor = _factor(sp.csc_array(law.gram + prior))
             determinant = _log_determinant(factor) - _log_determinant(_factor(prior))
             factors = (factor, determinant)

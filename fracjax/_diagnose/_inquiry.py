@@ -77,7 +77,8 @@ class Inquiry:
     @cached_property
     def path_misfit(self) -> float:
         """κ - 1 that path curves with their effects leave."""
-        return misfit(self.path.law, self.path.posterior.best)
+        own = [h for h in self.path.posterior.hypotheses if h.law == self.path.law.name]
+        return misfit(self.path.law, own[0])
 
     def share_of(self, name: str) -> float:
         """The share of the excess χ² that a named effect explains beside the others."""
@@ -109,7 +110,9 @@ def inquire(
     otherwise those that no law of hysteresis makes."""
     of_path = Inquiry(base, path, None, path.posterior, is_adequate=False)
     if not has_model:
-        return replace(of_path, names=names_of(path.posterior)) if may_name else of_path
+        if not may_name:
+            return of_path
+        return replace(of_path, names=names_of(path.posterior, of_path.path_misfit))
     progress("computing the columns of every effect")
     view = model_view(base)
     inquiry = replace(of_path, model=view)
@@ -146,7 +149,9 @@ def inquire(
             refits=tuple(refits),
         )  # fmt: skip
     else:
-        inquiry = replace(inquiry, names=names_of(path.posterior), refits=tuple(refits))
+        inquiry = replace(
+            inquiry, names=names_of(path.posterior, inquiry.path_misfit), refits=tuple(refits)
+        )
     return _beside_jumps(inquiry, reached, limit)
 
 

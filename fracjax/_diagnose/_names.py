@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from .._blocks import EFFECTS
-from .._path import Posterior
-from ._thresholds import SURE
+from .._path import Posterior, family_of
+from ._thresholds import ADEQUATE, SURE
 
 _MOST_ALIKE = 4
 """Look-alikes that are listed at most."""
@@ -23,9 +23,13 @@ class Name:
     presence: float
 
 
-def names_of(posterior: Posterior) -> tuple[Name, ...]:
+def names_of(posterior: Posterior, excess: float = 0.0) -> tuple[Name, ...]:
     """The effects of the likeliest set of which each, or a look-alike, is present with probability
-    `SURE`."""
+    `SURE`.
+
+    Where more than noise is left, `excess` being κ - 1, it is not decided which of a family an
+    effect is: what is left may be what one of them leaves of another.
+    """
     best, names = posterior.best.names, []
     special = {EFFECTS[name].special_case for name in best}
     for name in best:
@@ -35,6 +39,8 @@ def names_of(posterior: Posterior) -> tuple[Name, ...]:
             own, instead = posterior.probability_of(name), _instead(posterior, name, rest)
             alike = [o for o, p in instead.items() if p > (1 - SURE) * own]
             alike.sort(key=lambda other: -instead[other])
+            if excess > ADEQUATE - 1:
+                alike += sorted(family_of(name) - {*alike, *best})
             names.append(Name(name, tuple(alike[:_MOST_ALIKE]), float(own), float(presence)))
     return tuple(names)
 

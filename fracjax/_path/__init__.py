@@ -22,6 +22,7 @@ from ._view import PATH as PATH
 from ._view import PathView as PathView
 from ._view import Signal as Signal
 from ._view import apart as apart
+from ._view import family_of as family_of
 from ._view import kinds_of as kinds_of
 from ._view import scanned_modes as scanned_modes
 from ._view import view_of as view_of

@@ -11,7 +11,7 @@ Splines (2001).
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from typing import NamedTuple
 
 import numpy as np
@@ -32,6 +32,8 @@ class Curves(NamedTuple):
         bends: sparse (P, M), the second differences of coefficients on one branch.
         branches: how many branches there are.
         met_again: the share of samples on branches that are met more than once.
+        at: for other values (N,) of the drive, on each sample's branch, the basis (N, M); beyond
+            what a branch has met its end is taken.
     """
 
     basis: sp.csr_array
@@ -39,6 +41,7 @@ class Curves(NamedTuple):
     bends: sp.csr_array
     branches: int
     met_again: float
+    at: Callable[[np.ndarray], sp.csr_array]
 
 
 def curves_of(drives: Sequence[np.ndarray], error: float = 0.0) -> Curves:
@@ -57,24 +60,30 @@ def curves_of(drives: Sequence[np.ndarray], error: float = 0.0) -> Curves:
         np.add.at(visits, own[np.concatenate([[True], own[1:] != own[:-1]])], 1)
     drive, branch = np.concatenate(drives), np.concatenate(branch)
     met_again = float(np.mean(visits[branch] > 1))
-    width = (drive.max() - drive.min()) / KNOTS
-    place = (drive - drive.min()) / width
-    knot = np.minimum(place.astype(int), KNOTS - 1)
-    x = place - knot
-    values = [(1 - x) ** 3, 3 * x**3 - 6 * x**2 + 4, -3 * x**3 + 3 * x**2 + 3 * x + 1, x**3]
-    slopes = [-3 * (1 - x) ** 2, 9 * x**2 - 12 * x, -9 * x**2 + 6 * x + 3, 3 * x**2]
+    low, width = drive.min(), (drive.max() - drive.min()) / KNOTS
+    knot = np.minimum(((drive - low) / width).astype(int), KNOTS - 1)
     # A branch has all splines between the first and the last that it meets.
     first, last = np.full(branches, KNOTS + 3), np.full(branches, -1)
     np.minimum.at(first, branch, knot)
     np.maximum.at(last, branch, knot + 3)
     sizes = np.maximum(last - first + 1, 0)
     starts = np.concatenate([[0], np.cumsum(sizes)])
-    column = (starts[branch] + knot - first[branch])[:, None] + np.arange(4)
     rows = np.repeat(np.arange(drive.size), 4)
     shape = (drive.size, int(starts[-1]))
 
-    def sparse(parts: list[np.ndarray], scale: float) -> sp.csr_array:
-        weights = np.stack(parts, axis=1).ravel() * scale
+    def splines(values: np.ndarray, *, slopes: bool = False) -> sp.csr_array:
+        place = (values - low) / width
+        ends = first[branch].astype(float), last[branch] - 2.0
+        place = np.clip(place, ends[0], np.maximum(ends[1] - 1e-9, ends[0]))
+        own = np.clip(place.astype(int), first[branch], last[branch] - 3)
+        x = place - own
+        parts = (
+            [-3 * (1 - x) ** 2, 9 * x**2 - 12 * x, -9 * x**2 + 6 * x + 3, 3 * x**2]
+            if slopes
+            else [(1 - x) ** 3, 3 * x**3 - 6 * x**2 + 4, -3 * x**3 + 3 * x**2 + 3 * x + 1, x**3]
+        )
+        column = (starts[branch] + own - first[branch])[:, None] + np.arange(4)
+        weights = np.stack(parts, axis=1).ravel() / (6 * width if slopes else 6)
         return sp.csr_array((weights, (rows, column.ravel())), shape=shape)
 
     inner = np.concatenate([np.arange(s, s + n - 2) for s, n in zip(starts, sizes, strict=False)])
@@ -86,6 +95,4 @@ def curves_of(drives: Sequence[np.ndarray], error: float = 0.0) -> Curves:
         ),
         shape=(inner.size, shape[1]),
     )
-    return Curves(
-        sparse(values, 1 / 6), sparse(slopes, 1 / (6 * width)), bends, branches, met_again
-    )
+    return Curves(splines(drive), splines(drive, slopes=True), bends, branches, met_again, splines)

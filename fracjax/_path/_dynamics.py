@@ -1,13 +1,14 @@
 """What each effect of dynamics would add to a response, whatever the law of its hysteresis.
 
-The response without them is given, as the curve that was found for it, and its slope by the drive;
-an effect on the drive's side acts through that slope.  No model is fitted and nothing is compiled.
+The response without them is given, as the curve that was fitted to it; an effect on the drive's
+side moves along that curve.  No model is fitted and nothing is compiled.
 """
 
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
+from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -39,19 +40,19 @@ over the span, a clock's error; what a prior calls 1."""
 
 
 class Motion:
-    """One recording's drive (N,) and the response (N,) without effects, with its slope (N,) by the
-    drive; of steady cycles `periodic`."""
+    """One recording's drive (N,) and the response (N,) without effects; `moved` is what it would be
+    for another drive (N,) on the same branches; of steady cycles `periodic`."""
 
     def __init__(
         self,
         drive: np.ndarray,
         response: np.ndarray,
-        slope: np.ndarray,
+        moved: Callable[[np.ndarray], np.ndarray],
         step: float,
         *,
         periodic: bool,
     ):
-        self.drive, self.response, self.slope = drive, response, slope
+        self.drive, self.response, self.moved = drive, response, moved
         self.step, self.periodic = step, periodic
         self.times = np.arange(drive.size) * step
 
@@ -165,10 +166,10 @@ def modes_of(motions: Sequence[Motion]) -> Iterator[list[Columns]]:
         ]
 
 
-def refined(motions: Sequence[Motion], known: Sequence[Columns], finer: float) -> list[Columns]:
-    """Shapes about known ones, this many times as near to each other."""
+def refined(motions: Sequence[Motion], chosen: Sequence[Columns], finer: float) -> list[Columns]:
+    """Shapes about chosen ones, this many times as near to each other."""
     scale, columns = Scale.of(motions), []
-    for one in known:
+    for one in chosen:
         family = MODE if one.effect == MODE.effect else FAMILIES[one.effect]
         shapes = [one.shape]
         for name, spacing in family.spacing(one.shape, scale).items():
@@ -228,7 +229,8 @@ def _lagging(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
 
 
 def _lagging_before(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
-    return m.slope * m.of_drive.with_departure(kernels.lag(shape["time_constant"]))
+    lagged = m.drive + m.of_drive.with_departure(kernels.lag(shape["time_constant"]))
+    return m.moved(lagged) - m.moved(m.drive)
 
 
 def _late(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
@@ -281,7 +283,7 @@ def _humming(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
 
 
 def _limited(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
-    """A drive whose rate is limited, through the slope."""
+    """A drive whose rate is limited."""
     limited, rate = m.drive.copy(), shape["rate"] * m.step
     last = -1
     for k in np.flatnonzero(np.abs(np.diff(m.drive)) > rate).tolist():
@@ -294,7 +296,7 @@ def _limited(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
             if limited[k] == m.drive[k]:
                 break
         last = k
-    return m.slope * (limited - m.drive)
+    return m.moved(limited) - m.moved(m.drive)
 
 
 def _skewed(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
@@ -306,6 +308,28 @@ def _lines_apart(shape: Shape, scale: Scale) -> Shape:
     return {"frequency": 0.25 / (scale.duration * shape["frequency"])}
 
 
+def _ringing_twice(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    """Two modes, each with its own share."""
+    other = shape["frequency"] * shape["ratio"]
+    modes = (
+        kernels.mode(shape["frequency"], shape["damping"]),
+        kernels.mode(other, shape["second_damping"]),
+    )
+    return np.stack([m.of_response.with_departure(mode) for mode in modes], axis=1)
+
+
+def pairs_of(motions: Sequence[Motion], modes: Sequence[Columns]) -> list[Columns]:
+    """Two of some modes together, of every two that are further apart than they are wide."""
+    scale, columns = Scale.of(motions), []
+    ranked = sorted(modes, key=lambda mode: mode.shape["frequency"])
+    for one, other in combinations(ranked, 2):
+        ratio = other.shape["frequency"] / one.shape["frequency"]
+        if ratio > 1 + 2 * max(one.shape["damping"], other.shape["damping"]):
+            shape = one.shape | {"ratio": ratio, "second_damping": other.shape["damping"]}
+            columns.append(FAMILIES[PAIR].columns(motions, shape, scale))
+    return columns
+
+
 def _peaks_apart(shape: Shape, scale: Scale) -> Shape:
     return {"frequency": shape["damping"], "damping": float(np.log(3))}
 
@@ -315,6 +339,7 @@ _SHARES = (0.1, 0.3, 1.0)
 _LATE = 30
 """The longest delay, in steps: a longer one is a clock's, or two files'."""
 
+PAIR = "second_mode"
 MODE = Family("resonance", lambda scale: [], _ringing, True, _peaks_apart)
 """A mode, whose shapes are scanned."""
 FAMILIES: dict[str, Family] = {
@@ -387,6 +412,18 @@ FAMILIES: dict[str, Family] = {
             _limited,
             True,
             _apart(rate=1.2),
+        ),
+        Family(
+            PAIR,
+            lambda scale: [],
+            _ringing_twice,
+            False,
+            lambda shape, scale: {
+                "frequency": shape["damping"],
+                "ratio": shape["second_damping"],
+                "damping": float(np.log(3)),
+                "second_damping": float(np.log(3)),
+            },
         ),
         Family("clock_skew", lambda scale: [{}], _skewed, False, _apart()),
     )

@@ -232,15 +232,29 @@ class Settled:
         """The same roughness with another fading."""
         return Settled(self.law, self.roughness, fading, self._factors)
 
-    def curve(self, response: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-        """The most probable curve (ΣN,) behind a response (ΣN,), and its slope by the drive
-        (ΣN,) [response unit per drive unit], that of the curves alone."""
+    def curve(self, response: np.ndarray) -> Curve:
+        """The most probable curve behind a response (ΣN,)."""
         law, white = self.law, self.law.whitening(response)
         of_dense = self.prior.coefficients(white)
         every = np.concatenate([law.fading, law.own], axis=1)[:, self._clear] * self._sizes
-        rest = white - law.whitening(every @ of_dense)
+        dense = every @ of_dense
+        rest = white - law.whitening(dense)
         coefficients = self._factors[0].solve(np.asarray(law.basis.T @ rest))
-        return law.curves.basis @ coefficients + every @ of_dense, law.curves.slope @ coefficients
+        curves = law.curves
+        return Curve(
+            curves.basis @ coefficients + dense,
+            curves.slope @ coefficients,
+            lambda drive: curves.at(drive) @ coefficients + dense,
+        )
+
+
+class Curve(NamedTuple):
+    """A curve behind a response: its values (ΣN,) [response unit], its slope by the drive (ΣN,),
+    and its values where the drive (ΣN,) is another on the same branches."""
+
+    values: np.ndarray
+    slope: np.ndarray
+    at: Callable[[np.ndarray], np.ndarray]
 
 
 def _factor(matrix: sp.csc_array):

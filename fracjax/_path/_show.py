@@ -16,7 +16,7 @@ import numpy as np
 
 from ._curves import Curves
 from ._dynamics import dynamics_of, modes_of
-from ._law import FADINGS, ROUGHNESSES, Settled
+from ._law import FADINGS, ROUGHNESSES, Curve, Settled
 from ._view import UNKNOWN, Signal, kinds_of, motions_of, prior_of
 
 LEVEL = 6.0
@@ -68,7 +68,8 @@ def can_show(signals: Sequence[Signal], unit: str) -> tuple[Visible, ...]:
     whitening = prior.whitening
     settled = Settled(prior, float(ROUGHNESSES[0]) * prior.noise, float(FADINGS[-2]))
     response = np.concatenate([s.response for s in ideal])
-    motions = motions_of(signals, response, np.full(response.size, slope))
+    curve = Curve(response, np.full(response.size, slope), lambda drive: slope * (drive - low))
+    motions = motions_of(signals, curve)
     modes = [m for each in modes_of(motions) for m in each[:: max(1, len(each) // _MODES)]]
     columns = [*dynamics_of(motions), *modes]
     matrix = np.concatenate([c.values for c in columns], axis=1)

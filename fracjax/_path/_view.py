@@ -7,12 +7,13 @@ from dataclasses import dataclass, replace
 from typing import NamedTuple
 
 import numpy as np
+from numpy.polynomial import chebyshev
 from scipy.signal import find_peaks
 
 from ._curves import Curves
-from ._dynamics import Columns, Motion, dynamics_of, modes_of, refined
+from ._dynamics import MODE, Columns, Motion, dynamics_of, modes_of, pairs_of, refined
 from ._kernels import Convolution, lag
-from ._law import Inner, PathLaw, Prior, Settled, Whitening, log_likelihood
+from ._law import Curve, Inner, PathLaw, Prior, Settled, Whitening, log_likelihood
 from ._posterior import (
     EACH,
     MOST_EFFECTS,
@@ -43,9 +44,18 @@ FAMILIES = (
     {"sensor_lag", "drive_lag", "delay"},
     {"creep", "viscoelastic_layer"},
     {"gain_drift", "degradation"},
+    {"resonance", "second_mode"},
 )
 """Effects of which a hypothesis has one at most: together two of them make what neither is, such as
 the loop of a rate-independent law from two relaxations of opposite sign."""
+_CRUDE, _CLEAR = 5, 1e-4
+"""Order of the polynomials of the first, crude curve, and the smallest singular value that counts
+in its fit, over the largest."""
+_CLOSE = 1.5
+"""χ² per sample that free curves leave beside the effects so far up to which columns are made from
+them."""
+_PAIRED = 3
+"""Peaks that are tried as one of two modes, beside the mode that fits best."""
 _PEAKS = 6
 """Peaks of a scan for modes that become columns, of each damping."""
 _FINER = (1.0, 3.0, 9.0)
@@ -130,6 +140,11 @@ class PathView:
         return self.columns[best.kinds[best.names.index(name)]].shape
 
 
+def family_of(name: str) -> set[str]:
+    """The other effects of an effect's family, if it has one."""
+    return {other for family in FAMILIES if name in family for other in family} - {name}
+
+
 def apart() -> dict[str, set[str]]:
     """For each effect the others of its family."""
     return {name: family - {name} for family in FAMILIES for name in family}
@@ -208,14 +223,16 @@ def _view_of(
     response = _response_of(signals)
     span = max(float(np.ptp(s.response)) for s in signals)
     if any(s.drive_error.any() for s in signals):
-        slopes = prior_of(signals, span).settled(response).curve(response)[1]
+        slopes = prior_of(signals, span).settled(response).curve(response).slope
         signals = [
             s.weighted_by(slope)
             for s, slope in zip(signals, np.split(slopes, _ends(signals)), strict=True)
         ]
     prior = prior_of(signals, span)
     whitening = prior.whitening
-    expansion = _about(signals, prior, response, np.zeros_like(response), [], 1.0, barred, law_name)
+    nothing = np.zeros_like(response)
+    expansion = _about(signals, prior, response, nothing, [], _FINER[0], barred, law_name)
+    expansions = [expansion]
     for finer in _FINER:
         # What fits best is what the next columns are made about; what is named is judged at last.
         best = search(expansion.law, 0.0).best
@@ -224,6 +241,8 @@ def _view_of(
         effect = expansion.parts(best).sum(axis=1)
         shapes = [expansion.columns[k] for k in best.kinds]
         expansion = _about(signals, prior, response, effect, shapes, finer, barred, law_name)
+        expansions.append(expansion)
+    expansion = min(expansions, key=lambda e: misfit(e.law, search(e.law, 0.0).best))
     posterior = select(expansion.law)
     parts, best = expansion.parts(posterior.best), posterior.best
     own = [expansion.columns[k] for k in best.kinds]
@@ -234,11 +253,24 @@ def _view_of(
         law=expansion.law,
         columns=expansion.columns,
         whole=np.linalg.norm(whitening(expansion.matrix), axis=0),
-        residual=without - expansion.settled.curve(without)[0],
+        residual=without - expansion.settled.curve(without).values,
         curves=prior.curves,
         span=span,
         effects=dict(_summed(owners, parts)),
     )
+
+
+def _crude_curve(signals: Sequence[Signal], prior: PathLaw, response: np.ndarray) -> Curve:
+    """A response (ΣN,) by polynomials of the drive and fading memory alone: no curve of many
+    branches, which would take up the ringing whose column is made from it."""
+    drive = np.concatenate([s.drive for s in signals])
+    scaled = 2 * (drive - drive.min()) / np.ptp(drive) - 1
+    columns = np.concatenate(
+        [chebyshev.chebvander(scaled, _CRUDE), prior.fading, prior.own / prior.span], axis=1
+    )
+    coefficients = np.linalg.lstsq(columns, response, rcond=_CLEAR)[0]
+    values, slope = columns @ coefficients, np.ptp(response) / np.ptp(drive)
+    return Curve(values, np.full(drive.size, slope), lambda other: values + slope * (other - drive))
 
 
 class _Expansion(NamedTuple):
@@ -266,12 +298,25 @@ def _about(
     law_name: str,
 ) -> _Expansion:
     """The columns about the curve of a response (ΣN,) without an effect (ΣN,), some shapes of which
-    are tried again, `finer`."""
+    are tried again, `finer`.
+
+    The curve is the crude one unless that leaves as little as free curves: those of many branches
+    take up part of an effect, and columns made from them miss it.
+    """
     whitening, without = prior.whitening, response - effect
     settled = prior.settled(without)
-    motions = motions_of(signals, *settled.curve(without))
+    free, crude = settled.curve(without), _crude_curve(signals, prior, without)
+    rest, far = whitening(without - free.values), whitening(without - crude.values)
+    is_free = float(rest @ rest) < _CLOSE * whitening.count and far @ far > rest @ rest
+    motions = motions_of(signals, free if is_free else crude)
     modes = scanned_modes(motions, whitening, settled.prior, whitening(without))
-    columns = [*dynamics_of(motions), *modes, *refined(motions, shapes, finer)]
+    ringing = [one for one in shapes if one.effect == MODE.effect]
+    columns = [
+        *dynamics_of(motions),
+        *modes,
+        *pairs_of(motions, [*ringing, *modes[:: max(1, len(modes) // _PAIRED)]]),
+        *refined(motions, shapes, finer),
+    ]
     columns = [c for c in columns if c.effect not in barred]
     matrix = np.concatenate([c.values for c in columns], axis=1)
     inner = settled.prior.inner(whitening(matrix), whitening(response))
@@ -307,11 +352,21 @@ def kinds_of(columns: Sequence[Columns]) -> list[Kind]:
     return kinds
 
 
-def motions_of(signals: Sequence[Signal], curve: np.ndarray, slope: np.ndarray) -> list[Motion]:
-    """Each recording's drive with the curve (ΣN,) and its slope (ΣN,)."""
-    ends = _ends(signals)
-    parts = zip(signals, np.split(curve, ends), np.split(slope, ends), strict=True)
-    return [Motion(s.drive, x, dx, s.step, periodic=s.periodic) for s, x, dx in parts]
+def motions_of(signals: Sequence[Signal], curve: Curve) -> list[Motion]:
+    """Each recording's drive with the curve of its response."""
+    bounds = [0, *_ends(signals).tolist(), sum(s.drive.size for s in signals)]
+    whole = np.concatenate([s.drive for s in signals])
+    motions = []
+    for signal, first, last in zip(signals, bounds[:-1], bounds[1:], strict=True):
+
+        def moved(drive: np.ndarray, first: int = first, last: int = last) -> np.ndarray:
+            other = whole.copy()
+            other[first:last] = drive
+            return curve.at(other)[first:last]
+
+        values = curve.values[first:last]
+        motions.append(Motion(signal.drive, values, moved, signal.step, periodic=signal.periodic))
+    return motions
 
 
 def scanned_modes(

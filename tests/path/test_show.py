@@ -21,7 +21,7 @@ def shown(drive: np.ndarray) -> dict:
 def with_effect(drive: np.ndarray, name: str, size: float):
     """A recording with an effect whose median shape changes the response by `size`, peak to
     peak."""
-    motion = Motion(drive, drive, np.ones_like(drive), 1e-3, periodic=False)
+    motion = Motion(drive, drive, lambda other: other, 1e-3, periodic=False)
     own = [c for c in dynamics_of([motion]) if c.effect == name]
     column = own[len(own) // 2].values[:, 0]
     return signal_of(drive, drive + size * column / np.ptp(column), NOISE)

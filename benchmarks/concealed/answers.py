@@ -83,7 +83,7 @@ def read_answer(file: File) -> Answer:
         return Answer("failed")
     d = json.loads(file.read_text())
     scores = d["fit"].get("extended") or d["fit"]["base"]
-    um = UNITS.get(d["fit"]["unit"], float("nan"))
+    um = UNITS.get(d["fit"].get("unit", ""), float("nan"))
     rmse, rms = (
         None if x is None else x * um for x in map(scores.get, ("holdout_rmse", "train_rmse"))
     )

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .._blocks import AbstractBlock
+from .._blocks import EFFECTS, AbstractBlock
 from .._computing import Clock
 from .._inside import Inside
 from .._path import PathView, Posterior, evidence, log_likelihood, misfit
@@ -18,7 +18,7 @@ from ._jumps import Jumps, jumps_of
 from ._names import Name, names_of
 from ._refits import Explanation, explained_by, with_refits
 from ._thresholds import ADEQUATE, NUMERICS
-from ._views import ModelView, View, model_view
+from ._views import ModelView, View, block_of, model_view
 
 _MOST_TRIED, _PART = 4, 0.25
 """Effects that are refitted alone where columns do not reach the noise, and the least share of what
@@ -125,7 +125,7 @@ def inquire(
     refits: list[Explanation] = []
     try:
         if best > limit:
-            refits = _alone(view, nominal, progress, clock, 1 + best)
+            refits = _alone(view, path, nominal, progress, clock, 1 + best)
         posterior = with_refits(view, refits) if refits else view.posterior
         names = names_of(posterior)
         if names and not any(set(e.names) == {n.effect for n in names} for e in refits):
@@ -167,22 +167,31 @@ def inquired_inside(base: Fitted, path: PathView, inside: Inside) -> Inquiry:
 
 
 def _beside_jumps(inquiry: Inquiry, reached: float, limit: float) -> Inquiry:
-    """The inquiry with jumps instead of names, if they reach the noise and nothing else does."""
+    """The inquiry with jumps instead of names, if they reach the noise and are more likely than
+    what the model with the names leaves, at two coefficients each."""
     view = inquiry.model
     assert view is not None  # jumps are those of a model's residual
-    if reached <= limit:
+    if view.base_misfit <= limit:
         return inquiry
     jumps = jumps_of(view)
-    if jumps.samples and jumps.excess <= limit:
-        return replace(inquiry.unnamed(), jumps=jumps)
-    return inquiry
+    if not jumps.samples or jumps.excess > limit:
+        return inquiry
+    count, coefficients = view.law.count, 2 * len(jumps.samples) - 2 * len(inquiry.names)
+    gained = count * np.log((1 + max(reached, 0.0)) / (1 + max(jumps.excess, 0.0)))
+    likelier = gained > coefficients * np.log(count)
+    return replace(inquiry.unnamed(), jumps=jumps) if likelier else inquiry
 
 
 def _alone(
-    view: ModelView, nominal: AbstractBlock, progress: Progress, clock: Clock, best: float
+    view: ModelView,
+    path: PathView,
+    nominal: AbstractBlock,
+    progress: Progress,
+    clock: Clock,
+    best: float,
 ) -> list[Explanation]:
     """Refits of the effects that explain most of the residual, each alone: far from the fit an
-    effect may explain it although its columns do not."""
+    effect may explain it although its columns do not.  So does what fits path curves best."""
     singles = [h for h in view.posterior.hypotheses if len(h.names) == 1]
     falls = {h.names[0]: -misfit(view.law, h) for h in singles}
     none = misfit(view.law, singles[0]._replace(names=(), kinds=(), sizes=()))
@@ -190,11 +199,17 @@ def _alone(
     most = none + falls[ranked[0]]
     refits = []
     hopeless = _HOPELESS * best * view.law.count
-    for name in (n for n in ranked if none + falls[n] >= _PART * most):
+    likely = [n for n in ranked if none + falls[n] >= _PART * most]
+    setting = view.fitted.preparation.setting
+    shapes = {one.effect: block_of(EFFECTS[one.effect], one.shape, setting) for one in path.leading}
+    for name in dict.fromkeys([*shapes, *likely]):
         if clock.is_over:
             break
         progress(f"refitting with {name}")
-        refits.append(explained_by([name], view, nominal, view.fitted.preparation, hopeless))
+        further = [shapes[name]] if name in shapes else []
+        refits.append(
+            explained_by([name], view, nominal, view.fitted.preparation, hopeless, further)
+        )
         # A refit that gets nowhere near is not followed by those of smaller effects.
         hopeless = min(hopeless, _HOPELESS * refits[-1].fitted.solved.cost)
     return refits

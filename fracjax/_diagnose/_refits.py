@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .._blocks import EFFECTS, AbstractBlock
-from .._path import Hypothesis, Posterior, log_likelihood, misfit, search
+from .._path import DIRECTIONS, Hypothesis, Posterior, log_likelihood, misfit, search
 from .._prepare import Preparation
 from .._solve import starts_of
 from ._fitted import Fitted, fitted
@@ -44,12 +44,15 @@ def explained_by(
     nominal: AbstractBlock,
     preparation: Preparation,
     hopeless: float = np.inf,
+    further: Sequence[AbstractBlock] = (),
 ) -> Explanation:
     """The model fitted together with effects, from the trials that explain most of the residual,
     with the model's parameters as fitted and nominal, and from draws where that ends above what the
-    columns predict; a fit whose χ² stays above `hopeless` is left there."""
+    columns predict; a fit whose χ² stays above `hopeless` is left there.  `further` are trials of
+    the first effect that come before."""
     base = view.fitted.solved.block
     trials = [_trials(name, view) for name in names]
+    trials[0] = [*further, *trials[0]]
     best = tuple(Layer(EFFECTS[n], own[0]) for n, own in zip(names, trials, strict=True))
     starts = [wrapped(base, best), wrapped(nominal, best)]
     for k, own in enumerate(trials):
@@ -93,15 +96,17 @@ def with_refits(view: ModelView, refits: Sequence[Explanation]) -> Posterior:
     """The posterior with the χ² of refits in place of what columns predicted of them."""
     best = misfit(view.law, view.posterior.best)
     least = min([best, *(e.excess for e in refits)])
-    tempered = view.law.tempered(least)
-    share = tempered.count / view.law.count
+    # Of the form of an effect no more can be wrong than its refit leaves.
+    law = replace(view.law, unknown=min(view.law.unknown, max(least, 0.0) / DIRECTIONS))
+    tempered = law.tempered(least)
+    share = tempered.count / law.count
     by_names = {frozenset(e.names): e for e in refits}
 
     def again(hypothesis: Hypothesis) -> Hypothesis:
         refit = by_names.get(frozenset(hypothesis.names))
         if refit is None:
             return hypothesis
-        chosen, sizes = hypothesis.columns(view.law.kinds)
+        chosen, sizes = hypothesis.columns(law.kinds)
         linear = tempered.inner.given(chosen, sizes).square
         square = refit.fitted.solved.cost * share
         gain = float(
@@ -110,4 +115,4 @@ def with_refits(view: ModelView, refits: Sequence[Explanation]) -> Posterior:
         )
         return hypothesis._replace(log_posterior=hypothesis.log_posterior + gain)
 
-    return Posterior.of([again(h) for h in search(view.law, least).hypotheses])
+    return Posterior.of([again(h) for h in search(law, least).hypotheses])

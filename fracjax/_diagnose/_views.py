@@ -29,6 +29,7 @@ from .._path import (
 from .._prepare import Preparation, Residual, levels_of_residuals, residual_noises
 from ._columns import Group, groups_of
 from ._fitted import Fitted
+from ._thresholds import ADEQUATE
 
 FORM = 0.1
 """How far the form of a real effect is from that of its block, over its size: what an effect's
@@ -167,6 +168,9 @@ def with_residual_as_noise(fitted: Fitted) -> Preparation | None:
     than the noise in level but of another colour: a short rest shows a level and hardly a colour.
     None where nothing changes."""
     takes = fitted.preparation.takes
+    white = fitted.whitened(fitted.error)[fitted.counted]
+    if np.mean(white**2) <= ADEQUATE:
+        return None
     pairs = zip(takes, fitted.simulations, strict=True)
     residuals = [Residual(t.recording.response - s, t.used, t.recording) for t, s in pairs]
     noises = []

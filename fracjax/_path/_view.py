@@ -101,6 +101,7 @@ class PathView:
         curves: of the path.
         span: of the responses [response unit].
         effects: (ΣN,) what each effect of the best hypothesis adds [response unit].
+        leading: the shapes that fit best, likely or not.
         behind: the time constant of a lag of the drive whose path this is [s], None without.
         first: the view without that lag, where both were compared.
     """
@@ -113,6 +114,7 @@ class PathView:
     curves: Curves
     span: float
     effects: dict[str, np.ndarray]
+    leading: tuple[Columns, ...]
     behind: float | None = None
     first: PathView | None = None
 
@@ -257,6 +259,7 @@ def _view_of(
         curves=prior.curves,
         span=span,
         effects=dict(_summed(owners, parts)),
+        leading=tuple(expansion.columns[k] for k in search(expansion.law, 0.0).best.kinds),
     )
 
 

@@ -83,7 +83,7 @@ def test_after_a_turn_the_slopes_are_the_sums_of_the_weights(q):
 
 
 def test_by_name_its_radii_span_the_drive_of_the_recording():
-    recording = fj.Recording(drive_of(1), drive_of(2), STEP)
+    recording = fj.Recording(drive_of(1), drive_of(2), STEP, "V", "um")
     ends = recording.drive.min(), recording.drive.max()
     named = fj.fit("prandtl_ishlinskii", recording, starts=1, noise="1 um").model.parameters
     np.testing.assert_allclose(named["ends"].value, ends)

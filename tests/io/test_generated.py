@@ -161,6 +161,15 @@ def written(draw) -> tuple[bytes, dict, dict]:
     return content, options, told if style != "none" else {}
 
 
+def is_utf8(content: bytes) -> bool:
+    """Whether bytes are text in UTF-8."""
+    try:
+        content.decode()
+    except UnicodeDecodeError:
+        return False
+    return True
+
+
 def is_right(content: bytes, options: dict, units: dict) -> bool:
     """Whether a file is read back exactly; True, or False where it is refused in a sentence."""
     with tempfile.TemporaryDirectory() as folder:
@@ -179,8 +188,10 @@ def is_right(content: bytes, options: dict, units: dict) -> bool:
     if not any("s was assumed" in warning for warning in recording.warnings):
         assert recording.rate == pytest.approx(500, rel=1e-3)
     for role, written in units.items():
-        found = getattr(recording, f"{role}_unit")
-        assert conversion(found, written) == pytest.approx(1, rel=1e-12)
+        stated = getattr(recording, f"{role}_unit")
+        if stated == f"{role} units" and not written.isascii() and not is_utf8(content):
+            continue  # of one letter no encoding can be told: then there is no unit, not another
+        assert conversion(stated, written) == pytest.approx(1, rel=1e-12)
     if not units:
         assert (recording.drive_unit, recording.response_unit) == ("drive units", "response units")
     return True

@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .._blocks import EFFECTS, AbstractBlock
+from .._blocks import AbstractBlock
 from .._computing import Clock
 from .._inside import Inside
 from .._path import PathView, Posterior, evidence, log_likelihood, misfit
@@ -18,7 +18,7 @@ from ._jumps import Jumps, jumps_of
 from ._names import Name, names_of
 from ._refits import Explanation, explained_by, with_refits
 from ._thresholds import ADEQUATE, NUMERICS
-from ._views import ModelView, View, block_of, model_view
+from ._views import ModelView, View, model_view, trials_of
 
 _MOST_TRIED, _PART = 4, 0.25
 """Effects that are refitted alone where columns do not reach the noise, and the least share of what
@@ -162,7 +162,7 @@ def inquired_inside(base: Fitted, path: PathView, inside: Inside) -> Inquiry:
     for name, alike, each in zip(inside.names, inside.sets, inside.rounds, strict=False):
         own = sum(c.probability for c in each.candidates if c.name == name)
         others = tuple(other for other in dict.fromkeys(alike) if other != name)
-        names.append(Name(name, others, float(own), 1.0))
+        names.append(Name(name, others, float(own)))
     return Inquiry(base, path, view, view.posterior, is_adequate=True, names=tuple(names))
 
 
@@ -201,12 +201,15 @@ def _alone(
     hopeless = _HOPELESS * best * view.law.count
     likely = [n for n in ranked if none + falls[n] >= _PART * most]
     setting = view.fitted.preparation.setting
-    shapes = {one.effect: block_of(EFFECTS[one.effect], one.shape, setting) for one in path.leading}
+    shapes: dict[str, list[AbstractBlock]] = {}
+    for one in path.leading:
+        for name, block in trials_of(one, setting):
+            shapes.setdefault(name, []).append(block)
     for name in dict.fromkeys([*shapes, *likely]):
         if clock.is_over:
             break
         progress(f"refitting with {name}")
-        further = [shapes[name]] if name in shapes else []
+        further = shapes.get(name, [])
         refits.append(
             explained_by([name], view, nominal, view.fitted.preparation, hopeless, further)
         )

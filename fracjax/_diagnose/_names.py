@@ -15,12 +15,11 @@ _MOST_ALIKE = 4
 @dataclass(frozen=True)
 class Name:
     """An effect, the effects that the posterior holds possible in its stead, the likeliest first,
-    its probability, and that of it or one of those."""
+    and its probability."""
 
     effect: str
     alike: tuple[str, ...]
     probability: float
-    presence: float
 
 
 def names_of(posterior: Posterior, excess: float = 0.0) -> tuple[Name, ...]:
@@ -41,7 +40,7 @@ def names_of(posterior: Posterior, excess: float = 0.0) -> tuple[Name, ...]:
             alike.sort(key=lambda other: -instead[other])
             if excess > ADEQUATE - 1:
                 alike += sorted(family_of(name) - {*alike, *best})
-            names.append(Name(name, tuple(alike[:_MOST_ALIKE]), float(own), float(presence)))
+            names.append(Name(name, tuple(alike[:_MOST_ALIKE]), float(own)))
     return tuple(names)
 
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -11,6 +12,7 @@ from .._blocks import EFFECTS, AbstractBlock, Effect, Setting
 from .._parameters import named_parameters, set_values
 from .._path import (
     DIRECTIONS,
+    Columns,
     Hypothesis,
     Kind,
     Law,
@@ -114,6 +116,19 @@ def block_of(effect: Effect, shape: dict[str, float], setting: Setting) -> Abstr
         if key in own
     }
     return set_values(trial, values)
+
+
+def trials_of(columns: Columns, setting: Setting) -> Iterator[tuple[str, AbstractBlock]]:
+    """The names and trial blocks of an effect's shape, and before it of the special case that
+    may suffice: of two modes each alone."""
+    effect, shape = EFFECTS[columns.effect], columns.shape
+    if effect.special_case:
+        special = EFFECTS[effect.special_case]
+        yield special.name, block_of(special, shape, setting)
+        other = shape["frequency"] * shape["ratio"]
+        second = {"frequency": other, "damping": shape["second_damping"]}
+        yield special.name, block_of(special, second, setting)
+    yield effect.name, block_of(effect, shape, setting)
 
 
 def signals_of(preparation: Preparation) -> list[Signal]:

@@ -137,8 +137,7 @@ def inquire(
         return inquiry
     named = {n.effect for n in names}
     own = next((e for e in refits if set(e.names) == named), None)
-    reached = misfit(view.law, posterior.hypotheses[0]._replace(names=(), kinds=(), sizes=()))
-    reached = reached if own is None else own.excess
+    reached = view.base_misfit if own is None else own.excess
     # Of the model with the named effects, each refitted: χ², and the freedom of its columns.
     square, count = (1 + reached) * view.law.count, view.law.count
     freedom = 2 * len(named) * np.log(count) + base.tangent.shape[1] * np.log(count)
@@ -194,7 +193,7 @@ def _alone(
     effect may explain it although its columns do not.  So does what fits path curves best."""
     singles = [h for h in view.posterior.hypotheses if len(h.names) == 1]
     falls = {h.names[0]: -misfit(view.law, h) for h in singles}
-    none = misfit(view.law, singles[0]._replace(names=(), kinds=(), sizes=()))
+    none = view.base_misfit
     ranked = sorted(falls, key=lambda name: -falls[name])[:_MOST_TRIED]
     most = none + falls[ranked[0]]
     refits = []
@@ -213,7 +212,7 @@ def _alone(
         refits.append(
             explained_by([name], view, nominal, view.fitted.preparation, hopeless, further)
         )
-        # A refit that gets nowhere near is not followed by those of smaller effects.
+        # What stays far above a refit that is there goes no further.
         hopeless = min(hopeless, _HOPELESS * refits[-1].fitted.solved.cost)
     return refits
 

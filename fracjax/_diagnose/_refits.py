@@ -73,10 +73,7 @@ def explained_by(
 def _predicted(view: ModelView, names: Sequence[str]) -> float:
     """κ - 1 that the columns of effects predict of their refit."""
     own = [h for h in view.posterior.hypotheses if set(h.names) == set(names)]
-    if not own:
-        return np.inf
-    chosen, sizes = own[0].columns(view.law.kinds)
-    return view.law.inner.given(chosen, sizes).square / view.law.count - 1
+    return misfit(view.law, own[0]) if own else np.inf
 
 
 def _trials(name: str, view: ModelView) -> list[AbstractBlock]:

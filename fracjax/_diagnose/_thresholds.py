@@ -4,6 +4,8 @@ Two more stand where the posterior is: what path curves do not know (`_path`, `U
 prior odds of an effect (`EACH`).
 """
 
+from .._path import MISFIT
+
 SIGNIFICANCE = 0.01
 """p-value below which a place on an axis, or the residual as a whole, is significant; by
 convention."""
@@ -11,7 +13,7 @@ convention."""
 SURE = 0.95
 """The probability at which an effect, or one of its look-alikes, is named; by convention."""
 
-ADEQUATE = 1.1
+ADEQUATE = 1 + MISFIT
 """χ² of a recording over that of path curves up to which nothing is said to be missing: of those
 that a rate-independent law made they leave .93 to 1.1."""
 

@@ -18,6 +18,7 @@ from ._posterior import search as search
 from ._posterior import select as select
 from ._show import Visible as Visible
 from ._show import can_show as can_show
+from ._view import MISFIT as MISFIT
 from ._view import PATH as PATH
 from ._view import PathView as PathView
 from ._view import Signal as Signal

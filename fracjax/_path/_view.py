@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
-from typing import NamedTuple
+from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import chebyshev
@@ -149,7 +149,7 @@ def family_of(name: str) -> set[str]:
 
 def apart() -> dict[str, set[str]]:
     """For each effect the others of its family."""
-    return {name: family - {name} for family in FAMILIES for name in family}
+    return {name: family_of(name) for family in FAMILIES for name in family}
 
 
 def view_of(signals: Sequence[Signal]) -> PathView:
@@ -237,14 +237,14 @@ def _view_of(
     expansions = [expansion]
     for finer in _FINER:
         # What fits best is what the next columns are made about; what is named is judged at last.
-        best = search(expansion.law, 0.0).best
+        best = expansion.best
         if not best.names:
             break
         effect = expansion.parts(best).sum(axis=1)
         shapes = [expansion.columns[k] for k in best.kinds]
         expansion = _about(signals, prior, response, effect, shapes, finer, barred, law_name)
         expansions.append(expansion)
-    expansion = min(expansions, key=lambda e: misfit(e.law, search(e.law, 0.0).best))
+    expansion = min(expansions, key=lambda e: misfit(e.law, e.best))
     posterior = select(expansion.law)
     parts, best = expansion.parts(posterior.best), posterior.best
     own = [expansion.columns[k] for k in best.kinds]
@@ -259,7 +259,7 @@ def _view_of(
         curves=prior.curves,
         span=span,
         effects=dict(_summed(owners, parts)),
-        leading=tuple(expansion.columns[k] for k in search(expansion.law, 0.0).best.kinds),
+        leading=tuple(expansion.columns[k] for k in expansion.best.kinds),
     )
 
 
@@ -276,13 +276,19 @@ def _crude_curve(signals: Sequence[Signal], prior: PathLaw, response: np.ndarray
     return Curve(values, np.full(drive.size, slope), lambda other: values + slope * (other - drive))
 
 
-class _Expansion(NamedTuple):
+@dataclass(frozen=True, eq=False)
+class _Expansion:
     """The columns of all effects about a curve, and their inner products."""
 
     settled: Settled
     law: Law
     columns: list[Columns]
     matrix: np.ndarray
+
+    @cached_property
+    def best(self) -> Hypothesis:
+        """What fits best, likely or not: untempered by a misfit."""
+        return search(self.law, 0.0).best
 
     def parts(self, hypothesis: Hypothesis) -> np.ndarray:
         """What each column (ΣN, k) of a hypothesis adds [response unit]."""

@@ -72,28 +72,20 @@ class Inquiry:
         """The columns about the model's residual, or path curves where there is no model."""
         if self.model is not None:
             return self.model
-        return self.path if self.path.first is None else self.path.first
+        return self.path if self.path.plain is None else self.path.plain
 
     @cached_property
     def path_misfit(self) -> float:
         """κ - 1 that path curves with their effects leave."""
-        own = [h for h in self.path.posterior.hypotheses if h.law == self.path.law.name]
-        return misfit(self.path.law, own[0])
+        return misfit(self.path.law, self.path.posterior.best)
 
     def share_of(self, name: str) -> float:
         """The share of the excess χ² that a named effect explains beside the others."""
         view, names = self.view, [n.effect for n in self.names]
-        whole = _least(view, names)
         rest = [other for other in names if other != name]
-        without = _least(view, rest) if rest else view.base_misfit
-        return float(np.clip((without - whole) / max(view.base_misfit, 1e-300), 0.0, 1.0))
-
-
-def _least(view: View, names: Sequence[str]) -> float:
-    """κ - 1 beside effects by their columns."""
-    listed = [h for h in view.posterior.hypotheses if h.law == view.law.name]
-    own = [h for h in listed if set(h.names) == set(names)]
-    return misfit(view.law, own[0] if own else listed[0])
+        without = view.misfit_of(rest) if rest else view.base_misfit
+        explained = without - view.misfit_of(names)
+        return float(np.clip(explained / max(view.base_misfit, 1e-300), 0.0, 1.0))
 
 
 def inquire(

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Collection, Iterator
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -12,7 +12,6 @@ from .._blocks import EFFECTS, AbstractBlock, Effect, Setting
 from .._parameters import named_parameters, set_values
 from .._path import (
     DIRECTIONS,
-    Columns,
     Hypothesis,
     Kind,
     Law,
@@ -21,6 +20,7 @@ from .._path import (
     Posterior,
     Prior,
     Signal,
+    Stage,
     apart,
     denoised,
     misfit,
@@ -70,6 +70,11 @@ class ModelView:
         """κ - 1 without any effect, the excess of χ² per sample."""
         return misfit(self.law, Hypothesis(0.0, 0.0, MODEL, (), (), ()))
 
+    def misfit_of(self, names: Collection[str]) -> float:
+        """κ - 1 beside effects by their columns, or the best where this set was not tried."""
+        own = [h for h in self.posterior.hypotheses if set(h.names) == set(names)]
+        return misfit(self.law, own[0] if own else self.posterior.best)
+
 
 View = ModelView | PathView
 
@@ -118,10 +123,10 @@ def block_of(effect: Effect, shape: dict[str, float], setting: Setting) -> Abstr
     return set_values(trial, values)
 
 
-def trials_of(columns: Columns, setting: Setting) -> Iterator[tuple[str, AbstractBlock]]:
+def trials_of(stage: Stage, setting: Setting) -> Iterator[tuple[str, AbstractBlock]]:
     """The names and trial blocks of an effect's shape, and before it of the special case that
     may suffice: of two modes each alone."""
-    effect, shape = EFFECTS[columns.effect], columns.shape
+    effect, shape = EFFECTS[stage.effect], stage.shape
     if effect.special_case:
         special = EFFECTS[effect.special_case]
         yield special.name, block_of(special, shape, setting)

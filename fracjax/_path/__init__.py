@@ -1,5 +1,6 @@
 """Path curves: the dynamics of a recording whatever its law of hysteresis, without JAX."""
 
+from ._chain import Stage as Stage
 from ._drive import denoised as denoised
 from ._dynamics import Columns as Columns
 from ._dynamics import Motion as Motion
@@ -18,10 +19,10 @@ from ._posterior import search as search
 from ._posterior import select as select
 from ._show import Visible as Visible
 from ._show import can_show as can_show
+from ._signal import Signal as Signal
 from ._view import MISFIT as MISFIT
 from ._view import PATH as PATH
 from ._view import PathView as PathView
-from ._view import Signal as Signal
 from ._view import apart as apart
 from ._view import family_of as family_of
 from ._view import kinds_of as kinds_of

@@ -12,7 +12,8 @@ from __future__ import annotations
 from math import comb
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
+from scipy.interpolate import Akima1DInterpolator
+from scipy.ndimage import maximum_filter1d, uniform_filter1d
 from scipy.signal import savgol_filter
 
 _ORDER = 6
@@ -24,6 +25,9 @@ _WINDOWS = (5, 9, 15, 25, 41)
 _FITS = 1.6
 """The mean square of the distance from a local cubic, over the noise's, up to which it fits: noise
 alone has less in 99 of 100 windows of 41 samples."""
+_CORNER = 0.06
+"""The rms of f(1 - f)/2 about its mean of 1/12 for a corner at any place f between samples, and at
+a sample, where it is none, over the largest fourth difference that it makes."""
 _NORMAL_MEDIAN = 0.6745
 """Median of the absolute value of a standard normal variable."""
 
@@ -46,3 +50,38 @@ def denoised(drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             for new, old in ((cubic, smooth), (level * np.sqrt(2.25 / window), error))
         )
     return smooth, error
+
+
+def unresolved(drive: np.ndarray) -> np.ndarray:
+    """How far the mean of a drive (N,) about each sample may be from that of a smooth curve through
+    its samples, in its unit: corners between samples have large fourth differences."""
+    fourth = np.abs(np.convolve(drive, [1, -4, 6, -4, 1], "same"))
+    fourth[:2], fourth[-2:] = 0.0, 0.0
+    return _CORNER * np.asarray(maximum_filter1d(fourth, 5))
+
+
+def delayed(drive: np.ndarray, steps: float, *, periodic: bool) -> np.ndarray:
+    """A drive (N,) some steps later; before its first sample it was constant, or of steady
+    cycles."""
+    margin = int(steps) + 8
+    before = drive[-margin:] if periodic else np.full(margin, drive[0])
+    times = np.arange(-margin, drive.size)
+    return np.asarray(
+        Akima1DInterpolator(times, np.concatenate([before, drive]))(np.arange(drive.size) - steps)
+    )
+
+
+def limited(drive: np.ndarray, rate: float) -> np.ndarray:
+    """A drive (N,) whose change in a step is at most `rate`, in its unit."""
+    slow, last = drive.copy(), -1
+    for k in np.flatnonzero(np.abs(np.diff(drive)) > rate).tolist():
+        # From a step that is too fast on, until the drive is caught up.
+        k = max(k, last)
+        while k + 1 < slow.size:
+            gap = drive[k + 1] - slow[k]
+            slow[k + 1] = slow[k] + min(max(gap, -rate), rate)
+            k += 1
+            if slow[k] == drive[k]:
+                break
+        last = k
+    return slow

@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
 from functools import cached_property
-from itertools import combinations
 from typing import NamedTuple
 
 import numpy as np
@@ -17,7 +16,9 @@ from scipy.linalg import block_diag
 from scipy.signal import lfilter
 
 from . import _kernels as kernels
+from ._drive import limited
 from ._fading import path_length
+from ._filters import Shape, corner_of, filter_of
 
 MODE_DAMPINGS = (0.01, 0.03, 0.1)
 """Damping ratios of modes; frequencies are tried half the width of a peak apart."""
@@ -25,13 +26,15 @@ _HIGHEST = 0.9
 """The highest frequency of a mode, over Nyquist's."""
 _LEAST_PERIODS = 10.0
 """The fewest periods of the slowest mode that the recordings hold: a slower one is a lag."""
-_MAINS, _HARMONICS = (50.0, 60.0), 3
+_MAINS, _HARMONICS = (50.0, 60.0), 5
 """Frequencies of the mains [Hz], and how many of their harmonics."""
 _OFF = 0.002
 """How far the mains' frequency may be from its nominal value, relative: the band of normal
 operation of the grids of Europe and of America."""
 _STATIC = 3
 """Order of the static curve without which a loop's opening is left."""
+SENSOR_ORDERS = (1.0, 2.0, 4.0)
+"""Orders of sensors that are tried; one of third order is within percents of its neighbours."""
 _SLOWEST_SENSOR = 1.5
 """The largest time constant of a sensor [s], of a corner of .1 Hz: slower is the drive's side."""
 _DRIFT, _CREEP, _LAYER, _HUM, _SKEW = 0.02, 0.02, 0.05, 0.002, 1e-4
@@ -115,9 +118,6 @@ class Scale(NamedTuple):
         )
 
 
-Shape = dict[str, float]
-
-
 class Family(NamedTuple):
     """All shapes of an effect.
 
@@ -180,6 +180,12 @@ def refined(motions: Sequence[Motion], chosen: Sequence[Columns], finer: float) 
     return columns
 
 
+def again(motions: Sequence[Motion], one: Columns) -> Columns:
+    """The columns of the same shape about other motions."""
+    family = MODE if one.effect == MODE.effect else FAMILIES[one.effect]
+    return family.columns(motions, one.shape, Scale.of(motions))
+
+
 def _constants(scale: Scale) -> np.ndarray:
     """Time constants of lags [s], four a decade, from a tenth of a step to a third of the longest
     recording."""
@@ -203,13 +209,9 @@ def _onsets(scale: Scale) -> np.ndarray:
 
 
 def _corners(scale: Scale) -> list[Shape]:
-    """Sensors of first and of second order."""
+    """Sensors of the first orders, whose columns are like those of higher ones."""
     constants = [c for c in _constants(scale) if c < _SLOWEST_SENSOR]
-    return [
-        {"corner": float(np.sqrt(2 ** (1 / n) - 1) / (2 * np.pi * c)), "order": n}
-        for n in (1.0, 2.0)
-        for c in constants
-    ]
+    return [{"corner": corner_of(c, n), "order": n} for n in SENSOR_ORDERS[:2] for c in constants]
 
 
 def _frequencies(scale: Scale) -> list[float]:
@@ -223,14 +225,12 @@ def _frequencies(scale: Scale) -> list[float]:
 
 
 def _lagging(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
-    kernel = kernels.lag if shape["order"] == 1 else kernels.second_lag
-    constant = np.sqrt(2 ** (1 / shape["order"]) - 1) / (2 * np.pi * shape["corner"])
-    return m.of_response.with_departure(kernel(constant))
+    return m.of_response.with_departure(filter_of("sensor_lag", shape, m.step))
 
 
 def _lagging_before(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
-    lagged = m.drive + m.of_drive.with_departure(kernels.lag(shape["time_constant"]))
-    return m.moved(lagged) - m.moved(m.drive)
+    lag = kernels.lag(shape["time_constant"], m.step)
+    return m.moved(m.drive + m.of_drive.with_departure(lag)) - m.moved(m.drive)
 
 
 def _late(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
@@ -247,7 +247,7 @@ def _yielding(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
 
 
 def _ringing(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
-    return m.of_response.with_departure(kernels.mode(shape["frequency"], shape["damping"]))
+    return m.of_response.with_departure(filter_of("resonance", shape, m.step))
 
 
 def _drifting(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
@@ -284,19 +284,7 @@ def _humming(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
 
 def _limited(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
     """A drive whose rate is limited."""
-    limited, rate = m.drive.copy(), shape["rate"] * m.step
-    last = -1
-    for k in np.flatnonzero(np.abs(np.diff(m.drive)) > rate).tolist():
-        # From a step that is too fast on, until the drive is caught up.
-        k = max(k, last)
-        while k + 1 < limited.size:
-            gap = m.drive[k + 1] - limited[k]
-            limited[k + 1] = limited[k] + min(max(gap, -rate), rate)
-            k += 1
-            if limited[k] == m.drive[k]:
-                break
-        last = k
-    return m.moved(limited) - m.moved(m.drive)
+    return m.moved(limited(m.drive, shape["rate"] * m.step)) - m.moved(m.drive)
 
 
 def _skewed(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
@@ -308,28 +296,6 @@ def _lines_apart(shape: Shape, scale: Scale) -> Shape:
     return {"frequency": 0.25 / (scale.duration * shape["frequency"])}
 
 
-def _ringing_twice(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
-    """Two modes, each with its own share."""
-    other = shape["frequency"] * shape["ratio"]
-    modes = (
-        kernels.mode(shape["frequency"], shape["damping"]),
-        kernels.mode(other, shape["second_damping"]),
-    )
-    return np.stack([m.of_response.with_departure(mode) for mode in modes], axis=1)
-
-
-def pairs_of(motions: Sequence[Motion], modes: Sequence[Columns]) -> list[Columns]:
-    """Two of some modes together, of every two that are further apart than they are wide."""
-    scale, columns = Scale.of(motions), []
-    ranked = sorted(modes, key=lambda mode: mode.shape["frequency"])
-    for one, other in combinations(ranked, 2):
-        ratio = other.shape["frequency"] / one.shape["frequency"]
-        if ratio > 1 + 2 * max(one.shape["damping"], other.shape["damping"]):
-            shape = one.shape | {"ratio": ratio, "second_damping": other.shape["damping"]}
-            columns.append(FAMILIES[PAIR].columns(motions, shape, scale))
-    return columns
-
-
 def _peaks_apart(shape: Shape, scale: Scale) -> Shape:
     return {"frequency": shape["damping"], "damping": float(np.log(3))}
 
@@ -339,7 +305,6 @@ _SHARES = (0.1, 0.3, 1.0)
 _LATE = 30
 """The longest delay, in steps: a longer one is a clock's, or two files'."""
 
-PAIR = "second_mode"
 MODE = Family("resonance", lambda scale: [], _ringing, True, _peaks_apart)
 """A mode, whose shapes are scanned."""
 FAMILIES: dict[str, Family] = {
@@ -412,18 +377,6 @@ FAMILIES: dict[str, Family] = {
             _limited,
             True,
             _apart(rate=1.2),
-        ),
-        Family(
-            PAIR,
-            lambda scale: [],
-            _ringing_twice,
-            False,
-            lambda shape, scale: {
-                "frequency": shape["damping"],
-                "ratio": shape["second_damping"],
-                "damping": float(np.log(3)),
-                "second_damping": float(np.log(3)),
-            },
         ),
         Family("clock_skew", lambda scale: [{}], _skewed, False, _apart()),
     )

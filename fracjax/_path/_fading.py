@@ -9,6 +9,8 @@ Source: Visintin, Differential Models of Hysteresis (1994), chapter V.
 
 from __future__ import annotations
 
+from itertools import pairwise
+
 import numpy as np
 from numpy.polynomial import chebyshev
 
@@ -17,6 +19,8 @@ _LENGTHS = np.array([0.1, 0.2, 0.4, 0.8, 1.6, 3.2])
 it is a function of the branch, to a few cycles."""
 _SETTLING = np.array([0.5, 1.0, 2.0, 4.0, 8.0])
 """Lengths, over the drive's span, along which a loop settles at the start."""
+_BLOCK = 300.0
+"""Lengths that a block goes on."""
 _ORDERS = 2
 """Order of the polynomials of the drive."""
 
@@ -34,14 +38,20 @@ def fading_memory(drive: np.ndarray, low: float, span: float) -> np.ndarray:
     path = np.cumsum(np.abs(steps))
     curves = chebyshev.chebvander(2 * scaled - 1, _ORDERS)
     added = np.concatenate([curves[:, 1:] * steps[:, None], curves * np.abs(steps)[:, None]], 1)
-    kept = np.exp(-np.abs(steps)[:, None, None] / _LENGTHS[:, None])
-    states = np.zeros((drive.size, _LENGTHS.size, added.shape[1]))
-    state = states[0]
-    for k in range(drive.size):
-        state = kept[k] * state + added[k]
-        states[k] = state
+    states = [_faded(added, path / length) for length in _LENGTHS]
     fading = np.exp(-path[:, None] / _SETTLING)
-    columns = np.concatenate(
-        [states.reshape(drive.size, -1), fading, fading * curves[:, 1:2]], axis=1
-    )
+    columns = np.concatenate([*states, fading, fading * curves[:, 1:2]], axis=1)
     return columns / np.maximum(np.abs(columns).max(axis=0), 1e-300)
+
+
+def _faded(added: np.ndarray, path: np.ndarray) -> np.ndarray:
+    """The sums Σ_(j ≤ k) e^(p_j - p_k) a_j (N, K) of what is added (N, K) along a path p (N,), by
+    blocks in which e^p does not overflow."""
+    faded, last = np.empty_like(added), 0.0
+    ends = np.flatnonzero(np.diff((path / _BLOCK).astype(int))) + 1
+    for first, stop in pairwise([0, *ends.tolist(), path.size]):
+        growth = np.exp(path[first:stop] - path[first])[:, None]
+        carried = last * np.exp(path[first - 1] - path[first]) if first else 0.0
+        faded[first:stop] = (np.cumsum(added[first:stop] * growth, axis=0) + carried) / growth
+        last = faded[stop - 1]
+    return faded

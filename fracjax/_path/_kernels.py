@@ -1,9 +1,9 @@
 r"""What linear dynamics add to a signal: its increments, convolved with a departure g(t).
 
 A linear effect of static gain 1 answers a step by 1 + g(t): creep by log10(1 + t/t0), a lag by
--e^(-t/τ), a delay by -1 for t < τ, a mode by its ringing.  Between its samples a signal is a line,
-so that each increment is spread evenly over its step h and the kernel is the mean of g over it,
-exact for such a signal; of a departure with one pole it is a geometric series.
+-e^(-t/τ), a delay by -1 for t < τ, a mode by its ringing.  Where g is slow or fractional the signal
+is a line between its samples, and the kernel is the mean of g over a step; where g has a few poles
+the signal is bent between them and the kernel is a recursion.
 
 Source: Franklin, Powell & Workman, Digital Control of Dynamic Systems (1998), 6.3 (triangle hold).
 """
@@ -12,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from functools import cached_property
+from math import factorial
 from typing import NamedTuple
 
 import numpy as np
@@ -20,6 +21,8 @@ from scipy.signal import lfilter
 
 Integral = Callable[[np.ndarray], np.ndarray]
 """∫_0^t g dt' [s] of a departure g (dimensionless), for times t ≥ 0 [s]."""
+_NODES, _WEIGHTS = np.polynomial.legendre.leggauss(24)
+"""Nodes of Gauss and Legendre in a step, and their weights: a lag of a tenth of it needs them."""
 
 
 def creep(onset: float) -> Integral:
@@ -32,41 +35,73 @@ def creep(onset: float) -> Integral:
     return integral
 
 
-class Pole(NamedTuple):
-    """A departure with one pole, g = -Re(share · e^(rate t)), with a rate [1/s]."""
+class Recursion(NamedTuple):
+    """A departure with a few poles, at one step: its numerator, whose first tap is one sample
+    ahead, and its denominator, by which a signal is filtered."""
 
-    rate: complex
-    share: complex
-
-
-def lag(time_constant: float) -> Pole:
-    """A lag of first order, g = -e^(-t/τ), with τ [s]."""
-    return Pole(-1 / time_constant, 1.0)
+    numerator: np.ndarray
+    denominator: np.ndarray
 
 
-def second_lag(time_constant: float) -> Integral:
-    """Two lags of first order in series, g = -(1 + t/τ) e^(-t/τ), with τ [s]."""
+def _recursion(
+    departure: Callable[[np.ndarray], np.ndarray], denominator: np.ndarray, step: float
+) -> Recursion:
+    """The recursion of a departure g(t) whose kernel has a denominator.
 
-    def integral(t: np.ndarray) -> np.ndarray:
-        return (2 * time_constant + t) * np.exp(-t / time_constant) - 2 * time_constant
+    Between its samples a signal is a line less θ(1 - θ)/2 of the mean second difference, θ from 0
+    to 1: exact for a cubic.  A corner between samples has the same area on average.
+    """
+    order = denominator.size - 1
+    theta, weights = 0.5 * (1 + _NODES), 0.5 * _WEIGHTS
+    g = departure((np.arange(order)[:, None] + 1 - theta) * step)
+    straight, bent = g @ weights, g @ (weights * (theta - 0.5))
+    straight, bent = (np.convolve(denominator, k)[:order] for k in (straight, bent))
+    numerator = 0.5 * np.convolve([1.0, -1.0, -1.0, 1.0], bent)
+    numerator[1:-1] += np.convolve([1.0, -1.0], straight)
+    return Recursion(numerator, denominator)
 
-    return integral
+
+def lag(time_constant: float, step: float, order: int = 1) -> Recursion:
+    """Lags of first order in series, g = -e^(-t/τ) Σ_(k < order) (t/τ)^k / k!, with τ and the step
+    [s]."""
+
+    def departure(t: np.ndarray) -> np.ndarray:
+        z = t / time_constant
+        return -np.exp(-z) * sum(z**k / factorial(k) for k in range(order))
+
+    kept = np.exp(-step / time_constant)
+    return _recursion(departure, np.poly(np.full(order, kept)), step)
 
 
-Departure = Integral | Pole
-"""A departure by its integral, or by its pole."""
+def mode(frequency: float, damping: float, step: float) -> Recursion:
+    """A mode, g = -e^(-ζωt) (cos ω_d t + ζ/√(1-ζ²) sin ω_d t), of a frequency [Hz] and a damping
+    ratio."""
+    omega, root = 2 * np.pi * frequency, np.sqrt(1 - damping**2)
+
+    def departure(t: np.ndarray) -> np.ndarray:
+        angle = root * omega * t
+        return -np.exp(-damping * omega * t) * (np.cos(angle) + damping / root * np.sin(angle))
+
+    kept = np.exp(omega * complex(-damping, root) * step)
+    return _recursion(departure, np.array([1.0, -2 * kept.real, abs(kept) ** 2]), step)
+
+
+def shared(one: Recursion, other: Recursion, share: float) -> Recursion:
+    """(1 - share) of one departure and the share of another."""
+    first = np.convolve(one.numerator, other.denominator)
+    second = np.convolve(other.numerator, one.denominator)
+    return Recursion(
+        (1 - share) * first + share * second, np.convolve(one.denominator, other.denominator)
+    )
+
+
+Departure = Integral | Recursion
+"""A departure by its integral, or by its recursion."""
 
 
 def delay(dead_time: float) -> Integral:
     """A delay, g = -1 for t < τ, with τ [s]."""
     return lambda t: -np.minimum(t, dead_time)
-
-
-def mode(frequency: float, damping: float) -> Pole:
-    """A mode, g = -e^(-ζωt) (cos ω_d t + ζ/√(1-ζ²) sin ω_d t), of a frequency [Hz] and a damping
-    ratio."""
-    omega, root = 2 * np.pi * frequency, np.sqrt(1 - damping**2)
-    return Pole(omega * complex(-damping, root), 1 - 1j * damping / root)
 
 
 def yielding(time_constant: float, order: float) -> Integral:
@@ -94,13 +129,13 @@ class Convolution:
     cycles (`periodic`) the increments before the first sample are those of earlier passes."""
 
     def __init__(self, signal: np.ndarray, step: float, *, periodic: bool):
-        increments = np.diff(signal, prepend=signal[-1] if periodic else signal[0])
         self._size, self._passes = signal.size, 3 if periodic else 1
-        increments = np.tile(increments, self._passes)
-        self._increments = increments
-        self._times = np.arange(increments.size + 1) * step
+        self._signal = np.tile(signal - signal[0], self._passes)
+        increments = np.diff(signal, prepend=signal[-1] if periodic else signal[0])
+        self._increments = np.tile(increments, self._passes)
+        self._times = np.arange(self._increments.size + 1) * step
         self._step = step
-        self._length = next_fast_len(2 * increments.size, real=True)
+        self._length = next_fast_len(2 * self._increments.size, real=True)
 
     @cached_property
     def _transform(self) -> np.ndarray:
@@ -108,11 +143,9 @@ class Convolution:
 
     def with_departure(self, departure: Departure) -> np.ndarray:
         """What a departure adds to the signal (N,), in its unit."""
-        if isinstance(departure, Pole):
-            # The kernel is a geometric series, which a recursion sums.
-            z = np.exp(departure.rate * self._step)
-            first = -departure.share * (z - 1) / (departure.rate * self._step)
-            whole = np.real(np.asarray(lfilter([first], [1, -z], self._increments)))
+        if isinstance(departure, Recursion):
+            ahead = np.concatenate([self._signal, self._signal[-1:]])
+            whole = np.asarray(lfilter(departure.numerator, departure.denominator, ahead))[1:]
         else:
             kernel = np.diff(departure(self._times)) / self._step
             transform = np.asarray(rfft(kernel, self._length))

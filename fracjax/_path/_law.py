@@ -23,7 +23,9 @@ import scipy.sparse as sp
 from scipy.sparse.linalg import splu
 
 from ._curves import Curves, curves_of
+from ._drive import unresolved
 from ._fading import fading_memory
+from ._filters import Filter
 
 Reduced = Callable[[np.ndarray], np.ndarray]
 """Whitened signals (ΣN, k) times the inverse covariance of everything that is not dense."""
@@ -32,8 +34,14 @@ ROUGHNESSES = np.array([10.0, 30.0, 100.0, 300.0])
 curve knows more than was recorded: at 2 a dynamic effect was named on 9 of 14 recordings of random
 Preisach planes and others that had none, since its few coefficients described their roughness, at
 10 on none."""
+SMOOTH = np.array([1.0, 0.3, 0.1, 3.0, 10.0])
+"""The same where chains are compared, which cannot take a loop's shape for themselves: a lag before
+the path and one behind it differ by how smooth they leave it."""
 FADINGS = np.array([0.003, 0.0, 0.03, 0.3])
 """Sizes τ of fading memory that are tried, over the response's span."""
+_LOOSE = 0.02
+"""How far the path behind a filter may be from its curve, over the noise: as little as the factors
+of the matrices bear."""
 
 
 class Inner(NamedTuple):
@@ -71,7 +79,7 @@ class Whitening:
             shape = (weight.size, weight.size)
             filtered = sp.diags_array(list(own), offsets=lags, shape=shape)
             parts.append(sp.diags_array(weight) @ filtered)
-        self._matrix = sp.block_diag(parts, format="csr")
+        self.matrix = sp.csr_array(sp.block_diag(parts, format="csr"))
         self.innovation = float(np.median([1 / abs(own[0]) for own in taps]))
         self.counted = np.concatenate(list(weights)) > 0
 
@@ -82,7 +90,7 @@ class Whitening:
 
     def __call__(self, signals):
         """Signals (ΣN, …), dense or sparse, of unit variance where they count."""
-        return self._matrix @ signals
+        return self.matrix @ signals
 
 
 def log_likelihood(square, log_determinant, count: float):
@@ -97,24 +105,36 @@ class PathLaw:
     """The prior of path curves for some recordings, under one noise.
 
     Attributes:
+        drive: (ΣN,) of all recordings.
         curves: the curves of all branches.
         fading: (ΣN, F) columns of fading memory, at most 1 in size.
         own: (ΣN, Q) what only one recording has, such as its offset [response unit].
         whitening: of the noise.
         span: the range of the responses [response unit].
         noise: the innovation of the noise [response unit].
+        filter: between the path and the response, if any.
+        loose: (ΣN,) how far the path may be from its curve, where the drive between two samples is
+            not known [response unit].
     """
 
+    drive: np.ndarray
     curves: Curves
     fading: np.ndarray
     own: np.ndarray
     whitening: Whitening
     span: float
     noise: float
+    filter: Filter | None = None
+    loose: np.ndarray | float = 0.0
 
     @classmethod
     def of(
-        cls, drives: Sequence[np.ndarray], whitening: Whitening, span: float, error: float = 0.0
+        cls,
+        drives: Sequence[np.ndarray],
+        whitening: Whitening,
+        span: float,
+        error: float = 0.0,
+        filter: Filter | None = None,
     ) -> PathLaw:
         """The prior for the drives (N,) of recordings of one actuator, of an rms `error`."""
         low = min(d.min() for d in drives)
@@ -123,9 +143,11 @@ class PathLaw:
         recording = np.repeat(np.arange(len(drives)), sizes)
         own = (recording[:, None] == np.arange(1, len(drives))).astype(float)
         fading = np.concatenate([fading_memory(d, low, width) for d in drives])
-        return cls(
-            curves_of(drives, error), fading, span * own, whitening, span, whitening.innovation
-        )
+        loose = np.concatenate([unresolved(d) for d in drives]) * span / width
+        noise = whitening.innovation
+        curves, drive = curves_of(drives, error), np.concatenate(drives)
+        own = span * own
+        return cls(drive, curves, fading, own, whitening, span, noise, filter, loose)
 
     @property
     def columns(self) -> int:
@@ -151,9 +173,13 @@ class PathLaw:
     @cached_property
     def dense(self) -> np.ndarray:
         """Fading memory and what only one recording has, whitened."""
-        return self.whitening(np.concatenate([self.fading, self.own], axis=1))
+        return self.whitening(np.concatenate([self.filtered(self.fading), self.own], axis=1))
 
-    def settled(self, response: np.ndarray) -> Settled:
+    def filtered(self, signals: np.ndarray) -> np.ndarray:
+        """Signals (ΣN, …) of the path behind the filter."""
+        return signals if self.filter is None else self.filter(signals)
+
+    def settled(self, response: np.ndarray, roughnesses: np.ndarray = ROUGHNESSES) -> Settled:
         """The prior with the roughness and the fading of the largest evidence for a response
         (ΣN,)."""
         white = self.whitening(response)
@@ -163,7 +189,7 @@ class PathLaw:
             return float(log_likelihood(inner.square, inner.log_determinant, self.whitening.count))
 
         fading, best = float(FADINGS[0]), None
-        for roughness in ROUGHNESSES:
+        for roughness in roughnesses:
             one = Settled(self, float(roughness) * self.noise, fading)
             value = evidence(one)
             if best is not None and value < best[0]:
@@ -206,51 +232,124 @@ class Settled:
     """The prior of path curves of one roughness [response unit], and of one fading over the
     response's span."""
 
-    def __init__(self, law: PathLaw, roughness: float, fading: float, factors: Any = None):
+    def __init__(self, law: PathLaw, roughness: float, fading: float, rough: Any = None):
         self.law, self.roughness, self.fading = law, roughness, fading
-        if factors is None:
-            prior = law.bends / roughness**2
-            prior = sp.csc_array(prior + sp.eye_array(law.columns) / law.span**2)
-            factor = _factor(sp.csc_array(law.gram + prior))
-            determinant = _log_determinant(factor) - _log_determinant(_factor(prior))
-            factors = (factor, determinant)
-        self._factors: Any = factors
-        solve, basis = self._factors[0].solve, law.basis
-
-        def reduced(white: np.ndarray) -> np.ndarray:
-            if not white.size:
-                return white
-            return white - basis @ solve(np.asarray(basis.T @ white))
-
+        if rough is None:
+            rough = _Rough(law, roughness) if law.filter is None else _Filtered(law, roughness)
+        self._rough: _Rough | _Filtered = rough
         kinds, own = law.fading.shape[1], law.own.shape[1]
         sizes = np.concatenate([np.full(kinds, fading * law.span), np.ones(own)])
         self._clear = sizes > 0
         self._sizes = sizes[self._clear]
-        self.prior = Prior(law.dense[:, self._clear] * self._sizes, reduced, self._factors[1])
+        self.prior = Prior(
+            law.dense[:, self._clear] * self._sizes, rough.reduced, rough.log_determinant
+        )
 
     def with_fading(self, fading: float) -> Settled:
         """The same roughness with another fading."""
-        return Settled(self.law, self.roughness, fading, self._factors)
+        return Settled(self.law, self.roughness, fading, self._rough)
+
+    def path(self, response: np.ndarray) -> Path:
+        """The most probable curves behind a response (ΣN,)."""
+        law, white = self.law, self.law.whitening(response)
+        sized = self.prior.coefficients(white) * self._sizes
+        rest = white - law.dense[:, self._clear] @ sized
+        return Path(law, self._clear, self._rough.coefficients(rest), sized)
 
     def curve(self, response: np.ndarray) -> Curve:
-        """The most probable curve behind a response (ΣN,)."""
-        law, white = self.law, self.law.whitening(response)
-        of_dense = self.prior.coefficients(white)
-        every = np.concatenate([law.fading, law.own], axis=1)[:, self._clear] * self._sizes
-        dense = every @ of_dense
-        rest = white - law.whitening(dense)
-        coefficients = self._factors[0].solve(np.asarray(law.basis.T @ rest))
-        curves = law.curves
+        """The most probable curve behind a response (ΣN,), as the filter answers it."""
+        path, law = self.path(response), self.law
+        dense = path.beside(law)
         return Curve(
-            curves.basis @ coefficients + dense,
-            curves.slope @ coefficients,
-            lambda drive: curves.at(drive) @ coefficients + dense,
+            law.filtered(law.curves.basis @ path.coefficients + dense),
+            law.curves.slope @ path.coefficients,
+            lambda drive: law.filtered(law.curves.at(drive) @ path.coefficients + dense),
         )
 
 
+@dataclass(frozen=True, eq=False)
+class Path:
+    """Curves with their coefficients (M,), and dense columns with theirs (k,), of those that are
+    `clear`."""
+
+    law: PathLaw
+    clear: np.ndarray
+    coefficients: np.ndarray
+    sized: np.ndarray
+
+    def beside(self, law: PathLaw) -> np.ndarray:
+        """What fades and what only one recording has (ΣN,), of the drives of a law."""
+        return np.concatenate([law.fading, law.own], axis=1)[:, self.clear] @ self.sized
+
+    def through(self, law: PathLaw) -> np.ndarray:
+        """The response (ΣN,) of the drives of another law, on the same branches, and of its
+        filter."""
+        return law.filtered(self.law.curves.at(law.drive) @ self.coefficients + self.beside(law))
+
+
+class _Rough:
+    """Curves of one roughness, seen directly."""
+
+    def __init__(self, law: PathLaw, roughness: float):
+        prior = _precision(law, roughness)
+        self._law, self._factor = law, _factor(sp.csc_array(law.gram + prior))
+        self.log_determinant = _log_determinant(self._factor) - _log_determinant(_factor(prior))
+
+    def coefficients(self, white: np.ndarray) -> np.ndarray:
+        """The most probable coefficients of the splines."""
+        return self._factor.solve(np.asarray(self._law.basis.T @ white))
+
+    def reduced(self, white: np.ndarray) -> np.ndarray:
+        """Whitened signals (ΣN, k) times the inverse covariance."""
+        return white - self._law.basis @ self.coefficients(white) if white.size else white
+
+
+class _Filtered:
+    """The same behind a filter A z = B x: the responses z are unknowns beside the coefficients, so
+    that all matrices are sparse."""
+
+    def __init__(self, law: PathLaw, roughness: float):
+        assert law.filter is not None  # else the curves are seen directly
+        whitening, filtered = law.whitening.matrix, law.filter
+        size, splines = law.drive.size, law.columns
+        sd = np.hypot(_LOOSE * law.noise, law.loose) * np.abs(filtered.gain)
+        within = sp.diags_array(1 / sd) @ sp.hstack(
+            [filtered.after, -(filtered.before @ law.curves.basis)], format="csr"
+        )
+        prior = _precision(law, roughness)
+        beside = sp.block_diag([whitening.T @ whitening, prior], format="csc")
+        self._whitening, self._size, self._splines = whitening, size, splines
+        self._factor = _factor(sp.csc_array(within.T @ within + beside))
+        of_prior = _log_determinant(_factor(prior)) - 2 * float(np.log(sd).sum())
+        self.log_determinant = (
+            _log_determinant(self._factor) - of_prior - 2 * filtered.log_determinant
+        )
+
+    def _solved(self, white: np.ndarray) -> np.ndarray:
+        along = np.asarray(self._whitening.T @ white)
+        nothing = np.zeros((self._splines, *along.shape[1:]))
+        return self._factor.solve(np.concatenate([along, nothing]))
+
+    def coefficients(self, white: np.ndarray) -> np.ndarray:
+        """The most probable coefficients of the splines."""
+        return self._solved(white)[self._size :]
+
+    def reduced(self, white: np.ndarray) -> np.ndarray:
+        """Whitened signals (ΣN, k) times the inverse covariance."""
+        if not white.size:
+            return white
+        return white - self._whitening @ self._solved(white)[: self._size]
+
+
+def _precision(law: PathLaw, roughness: float) -> sp.csc_array:
+    """The inverse covariance of the splines' coefficients."""
+    return sp.csc_array(law.bends / roughness**2 + sp.eye_array(law.columns) / law.span**2)
+
+
 class Curve(NamedTuple):
-    """A curve behind a response: its values (ΣN,) [response unit], its slope by the drive (ΣN,),
-    and its values where the drive (ΣN,) is another on the same branches."""
+    """A curve behind a response: its values (ΣN,) [response unit] after the filter, its slope by
+    the drive (ΣN,) before it, and its values where the drive (ΣN,) is another on the same
+    branches."""
 
     values: np.ndarray
     slope: np.ndarray

@@ -83,7 +83,7 @@ class Law:
             inner.columns * share,
             inner.along * share,
             inner.square * share,
-            inner.log_determinant,
+            inner.log_determinant * share,
         )
         return replace(self, inner=thinned, count=self.count * share)
 

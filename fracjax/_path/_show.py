@@ -64,7 +64,7 @@ def can_show(signals: Sequence[Signal], unit: str) -> tuple[Visible, ...]:
     low, high = min(s.drive.min() for s in signals), max(s.drive.max() for s in signals)
     slope = span / (high - low)
     ideal = [replace(s, response=slope * (s.drive - low)) for s in signals]
-    prior = prior_of(signals, span)
+    prior = prior_of(signals)
     whitening = prior.whitening
     settled = Settled(prior, float(ROUGHNESSES[0]) * prior.noise, float(FADINGS[-2]))
     response = np.concatenate([s.response for s in ideal])

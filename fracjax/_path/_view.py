@@ -1,4 +1,9 @@
-"""Recordings under path curves: the dynamics that they show whatever their law of hysteresis."""
+"""Recordings under path curves: the dynamics that they show whatever their law of hysteresis.
+
+Columns propose, chains decide: an effect in series with the path (a lag, a dead time, a mode) is
+fitted exactly, of any size, where its columns explain much of what is left; drift, creep and the
+like are columns beside.  All chains and all sets of columns have one posterior.
+"""
 
 from __future__ import annotations
 
@@ -10,10 +15,10 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.signal import find_peaks
 
+from ._chain import IN_SERIES, Chain, Fitted, Line, Stage, evidence_beside, fitted, without
 from ._curves import Curves
-from ._dynamics import MODE, Columns, Motion, dynamics_of, modes_of, pairs_of, refined
-from ._kernels import Convolution, lag
-from ._law import Curve, Inner, PathLaw, Prior, Settled, Whitening, log_likelihood
+from ._dynamics import MODE, SENSOR_ORDERS, Columns, Motion, again, dynamics_of, modes_of, refined
+from ._law import SMOOTH, Curve, Inner, PathLaw, Prior, Settled
 from ._posterior import (
     EACH,
     MOST_EFFECTS,
@@ -21,21 +26,17 @@ from ._posterior import (
     Kind,
     Law,
     Posterior,
-    evidence,
     misfit,
     search,
     select,
 )
+from ._signal import Signal, ends_of, response_of, span_of
 
-PATH, BEHIND = "path", "path behind a lag"
-"""The names of the law of path curves, and of that of the lagged drive's path."""
+PATH = "path"
+"""The name of the law of path curves."""
 MISFIT = 0.1
 """κ - 1 from which path curves do not describe a recording: of recordings that a law with return
 points made they leave -.4 to .1, as the level of a noise is uncertain."""
-LAG = "drive_lag"
-"""The effect that moves the turning points."""
-_TRIED = 5
-"""Time constants of that lag that are tried about the likeliest, and again about the best."""
 UNKNOWN = 0.002
 """What path curves do not know, in variance along any direction over the noise's and a sample: 40
 development cases of nine laws had wrong names of probability .95 in 6 at this value, in 7 at .001,
@@ -54,38 +55,19 @@ in its fit, over the largest."""
 _CLOSE = 1.5
 """χ² per sample that free curves leave beside the effects so far up to which columns are made from
 them."""
-_PAIRED = 3
-"""Peaks that are tried as one of two modes, beside the mode that fits best."""
 _PEAKS = 6
 """Peaks of a scan for modes that become columns, of each damping."""
 _FINER = (1.0, 3.0, 9.0)
-"""The curve is fitted anew beside the effects that fit best with it, as often as there are values
-here, and their shapes are tried this many times as near to each other."""
-
-
-@dataclass(frozen=True)
-class Signal:
-    """What path curves need of a recording: drive (N,) and response (N,), its step [s], whether it
-    is of steady cycles, the noise's whitening filter (p+1,), the samples' weights (N,), 0 for one
-    that does not count, and the rms error (N,) of the drive."""
-
-    drive: np.ndarray
-    response: np.ndarray
-    step: float
-    periodic: bool
-    taps: np.ndarray
-    weights: np.ndarray
-    drive_error: np.ndarray
-
-    def behind_lag(self, constant: float) -> Signal:
-        """The same with its drive behind a lag of first order [s]."""
-        drive = Convolution(self.drive, self.step, periodic=self.periodic)
-        return replace(self, drive=self.drive + drive.with_departure(lag(constant)))
-
-    def weighted_by(self, slope: np.ndarray) -> Signal:
-        """The same with the error of the drive in the noise, through the response's slope (N,)."""
-        moved = slope * self.drive_error * abs(self.taps[0])
-        return replace(self, weights=self.weights / np.sqrt(1 + moved**2))
+"""The shapes that fit best are tried again this many times as near to each other."""
+_AGAIN = 1
+"""How often the columns are made again about the curve without their effects."""
+_PART = 0.25
+"""The least share of what the best hypothesis explains for an effect to be tried in series."""
+_LIKELY, _MOST_LIKELY = 60.0, 3
+"""The logarithm of the odds against a chain from which it goes no further, and how many of a round
+go further."""
+_PARTICIPATION = 0.1
+"""The share of a second mode at first."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,52 +76,51 @@ class PathView:
 
     Attributes:
         posterior: over sets of effects.
-        law: the inner products of the columns.
+        law: the inner products of the columns behind the likeliest chain.
+        laws: those behind every chain, by name.
         columns: the effects' columns.
         whole: (K,) the length of each whitened column, before what the curves can absorb.
         residual: (ΣN,) the response minus curve and effects of the best hypothesis [response unit].
         curves: of the path.
         span: of the responses [response unit].
         effects: (ΣN,) what each effect of the best hypothesis adds [response unit].
-        leading: the shapes that fit best, likely or not.
-        behind: the time constant of a lag of the drive whose path this is [s], None without.
-        first: the view without that lag, where both were compared.
+        shapes: of the effects of the best hypothesis.
+        leading: the effects that fit best, likely or not, with their shapes.
+        plain: the view without any chain, by columns alone; None for itself.
     """
 
     posterior: Posterior
     law: Law
+    laws: dict[str, Law]
     columns: list[Columns]
     whole: np.ndarray
     residual: np.ndarray
     curves: Curves
     span: float
     effects: dict[str, np.ndarray]
-    leading: tuple[Columns, ...]
-    behind: float | None = None
-    first: PathView | None = None
-
-    def effects_but(self, names: Collection[str]) -> np.ndarray:
-        """What all effects add (ΣN,) but those of some names [response unit]."""
-        parts = [part for name, part in self.effects.items() if name not in names]
-        return sum(parts, np.zeros_like(self.residual))
+    shapes: tuple[Stage, ...]
+    leading: tuple[Stage, ...]
+    plain: PathView | None = None
 
     @property
     def base_misfit(self) -> float:
         """κ - 1 without any effect, the excess of χ² per sample."""
-        view = self if self.first is None else self.first
-        return misfit(view.law, Hypothesis(0.0, 0.0, view.law.name, (), (), ()))
+        return misfit(self.laws[PATH], Hypothesis(0.0, 0.0, PATH, (), (), ()))
 
-    @property
+    def misfit_of(self, names: Collection[str]) -> float:
+        """κ - 1 beside effects, or the best where this set was not tried."""
+        own = [h for h in self.posterior.hypotheses if set(h.names) == set(names)]
+        best = own[0] if own else self.posterior.best
+        return misfit(self.laws[best.law], best)
+
+    @cached_property
     def matrix(self) -> np.ndarray:
         """The columns (ΣN, K) of all effects [response unit]."""
         return np.concatenate([c.values for c in self.columns], axis=1)
 
     def shape_of(self, name: str) -> dict[str, float]:
         """The most likely shape of an effect that the best hypothesis holds."""
-        if name == LAG and self.behind is not None:
-            return {"time_constant": self.behind}
-        best = self.posterior.best
-        return self.columns[best.kinds[best.names.index(name)]].shape
+        return next(shape for effect, shape in self.shapes if effect == name)
 
 
 def family_of(name: str) -> set[str]:
@@ -153,184 +134,295 @@ def apart() -> dict[str, set[str]]:
 
 
 def view_of(signals: Sequence[Signal]) -> PathView:
-    """The posterior over dynamics of recordings of one actuator.
-
-    A lag of the drive moves the turning points themselves.  Where a lag is what is there and leaves
-    more than noise, the path of the lagged drive is followed too, and both are compared.
-    """
-    view = _view_of(signals)
-    lags = [h for h in view.posterior.hypotheses[:1] if FAMILIES[0] & {*h.names}]
-    if not lags or misfit(view.law, lags[0]) < MISFIT:
-        return view
-    (own,) = (
-        k for k, name in zip(lags[0].kinds, lags[0].names, strict=True) if name in FAMILIES[0]
-    )
-    other = _behind(signals, _constant_of(view.columns[own].shape), view)
-    excess = min(misfit(one.law, one.posterior.best) for one in (view, other))
-    own, lagged = (search(one.law, excess).hypotheses for one in (view, other))
-    # Another path is another law: whole evidences count, with the freedom of all its branches.
-    gain = evidence(other.law, lagged[0]) - evidence(view.law, own[0])
-    above = own[0].log_posterior + gain + np.log(EACH / _TRIED) - lagged[0].log_posterior
-    lagged = [
-        h._replace(names=(*h.names, LAG), log_posterior=float(h.log_posterior + above))
-        for h in lagged
-        if len(h.names) < MOST_EFFECTS
-    ]
-    both = Posterior.of([*own, *lagged])
-    chosen = other if both.best.law == BEHIND else view
-    return replace(chosen, posterior=both, first=view)
-
-
-def _constant_of(shape: dict[str, float]) -> float:
-    """The time constant [s] of a lag of any of the kinds."""
-    if "corner" in shape:
-        return 1 / (2 * np.pi * shape["corner"])
-    return shape.get("time_constant") or shape["delay"]
-
-
-def _behind(signals: Sequence[Signal], constant: float, view: PathView) -> PathView:
-    """The view of the path of the lagged drive, of the time constant of the largest evidence about
-    one [s]."""
-
-    def lagged(tau: float) -> list[Signal]:
-        return [s.behind_lag(tau) for s in signals]
-
-    def evidence_of(tau: float) -> float:
-        parts = lagged(tau)
-        settled = prior_of(parts, view.span).settled(response)
-        white = settled.law.whitening(response)
-        inner = settled.prior.inner(np.zeros((white.size, 0)), white)
-        return float(
-            log_likelihood(inner.square, inner.log_determinant, settled.law.whitening.count)
-        )
-
-    # Beside the effects that are no lag, as far as they are known.
-    response = _response_of(signals) - view.effects_but(FAMILIES[0])
-    bracket = constant * np.array([0.5, 0.7, 1.0, 1.4, 2.0])
-    best = bracket[int(np.argmax([evidence_of(tau) for tau in bracket]))]
-    bracket = best * np.array([0.84, 0.92, 1.0, 1.09, 1.19])
-    best = float(bracket[int(np.argmax([evidence_of(tau) for tau in bracket]))])
-    return replace(_view_of(lagged(best), barred=FAMILIES[0], law_name=BEHIND), behind=best)
-
-
-def _response_of(signals: Sequence[Signal]) -> np.ndarray:
-    """The responses (ΣN,), each minus its first value."""
-    return np.concatenate([s.response - s.response[0] for s in signals])
-
-
-def _view_of(
-    signals: Sequence[Signal], barred: Collection[str] = (), law_name: str = PATH
-) -> PathView:
-    """The posterior over dynamics but for effects that are `barred`."""
-    response = _response_of(signals)
-    span = max(float(np.ptp(s.response)) for s in signals)
+    """The posterior over dynamics of recordings of one actuator."""
+    response = response_of(signals)
     if any(s.drive_error.any() for s in signals):
-        slopes = prior_of(signals, span).settled(response).curve(response).slope
+        slopes = Line.of(signals, ()).prior.settled(response).curve(response).slope
         signals = [
             s.weighted_by(slope)
-            for s, slope in zip(signals, np.split(slopes, _ends(signals)), strict=True)
+            for s, slope in zip(signals, np.split(slopes, ends_of(signals)), strict=True)
         ]
-    prior = prior_of(signals, span)
-    whitening = prior.whitening
-    nothing = np.zeros_like(response)
-    expansion = _about(signals, prior, response, nothing, [], _FINER[0], barred, law_name)
-    expansions = [expansion]
-    for finer in _FINER:
-        # What fits best is what the next columns are made about; what is named is judged at last.
-        best = expansion.best
-        if not best.names:
+    plain = _Expansion.about(Line.of(signals, ()), np.zeros_like(response)).settling()
+    found = _expansions(signals, plain)
+    posterior, chosen = _joint(found, min(misfit(one.law, one.best) for one in found))
+    posterior, chosen = _joint(found, misfit(chosen.law, posterior.best))
+    leading = max(found, key=lambda one: one.log_posterior)
+    laws = {one.law.name: one.law for one in found}
+    own = plain.view(select(plain.law), {PATH: plain.law}, plain)
+    return replace(chosen.view(posterior, laws, leading), plain=own)
+
+
+def _joint(found: Sequence[_Expansion], excess: float) -> tuple[Posterior, _Expansion]:
+    """The posterior over all chains and columns, tempered by a misfit κ - 1, and the expansion that
+    its best hypothesis is of."""
+    posterior = Posterior.of([h for one in found for h in one.hypotheses(excess)])
+    return posterior, next(one for one in found if one.law.name == posterior.best.law)
+
+
+def _expansions(signals: Sequence[Signal], plain: _Expansion) -> list[_Expansion]:
+    """The best expansion behind each likely chain, that without any first."""
+    found: dict[_Key, _Expansion] = {(): plain}
+    tried: set[_Key] = set()
+    while True:
+        front = max(found.values(), key=lambda one: one.log_posterior)
+        chains = [(c, beside) for c, beside in front.proposed() if _key(c) not in tried]
+        if not chains:
             break
-        effect = expansion.parts(best).sum(axis=1)
-        shapes = [expansion.columns[k] for k in best.kinds]
-        expansion = _about(signals, prior, response, effect, shapes, finer, barred, law_name)
-        expansions.append(expansion)
-    expansion = min(expansions, key=lambda e: misfit(e.law, e.best))
-    posterior = select(expansion.law)
-    parts, best = expansion.parts(posterior.best), posterior.best
-    own = [expansion.columns[k] for k in best.kinds]
-    owners = [one.effect for one in own for _ in range(one.values.shape[1])]
-    without = response - parts.sum(axis=1)
-    return PathView(
-        posterior=posterior,
-        law=expansion.law,
-        columns=expansion.columns,
-        whole=np.linalg.norm(whitening(expansion.matrix), axis=0),
-        residual=without - expansion.settled.curve(without).values,
-        curves=prior.curves,
-        span=span,
-        effects=dict(_summed(owners, parts)),
-        leading=tuple(expansion.columns[k] for k in expansion.best.kinds),
-    )
+        tried |= {_key(chain) for chain, _ in chains}
+        longer: list[tuple[Fitted, Hypothesis]] = []
+        for chain, beside in chains:
+            least = max((one.log_posterior for one, _ in longer), default=-np.inf) - _LIKELY
+            one = fitted(signals, chain, front.sized(beside), least)
+            if one.log_posterior > least:
+                longer.append((one, beside))
+        longer.sort(key=lambda pair: -pair[0].log_posterior)
+        for one, beside in longer[:_MOST_LIKELY]:
+            if one.log_posterior > longer[0][0].log_posterior - _LIKELY:
+                shapes = [front.columns[k] for k in beside.kinds]
+                key = _key(one.line.chain)
+                found[key] = _Expansion.about(one.line, front.added(beside), one, shapes).settling()
+    return list(found.values())
 
 
-def _crude_curve(signals: Sequence[Signal], prior: PathLaw, response: np.ndarray) -> Curve:
-    """A response (ΣN,) by polynomials of the drive and fading memory alone: no curve of many
-    branches, which would take up the ringing whose column is made from it."""
-    drive = np.concatenate([s.drive for s in signals])
-    scaled = 2 * (drive - drive.min()) / np.ptp(drive) - 1
-    columns = np.concatenate(
-        [chebyshev.chebvander(scaled, _CRUDE), prior.fading, prior.own / prior.span], axis=1
-    )
-    coefficients = np.linalg.lstsq(columns, response, rcond=_CLEAR)[0]
-    values, slope = columns @ coefficients, np.ptp(response) / np.ptp(drive)
-    return Curve(values, np.full(drive.size, slope), lambda other: values + slope * (other - drive))
+_Key = tuple[tuple[str, float], ...]
+
+
+def _key(chain: Chain) -> _Key:
+    """What tells chains apart but for their fitted parameters."""
+    return tuple((one.effect, one.shape.get("order", 0.0)) for one in chain)
 
 
 @dataclass(frozen=True, eq=False)
 class _Expansion:
-    """The columns of all effects about a curve, and their inner products."""
+    """The columns of all effects about a curve behind a chain, and their inner products."""
 
+    line: Line
+    fitted: Fitted | None
     settled: Settled
+    smooth: Settled
+    motions: list[Motion]
     law: Law
     columns: list[Columns]
     matrix: np.ndarray
+
+    @classmethod
+    def about(
+        cls,
+        line: Line,
+        effect: np.ndarray,
+        chain: Fitted | None = None,
+        shapes: Sequence[Columns] = (),
+    ) -> _Expansion:
+        """The columns about the curve of the response without an effect (ΣN,), among them those of
+        some shapes.
+
+        The curve is the crude one unless that leaves as little as free curves: those of many
+        branches take up part of an effect, and columns made from them miss it.
+        """
+        prior, response = line.prior, response_of(line.signals)
+        whitening, left = prior.whitening, response - effect
+        settled = prior.settled(left)
+        free, crude = settled.curve(left), _crude_curve(line, left)
+        rest, far = whitening(left - free.values), whitening(left - crude.values)
+        is_free = float(rest @ rest) < _CLOSE * whitening.count and far @ far > rest @ rest
+        motions = motions_of(line.signals, free if is_free else crude)
+        barred = {n for one in line.chain for n in (one.effect, *family_of(one.effect))}
+        barred -= {MODE.effect}
+        columns = [
+            *dynamics_of(motions),
+            *scanned_modes(motions, whitening, settled.prior, whitening(left)),
+            *(again(motions, one) for one in shapes),
+        ]
+        columns = [c for c in columns if c.effect not in barred]
+        matrix = np.concatenate([c.values for c in columns], axis=1)
+        inner = settled.prior.inner(whitening(matrix), whitening(response))
+        name = ", ".join([PATH, *(f"{e} {o:g}" for e, o in _key(line.chain))])
+        law = Law(name, kinds_of(columns), inner, float(whitening.count), UNKNOWN, apart())
+        smooth = prior.settled(left, SMOOTH)
+        one = cls(line, chain, settled, smooth, motions, law, columns, matrix)
+        for finer in _FINER:
+            one = one._finer(finer)
+        return one
+
+    def _finer(self, finer: float) -> _Expansion:
+        """The same with the shapes of the best columns tried again, this many times as near to each
+        other."""
+        shapes = [self.columns[k] for k in self.best.kinds]
+        new = refined(self.motions, [c for c in shapes if c.effect not in IN_SERIES], finer)
+        if not new:
+            return self
+        columns = [*self.columns, *new]
+        added = np.concatenate([c.values for c in new], axis=1)
+        matrix = np.concatenate([self.matrix, added], axis=1)
+        whitening, inner = self.line.prior.whitening, self.law.inner
+        white, response = whitening(added), whitening(response_of(self.line.signals))
+        weighted = self.settled.prior.weighted(white)
+        across, own = whitening(self.matrix).T @ weighted, white.T @ weighted
+        inner = inner._replace(
+            columns=np.block([[inner.columns, across], [across.T, own]]),
+            along=np.concatenate([inner.along, weighted.T @ response]),
+        )
+        law = replace(self.law, kinds=kinds_of(columns), inner=inner)
+        return replace(self, law=law, columns=columns, matrix=matrix)
+
+    def settling(self) -> _Expansion:
+        """The same about the curve without the columns' effects, which they are part of."""
+        one = self
+        for _ in range(_AGAIN):
+            if not one.best.names:
+                break
+            shapes = [one.columns[k] for k in one.best.kinds]
+            one = _Expansion.about(one.line, one.added(one.best), one.fitted, shapes)
+        return max(self, one, key=lambda each: each.log_posterior)
 
     @cached_property
     def best(self) -> Hypothesis:
         """What fits best, likely or not: untempered by a misfit."""
         return search(self.law, 0.0).best
 
+    @cached_property
+    def log_posterior(self) -> float:
+        """Of what fits best, with the chain's own."""
+        return max(h.log_posterior for h in self.hypotheses(0.0))
+
+    def hypotheses(self, excess: float) -> Iterator[Hypothesis]:
+        """The hypotheses behind the chain, tempered by a misfit κ - 1.  What belongs in series is
+        there exactly or not at all."""
+        places = [k for k, kind in enumerate(self.law.kinds) if kind.name not in IN_SERIES]
+        beside = replace(self.law, kinds=[self.law.kinds[k] for k in places])
+        listed = search(beside, excess).hypotheses
+        best, share = listed[0], self.law.tempered(excess).count / self.law.count
+        chosen, sizes = best.columns(beside.kinds)
+        response = response_of(self.line.signals)
+        whole = evidence_beside(self.smooth, response, self.matrix[:, chosen] * sizes)
+        # Relative to the best set of columns, whose evidence is that of smooth curves.
+        of_chain = share * whole - (best.log_posterior - best.log_prior)
+        if self.fitted is not None:
+            of_chain += len(self.line.chain) * np.log(EACH) + self.fitted.volume(share)
+        chain = tuple(one.effect for one in self.line.chain)
+        for one in listed:
+            if len(chain) + len(one.names) <= MOST_EFFECTS:
+                yield one._replace(
+                    names=(*chain, *one.names),
+                    kinds=tuple(places[k] for k in one.kinds),
+                    log_posterior=float(one.log_posterior + of_chain),
+                )
+
+    def proposed(self) -> Iterator[tuple[Chain, Hypothesis]]:
+        """The chain longer by each effect whose columns explain much, and what is beside it."""
+        listed = search(self.law, 0.0).hypotheses
+        most = listed[0].log_posterior - self.law_alone
+        chain = self.line.chain
+        beside = _but(listed[0], [n for n in listed[0].names if n in IN_SERIES])
+        if len(chain) == MOST_EFFECTS:
+            return
+        leading = {name: h for h in reversed(listed) for name in h.names if name in IN_SERIES}
+        for name in sorted(leading, key=lambda name: -leading[name].log_posterior):
+            own = [leading[name]]
+            if own[0].log_posterior - self.law_alone < max(_PART * most, 0.0):
+                continue
+            shape = self.columns[own[0].kinds[own[0].names.index(name)]].shape
+            yield from ((c, beside) for c in _longer(chain, Stage(name, shape)))
+
+    @cached_property
+    def law_alone(self) -> float:
+        """The log posterior of no column."""
+        return next(h.log_posterior for h in search(self.law, 0.0).hypotheses if not h.names)
+
+    def sized(self, hypothesis: Hypothesis) -> np.ndarray:
+        """The columns (ΣN, k) of a hypothesis, of unit prior standard deviation."""
+        chosen, sizes = hypothesis.columns(self.law.kinds)
+        return self.matrix[:, chosen] * sizes
+
     def parts(self, hypothesis: Hypothesis) -> np.ndarray:
         """What each column (ΣN, k) of a hypothesis adds [response unit]."""
         chosen, sizes = hypothesis.columns(self.law.kinds)
         return self.matrix[:, chosen] * _coefficients(self.law.inner, chosen, sizes)
 
+    def added(self, hypothesis: Hypothesis) -> np.ndarray:
+        """What a hypothesis adds (ΣN,) [response unit]."""
+        return self.parts(hypothesis).sum(axis=1)
 
-def _about(
-    signals: Sequence[Signal],
-    prior: PathLaw,
-    response: np.ndarray,
-    effect: np.ndarray,
-    shapes: Sequence[Columns],
-    finer: float,
-    barred: Collection[str],
-    law_name: str,
-) -> _Expansion:
-    """The columns about the curve of a response (ΣN,) without an effect (ΣN,), some shapes of which
-    are tried again, `finer`.
+    def view(self, posterior: Posterior, laws: dict[str, Law], leading: _Expansion) -> PathView:
+        """The view of a posterior whose best hypothesis is about this curve."""
+        best, response = posterior.best, response_of(self.line.signals)
+        parts = self.parts(best)
+        own = [self.columns[k] for k in best.kinds]
+        owners = [one.effect for one in own for _ in range(one.values.shape[1])]
+        left = response - parts.sum(axis=1)
+        values = self.settled.curve(left).values
+        effects = dict(_summed(owners, parts))
+        for k, one in enumerate(self.line.chain):
+            effects[one.effect] = values - without(self.line, self.settled, left, k)
+        shapes = [Stage(c.effect, c.shape) for c in own]
+        of_leading = [leading.columns[k] for k in leading.best.kinds]
+        return PathView(
+            posterior=posterior,
+            law=self.law,
+            laws=laws,
+            columns=self.columns,
+            whole=np.linalg.norm(self.line.prior.whitening(self.matrix), axis=0),
+            residual=left - values,
+            curves=self.line.prior.curves,
+            span=span_of(self.line.signals),
+            effects=effects,
+            shapes=(*self.line.chain, *shapes),
+            leading=(*leading.line.chain, *(Stage(c.effect, c.shape) for c in of_leading)),
+        )
 
-    The curve is the crude one unless that leaves as little as free curves: those of many branches
-    take up part of an effect, and columns made from them miss it.
-    """
-    whitening, without = prior.whitening, response - effect
-    settled = prior.settled(without)
-    free, crude = settled.curve(without), _crude_curve(signals, prior, without)
-    rest, far = whitening(without - free.values), whitening(without - crude.values)
-    is_free = float(rest @ rest) < _CLOSE * whitening.count and far @ far > rest @ rest
-    motions = motions_of(signals, free if is_free else crude)
-    modes = scanned_modes(motions, whitening, settled.prior, whitening(without))
-    ringing = [one for one in shapes if one.effect == MODE.effect]
-    columns = [
-        *dynamics_of(motions),
-        *modes,
-        *pairs_of(motions, [*ringing, *modes[:: max(1, len(modes) // _PAIRED)]]),
-        *refined(motions, shapes, finer),
-    ]
-    columns = [c for c in columns if c.effect not in barred]
-    matrix = np.concatenate([c.values for c in columns], axis=1)
-    inner = settled.prior.inner(whitening(matrix), whitening(response))
-    law = Law(law_name, kinds_of(columns), inner, float(whitening.count), UNKNOWN, apart())
-    return _Expansion(settled, law, columns, matrix)
+
+def _but(hypothesis: Hypothesis, names: Collection[str]) -> Hypothesis:
+    """A hypothesis without some of its effects."""
+    kept = [k for k, name in enumerate(hypothesis.names) if name not in names]
+    return hypothesis._replace(
+        names=tuple(hypothesis.names[k] for k in kept),
+        kinds=tuple(hypothesis.kinds[k] for k in kept),
+        sizes=tuple(hypothesis.sizes[k] for k in kept),
+    )
+
+
+def _longer(chain: Chain, stage: Stage) -> Iterator[Chain]:
+    """A chain with a further stage, of each of its orders; beside a mode a further one makes two in
+    parallel."""
+    modes = [k for k, one in enumerate(chain) if one.effect == MODE.effect]
+    if stage.effect == MODE.effect and modes:
+        first, second = sorted(
+            [chain[modes[0]].shape, stage.shape], key=lambda shape: shape["frequency"]
+        )
+        both = {
+            "frequency": first["frequency"],
+            "damping": first["damping"],
+            "ratio": second["frequency"] / first["frequency"],
+            "second_damping": second["damping"],
+            "participation": _PARTICIPATION if second is stage.shape else 1 - _PARTICIPATION,
+        }
+        yield (*chain[: modes[0]], Stage("second_mode", both), *chain[modes[0] + 1 :])
+    elif "order" in stage.shape:
+        for order in SENSOR_ORDERS:
+            yield (*chain, Stage(stage.effect, stage.shape | {"order": order}))
+    elif stage.effect not in {one.effect for one in chain}:
+        yield (*chain, stage)
+
+
+def _crude_curve(line: Line, response: np.ndarray) -> Curve:
+    """A response (ΣN,) by polynomials of the drive and fading memory alone: no curve of many
+    branches, which would take up the ringing whose column is made from it."""
+    prior, drive = line.prior, np.concatenate([s.drive for s in line.signals])
+    scaled = 2 * (drive - drive.min()) / np.ptp(drive) - 1
+    columns = np.concatenate(
+        [
+            prior.filtered(np.concatenate([chebyshev.chebvander(scaled, _CRUDE), prior.fading], 1)),
+            prior.own / prior.span,
+        ],
+        axis=1,
+    )
+    coefficients = np.linalg.lstsq(columns, response, rcond=_CLEAR)[0]
+    values, slope = columns @ coefficients, np.ptp(response) / np.ptp(drive)
+    return Curve(
+        values,
+        np.full(drive.size, slope),
+        lambda other: values + prior.filtered(slope * (other - drive)),
+    )
 
 
 def _summed(names: Sequence[str], parts: np.ndarray) -> Iterator[tuple[str, np.ndarray]]:
@@ -339,16 +431,9 @@ def _summed(names: Sequence[str], parts: np.ndarray) -> Iterator[tuple[str, np.n
         yield name, parts[:, [k for k, own in enumerate(names) if own == name]].sum(axis=1)
 
 
-def prior_of(signals: Sequence[Signal], span: float) -> PathLaw:
-    """The prior of path curves of recordings whose responses have a span."""
-    whitening = Whitening([s.taps for s in signals], [s.weights for s in signals])
-    error = max(float(np.median(s.drive_error)) for s in signals)
-    return PathLaw.of([s.drive for s in signals], whitening, span, error)
-
-
-def _ends(signals: Sequence[Signal]) -> np.ndarray:
-    """Where one recording ends and the next begins."""
-    return np.cumsum([s.drive.size for s in signals])[:-1]
+def prior_of(signals: Sequence[Signal]) -> PathLaw:
+    """The prior of path curves of recordings."""
+    return Line.of(signals, ()).prior
 
 
 def kinds_of(columns: Sequence[Columns]) -> list[Kind]:
@@ -363,7 +448,7 @@ def kinds_of(columns: Sequence[Columns]) -> list[Kind]:
 
 def motions_of(signals: Sequence[Signal], curve: Curve) -> list[Motion]:
     """Each recording's drive with the curve of its response."""
-    bounds = [0, *_ends(signals).tolist(), sum(s.drive.size for s in signals)]
+    bounds = [0, *ends_of(signals).tolist(), sum(s.drive.size for s in signals)]
     whole = np.concatenate([s.drive for s in signals])
     motions = []
     for signal, first, last in zip(signals, bounds[:-1], bounds[1:], strict=True):
@@ -385,11 +470,11 @@ def scanned_modes(
     white: np.ndarray,
 ) -> list[Columns]:
     """The modes that explain most of a whitened response (ΣN,) beside a prior's own."""
-    chosen = []
+    scanned, chosen = prior.weighted(white), []
     for modes in modes_of(motions):
+        # Exact are the peaks alone: what the curves absorb hardly depends on the frequency.
         columns = whitened(np.concatenate([m.values for m in modes], axis=1))
-        weighted = prior.weighted(columns)
-        along, squares = weighted.T @ white, np.einsum("nk,nk->k", columns, weighted)
+        along, squares = columns.T @ scanned, np.einsum("nk,nk->k", columns, columns)
         falls = np.where(along > 0, along**2 / np.maximum(squares, 1e-12), 0.0)
         peaks = find_peaks(np.pad(falls, 1))[0] - 1
         chosen += [modes[k] for k in peaks[np.argsort(-falls[peaks])[:_PEAKS]]]

@@ -1,0 +1,257 @@
+r"""Effects of any size in series with the path, each exact and with its parameters fitted.
+
+Behind a chain of effects the response is that of the path of a drive that a lag, a dead time or a
+limited rate has changed, filtered by sensors and modes.  Under path curves it stays linear in all
+that is not known of the law, so that the evidence of a chain is exact; its parameters are found by
+Newton's method, from the columns of their changes.
+
+Source: MacKay, Neural Comput. 4 (1992) 415 (evidence by Laplace's method); Nocedal & Wright,
+Numerical Optimization (2006), chapter 10.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, replace
+from typing import NamedTuple
+
+import numpy as np
+
+from . import _kernels as kernels
+from ._drive import delayed, limited
+from ._filters import RESPONSE_SIDE, Filter, Shape, filter_of
+from ._law import SMOOTH, PathLaw, Settled, Whitening, log_likelihood
+from ._signal import Signal, response_of, span_of
+
+DRIVE_SIDE = ("drive_lag", "delay", "slew_rate_limit")
+"""The effects that change the drive before its path."""
+IN_SERIES = (*DRIVE_SIDE, *RESPONSE_SIDE)
+"""The effects of a chain."""
+FIXED = ("order",)
+"""Parameters that are not fitted."""
+_CHANGE = 0.01
+"""The change of a parameter's logarithm from which its column is made."""
+_FARTHEST = 0.7
+"""The largest change of a parameter's logarithm in a step of Newton's method."""
+_STEPS, _SMALL = 12, 0.05
+"""Newton's steps at most, and the gain of evidence below which another is not worth it."""
+_HALVINGS = 4
+_HOPEFUL = 3.0
+"""How much more than the columns predict a chain may gain at most."""
+_DAMPINGS = 2.3
+"""The range of the logarithm of a damping ratio about .03: from .003 to .3."""
+
+
+class Stage(NamedTuple):
+    """An effect of a chain, with the parameters of its shape, in s and Hz."""
+
+    effect: str
+    shape: Shape
+
+    @property
+    def free(self) -> list[str]:
+        """The names of the parameters that are fitted."""
+        return [name for name in self.shape if name not in FIXED]
+
+    def changed(self, name: str, by: float) -> Stage:
+        """The same with a parameter changed by this, in its logarithm unless it may be negative."""
+        value = self.shape[name]
+        other = value + by if name == _SIGNED else value * np.exp(by)
+        if name in _DAMPED:
+            other = np.clip(other, *_DAMPING)
+        return Stage(self.effect, self.shape | {name: float(other)})
+
+
+_SIGNED = "participation"
+_DAMPED, _DAMPING = ("damping", "second_damping"), (1e-3, 0.9)
+Chain = tuple[Stage, ...]
+
+
+@dataclass(frozen=True, eq=False)
+class Line:
+    """Path curves behind a chain: the recordings with the drives behind it, the drives
+    themselves, and the prior."""
+
+    chain: Chain
+    signals: Sequence[Signal]
+    undriven: Sequence[np.ndarray]
+    prior: PathLaw
+
+    @classmethod
+    def of(cls, signals: Sequence[Signal], chain: Chain, like: Line | None = None) -> Line:
+        """Recordings behind a chain; `like` is that of another chain, whose curves are the same
+        where the effects on the drive are."""
+        filtered = _filter(signals, chain)
+        if like is not None and _before(chain) == _before(like.chain):
+            return cls(chain, like.signals, like.undriven, replace(like.prior, filter=filtered))
+        driven = [replace(s, drive=_driven(s, chain)) for s in signals]
+        whitening = Whitening([s.taps for s in signals], [s.weights for s in signals])
+        error = max(float(np.median(s.drive_error)) for s in signals)
+        drives = [s.drive for s in driven]
+        prior = PathLaw.of(drives, whitening, span_of(signals), error, filtered)
+        return cls(chain, driven, [s.drive for s in signals], prior)
+
+
+def _before(chain: Chain) -> Chain:
+    """The stages of a chain that change the drive."""
+    return tuple(one for one in chain if one.effect in DRIVE_SIDE)
+
+
+def _filter(signals: Sequence[Signal], chain: Chain) -> Filter | None:
+    """What is between the path and the response, if anything."""
+    after = [one for one in chain if one.effect in RESPONSE_SIDE]
+    if not after:
+        return None
+    departures = [[filter_of(*one, s.step) for one in after] for s in signals]
+    return Filter([s.drive.size for s in signals], departures, [s.periodic for s in signals])
+
+
+def _driven(signal: Signal, chain: Chain) -> np.ndarray:
+    """The drive (N,) behind the effects of a chain that change it."""
+    drive = signal.drive
+    for effect, shape in chain:
+        if effect == "delay":
+            drive = delayed(drive, shape["delay"] / signal.step, periodic=signal.periodic)
+        elif effect == "drive_lag":
+            lag = kernels.lag(shape["time_constant"], signal.step)
+            convolution = kernels.Convolution(drive, signal.step, periodic=signal.periodic)
+            drive = drive + convolution.with_departure(lag)
+        elif effect == "slew_rate_limit":
+            drive = limited(drive, shape["rate"] * signal.step)
+    return drive
+
+
+@dataclass(frozen=True, eq=False)
+class Fitted:
+    """A chain with its most likely parameters.
+
+    Attributes:
+        line: behind the chain.
+        log_evidence: with the effects beside it, at these parameters.
+        curvature: (k, k) of the log evidence in the parameters' logarithms.
+        ranges: (k,) of the parameters' logarithms before the recording.
+    """
+
+    line: Line
+    log_evidence: float
+    curvature: np.ndarray
+    ranges: np.ndarray
+
+    @property
+    def log_posterior(self) -> float:
+        """With the share of the parameters' prior that is likely."""
+        return self.log_evidence + self.volume(1.0)
+
+    def volume(self, share: float) -> float:
+        """The logarithm of the share of the parameters' prior that is likely, if only this share
+        of the likelihood counts."""
+        matrix = self.curvature * share + np.diag(self.ranges**-2.0)
+        return float(
+            0.5 * self.ranges.size * np.log(2 * np.pi)
+            - np.log(self.ranges).sum()
+            - 0.5 * np.linalg.slogdet(matrix)[1]
+        )
+
+
+def fitted(
+    signals: Sequence[Signal], chain: Chain, beside: np.ndarray, least: float = -np.inf
+) -> Fitted:
+    """A chain with its most likely parameters, beside columns (ΣN, k) of other effects, of unit
+    prior standard deviation [response unit]; one that is not to reach the `least` log evidence goes
+    no further."""
+    response, ranges = response_of(signals), _ranges(signals, chain)
+    free = [(k, name) for k, one in enumerate(chain) for name in one.free]
+    line = Line.of(signals, chain)
+    settled = line.prior.settled(response, SMOOTH)
+    best, curvature = evidence_beside(settled, response, beside), np.zeros((len(free), len(free)))
+    for _ in range(_STEPS):
+        columns = _changes(signals, settled, line, beside, free)
+        curvature, gradient = _quadratic(settled, response, beside, columns)
+        step = np.linalg.solve(curvature + np.diag(ranges**-2.0), gradient)
+        if best + _HOPEFUL * float(gradient @ step) < least:
+            break
+        step = np.clip(step, -_FARTHEST, _FARTHEST)
+        for _ in range(_HALVINGS):
+            other = Line.of(signals, _stepped(line.chain, free, step), line)
+            further = Settled(other.prior, settled.roughness, settled.fading)
+            value = evidence_beside(further, response, beside)
+            if value > best:
+                break
+            step = 0.5 * step
+        else:
+            break
+        gain, best, line, settled = value - best, value, other, further
+        if gain < _SMALL:
+            break
+    return Fitted(line, best, curvature, ranges)
+
+
+Free = list[tuple[int, str]]
+"""The place in a chain and the name of each parameter that is fitted."""
+
+
+def _stepped(chain: Chain, free: Free, step: np.ndarray) -> Chain:
+    """A chain with its parameters changed."""
+    stages = list(chain)
+    for (k, name), by in zip(free, step, strict=True):
+        stages[k] = stages[k].changed(name, float(by))
+    return tuple(stages)
+
+
+def evidence_beside(settled: Settled, response: np.ndarray, beside: np.ndarray) -> float:
+    """The log evidence of a response (ΣN,) beside columns (ΣN, k)."""
+    whitening = settled.law.whitening
+    inner = settled.prior.inner(whitening(beside), whitening(response))
+    if beside.shape[1]:
+        inner = inner.given(np.arange(beside.shape[1]), np.ones(beside.shape[1]))
+    return float(log_likelihood(inner.square, inner.log_determinant, whitening.count))
+
+
+def _quadratic(
+    settled: Settled, response: np.ndarray, beside: np.ndarray, columns: np.ndarray
+) -> tuple[np.ndarray, np.ndarray]:
+    """The curvature (k, k) of the log evidence, negative, and its gradient (k,) along columns."""
+    whitening, known = settled.law.whitening, beside.shape[1]
+    inner = settled.prior.inner(whitening(np.column_stack([beside, columns])), whitening(response))
+    if known:
+        inner = inner.given(np.arange(known), np.ones(known))
+    excess = max(1.0, inner.square / whitening.count)
+    return inner.columns[known:, known:] / excess, inner.along[known:] / excess
+
+
+def _changes(
+    signals: Sequence[Signal], settled: Settled, line: Line, beside: np.ndarray, free: Free
+) -> np.ndarray:
+    """What a change of each parameter's logarithm adds to the response (ΣN, k)."""
+    response = response_of(signals)
+    path = settled.path(response - beside @ _coefficients(settled, response, beside))
+    now, columns = path.through(line.prior), []
+    for k, name in free:
+        stage = line.chain[k].changed(name, _CHANGE)
+        changed = Line.of(signals, (*line.chain[:k], stage, *line.chain[k + 1 :]), line)
+        columns.append((path.through(changed.prior) - now) / _CHANGE)
+    return np.column_stack(columns)
+
+
+def _coefficients(settled: Settled, response: np.ndarray, beside: np.ndarray) -> np.ndarray:
+    """The most probable coefficients (k,) of columns (ΣN, k) of unit prior standard deviation."""
+    whitening = settled.law.whitening
+    inner = settled.prior.inner(whitening(beside), whitening(response))
+    return np.linalg.solve(np.eye(beside.shape[1]) + inner.columns, inner.along)
+
+
+def _ranges(signals: Sequence[Signal], chain: Chain) -> np.ndarray:
+    """How far the logarithm of each fitted parameter may be from its middle, before the
+    recordings."""
+    steps, duration = [s.step for s in signals], max(s.step * s.drive.size for s in signals)
+    times = float(np.log(duration / min(steps)))
+    ranges = {"damping": _DAMPINGS, "second_damping": _DAMPINGS, "participation": 1.0, "ratio": 1.0}
+    return np.array([ranges.get(name, times) for one in chain for name in one.free])
+
+
+def without(line: Line, settled: Settled, response: np.ndarray, k: int) -> np.ndarray:
+    """What the most probable path behind a response (ΣN,) would give (ΣN,) without the k-th
+    stage."""
+    plain = [replace(s, drive=d) for s, d in zip(line.signals, line.undriven, strict=True)]
+    other = Line.of(plain, (*line.chain[:k], *line.chain[k + 1 :]))
+    return settled.path(response).through(other.prior)

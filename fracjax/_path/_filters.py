@@ -1,0 +1,117 @@
+r"""Linear filters of few poles between the path and the response, of any size and exact.
+
+A filter answers z to a signal x by A z = B x, two banded matrices: the response of a lag, of a mode
+or of several in series.  Before its first sample a signal is constant, or it is of steady cycles.
+
+Source: Franklin, Powell & Workman, Digital Control of Dynamic Systems (1998), chapter 6.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from functools import cached_property
+from typing import Any
+
+import numpy as np
+import scipy.sparse as sp
+from scipy.sparse.linalg import splu
+
+from . import _kernels as kernels
+from ._kernels import Recursion
+
+Shape = dict[str, float]
+RESPONSE_SIDE = ("sensor_lag", "resonance", "second_mode")
+"""The effects that are such filters."""
+
+
+def time_constant_of(corner: float, order: float) -> float:
+    """The time constant [s] of each of `order` lags of first order that together have a corner
+    [Hz]."""
+    return float(np.sqrt(2 ** (1 / order) - 1) / (2 * np.pi * corner))
+
+
+def corner_of(time_constant: float, order: float) -> float:
+    """The corner [Hz] of `order` lags of first order of a time constant [s]."""
+    return time_constant_of(time_constant, order)
+
+
+def filter_of(effect: str, shape: Shape, step: float) -> Recursion:
+    """The departure of an effect of a shape."""
+    if effect == "sensor_lag":
+        order = int(shape["order"])
+        return kernels.lag(time_constant_of(shape["corner"], order), step, order)
+    first = kernels.mode(shape["frequency"], shape["damping"], step)
+    if effect == "resonance":
+        return first
+    other = kernels.mode(shape["frequency"] * shape["ratio"], shape["second_damping"], step)
+    return kernels.shared(first, other, shape["participation"])
+
+
+class Filter:
+    """Filters in series after the path of some recordings.
+
+    Attributes:
+        after: A (ΣN, ΣN), of the response.
+        before: B (ΣN, ΣN), of the path.
+        gain: (ΣN,) the sum of B's taps.
+    """
+
+    def __init__(
+        self,
+        sizes: Sequence[int],
+        departures: Sequence[Sequence[Recursion]],
+        periodic: Sequence[bool],
+    ):
+        parts = [
+            _matrices(size, own, is_periodic)
+            for size, own, is_periodic in zip(sizes, departures, periodic, strict=True)
+        ]
+        self.after = sp.csc_array(sp.block_diag([after for after, _, _ in parts]))
+        self.before = sp.csr_array(sp.block_diag([before for _, before, _ in parts]))
+        gains = [gain for _, _, gain in parts]
+        self.gain = np.repeat(gains, sizes)
+
+    @cached_property
+    def _factor(self) -> Any:
+        return splu(self.after, permc_spec="NATURAL", diag_pivot_thresh=0.0)
+
+    def __call__(self, signals: np.ndarray) -> np.ndarray:
+        """The responses (ΣN, …) to signals (ΣN, …)."""
+        return self._factor.solve(np.asarray(self.before @ signals))
+
+    @cached_property
+    def log_determinant(self) -> float:
+        """The logarithm of |A|: 0 but for steady cycles."""
+        return float(np.log(np.abs(self._factor.U.diagonal())).sum())
+
+
+def _matrices(
+    size: int, departures: Sequence[Recursion], periodic: bool
+) -> tuple[sp.csr_array, sp.csr_array, float]:
+    """A and B of filters in series, and the sum of B's taps."""
+    after, before, ahead = np.ones(1), np.ones(1), 0
+    for one in departures:
+        whole = one.numerator.copy()
+        whole[1 : 1 + one.denominator.size] += one.denominator
+        after, before = np.convolve(after, one.denominator), np.convolve(before, whole)
+        ahead += 1
+    samples = np.arange(size)
+
+    def banded(taps: np.ndarray, offset: int, first_only: bool = False) -> sp.csr_array:
+        rows = np.tile(samples, taps.size)
+        columns = rows - np.repeat(np.arange(taps.size) - offset, size)
+        values = np.repeat(taps, size)
+        if periodic:
+            columns %= size
+        elif first_only:
+            values, columns = values * (columns < 0), np.zeros_like(columns)
+        else:
+            columns = np.clip(columns, 0, size - 1)
+        return sp.csr_array((values, (rows, columns)), shape=(size, size))
+
+    if periodic:
+        return banded(after, 0), banded(before, ahead), float(before.sum())
+    # What the response was before the first sample is the first of the path.
+    earlier = banded(after, 0, first_only=True)
+    own = sp.diags_array(list(after), offsets=[-k for k in range(after.size)], shape=(size, size))  # pyright: ignore[reportArgumentType]
+    return sp.csr_array(own), sp.csr_array(banded(before, ahead) - earlier), float(before.sum())

@@ -19,8 +19,8 @@ import numpy as np
 
 from . import _kernels as kernels
 from ._drive import delayed, limited
-from ._filters import RESPONSE_SIDE, Filter, Shape, filter_of
-from ._law import SMOOTH, PathLaw, Settled, Whitening, log_likelihood
+from ._filters import RESPONSE_SIDE, Filter, Shape, filters_of
+from ._law import PathLaw, Settled, Whitening, log_likelihood
 from ._signal import Signal, response_of, span_of
 
 DRIVE_SIDE = ("drive_lag", "delay", "slew_rate_limit")
@@ -102,7 +102,7 @@ def _filter(signals: Sequence[Signal], chain: Chain) -> Filter | None:
     after = [one for one in chain if one.effect in RESPONSE_SIDE]
     if not after:
         return None
-    departures = [[filter_of(*one, s.step) for one in after] for s in signals]
+    departures = [[f for one in after for f in filters_of(*one, s.step)] for s in signals]
     return Filter([s.drive.size for s in signals], departures, [s.periodic for s in signals])
 
 
@@ -127,43 +127,39 @@ class Fitted:
 
     Attributes:
         line: behind the chain.
-        log_evidence: with the effects beside it, at these parameters.
-        curvature: (k, k) of the log evidence in the parameters' logarithms.
+        log_likelihood: with the effects beside it, at these parameters.
+        curvature: (k, k) of the log likelihood in the parameters' logarithms.
         ranges: (k,) of the parameters' logarithms before the recording.
     """
 
     line: Line
-    log_evidence: float
+    log_likelihood: float
     curvature: np.ndarray
     ranges: np.ndarray
 
     @property
     def log_posterior(self) -> float:
         """With the share of the parameters' prior that is likely."""
-        return self.log_evidence + self.volume(1.0)
+        return self.log_likelihood + self.volume(1.0)
 
     def volume(self, share: float) -> float:
         """The logarithm of the share of the parameters' prior that is likely, if only this share
         of the likelihood counts."""
         matrix = self.curvature * share + np.diag(self.ranges**-2.0)
-        return float(
-            0.5 * self.ranges.size * np.log(2 * np.pi)
-            - np.log(self.ranges).sum()
-            - 0.5 * np.linalg.slogdet(matrix)[1]
-        )
+        return float(-np.log(self.ranges).sum() - 0.5 * np.linalg.slogdet(matrix)[1])
 
 
 def fitted(
     signals: Sequence[Signal], chain: Chain, beside: np.ndarray, least: float = -np.inf
 ) -> Fitted:
     """A chain with its most likely parameters, beside columns (ΣN, k) of other effects, of unit
-    prior standard deviation [response unit]; one that is not to reach the `least` log evidence goes
-    no further."""
+    prior standard deviation [response unit]; one that is not to reach the `least` log likelihood
+    goes no further."""
     response, ranges = response_of(signals), _ranges(signals, chain)
     free = [(k, name) for k, one in enumerate(chain) for name in one.free]
     line = Line.of(signals, chain)
-    settled = line.prior.settled(response, SMOOTH)
-    best, curvature = evidence_beside(settled, response, beside), np.zeros((len(free), len(free)))
+    settled = line.prior.settled(response)
+    best, curvature = adequacy(settled, response, beside), np.zeros((len(free), len(free)))
     for _ in range(_STEPS):
         columns = _changes(signals, settled, line, beside, free)
         curvature, gradient = _quadratic(settled, response, beside, columns)
@@ -174,7 +170,7 @@ def fitted(
         for _ in range(_HALVINGS):
             other = Line.of(signals, _stepped(line.chain, free, step), line)
             further = Settled(other.prior, settled.roughness, settled.fading)
-            value = evidence_beside(further, response, beside)
+            value = adequacy(further, response, beside)
             if value > best:
                 break
             step = 0.5 * step
@@ -198,19 +194,25 @@ def _stepped(chain: Chain, free: Free, step: np.ndarray) -> Chain:
     return tuple(stages)
 
 
-def evidence_beside(settled: Settled, response: np.ndarray, beside: np.ndarray) -> float:
-    """The log evidence of a response (ΣN,) beside columns (ΣN, k)."""
+def adequacy(settled: Settled, response: np.ndarray, beside: np.ndarray) -> float:
+    """The log likelihood of a response (ΣN,) beside columns (ΣN, k), were curves spent as noise.
+
+    An adequate law leaves as much of χ² as the samples are more than the coefficients that it
+    spends.  How smooth or cheap its curves are does not count, as no law of them is known: a lag
+    may make any loop smoother, and with the determinant of the evidence did so on drives of which
+    it was no part.
+    """
     whitening = settled.law.whitening
     inner = settled.prior.inner(whitening(beside), whitening(response))
     if beside.shape[1]:
         inner = inner.given(np.arange(beside.shape[1]), np.ones(beside.shape[1]))
-    return float(log_likelihood(inner.square, inner.log_determinant, whitening.count))
+    return float(log_likelihood(inner.square + settled.freedom, 0.0, whitening.count))
 
 
 def _quadratic(
     settled: Settled, response: np.ndarray, beside: np.ndarray, columns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The curvature (k, k) of the log evidence, negative, and its gradient (k,) along columns."""
+    """The curvature (k, k) of the log likelihood, negative, and its gradient (k,) along columns."""
     whitening, known = settled.law.whitening, beside.shape[1]
     inner = settled.prior.inner(whitening(np.column_stack([beside, columns])), whitening(response))
     if known:

@@ -18,7 +18,7 @@ from scipy.signal import lfilter
 from . import _kernels as kernels
 from ._drive import limited
 from ._fading import path_length
-from ._filters import Shape, corner_of, filter_of
+from ._filters import Shape, corner_of, time_constant_of
 
 MODE_DAMPINGS = (0.01, 0.03, 0.1)
 """Damping ratios of modes; frequencies are tried half the width of a peak apart."""
@@ -37,8 +37,8 @@ SENSOR_ORDERS = (1.0, 2.0, 4.0)
 """Orders of sensors that are tried; one of third order is within percents of its neighbours."""
 _SLOWEST_SENSOR = 1.5
 """The largest time constant of a sensor [s], of a corner of .1 Hz: slower is the drive's side."""
-_DRIFT, _CREEP, _LAYER, _HUM, _SKEW = 0.02, 0.02, 0.05, 0.002, 1e-4
-"""Typical sizes: drifts over the span or the gain, creep per decade, a layer's share, interference
+_DRIFT, _WEAR, _CREEP, _LAYER, _HUM, _SKEW = 0.02, 0.05, 0.02, 0.05, 0.002, 1e-4
+"""Typical sizes: drifts over the span or the gain, wear, creep per decade, a layer's share, interference
 over the span, a clock's error; what a prior calls 1."""
 
 
@@ -171,13 +171,22 @@ def refined(motions: Sequence[Motion], chosen: Sequence[Columns], finer: float) 
     scale, columns = Scale.of(motions), []
     for one in chosen:
         family = MODE if one.effect == MODE.effect else FAMILIES[one.effect]
-        shapes = [one.shape]
+        shapes, tried = [one.shape], family.shapes(scale)
         for name, spacing in family.spacing(one.shape, scale).items():
             for step in (-1.0, -0.5, 0.5, 1.0):
-                factor = float(np.exp(step * spacing / finer))
-                shapes.append(one.shape | {name: one.shape[name] * factor})
+                value = one.shape[name] * float(np.exp(step * spacing / finer))
+                if tried:
+                    # Beyond what is tried an effect is another: creep without onset is a gain.
+                    value = np.clip(value, *_ends_of(tried, name))
+                shapes.append(one.shape | {name: float(value)})
         columns += [family.columns(motions, shape, scale) for shape in shapes]
     return columns
+
+
+def _ends_of(shapes: Sequence[Shape], name: str) -> tuple[float, float]:
+    """The least and the largest value of a parameter."""
+    values = [shape[name] for shape in shapes]
+    return min(values), max(values)
 
 
 def again(motions: Sequence[Motion], one: Columns) -> Columns:
@@ -225,7 +234,8 @@ def _frequencies(scale: Scale) -> list[float]:
 
 
 def _lagging(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
-    return m.of_response.with_departure(filter_of("sensor_lag", shape, m.step))
+    constant = time_constant_of(shape["corner"], shape["order"])
+    return m.of_response.with_departure(kernels.lag(constant, m.step, int(shape["order"])))
 
 
 def _lagging_before(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
@@ -247,7 +257,8 @@ def _yielding(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
 
 
 def _ringing(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
-    return m.of_response.with_departure(filter_of("resonance", shape, m.step))
+    mode = kernels.mode(shape["frequency"], shape["damping"], m.step)
+    return m.of_response.with_departure(mode)
 
 
 def _drifting(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
@@ -271,7 +282,7 @@ def _worn(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
     opening = m.response - Polynomial.fit(scaled, m.response, _STATIC)(scaled)
     moved = m.response - m.response[0]
     shapes = [moved, np.full_like(wear, scale.span), scale.span * scaled**2, opening]
-    return _DRIFT * wear[:, None] * np.stack(shapes, axis=1)
+    return _WEAR * wear[:, None] * np.stack(shapes, axis=1)
 
 
 def _humming(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:

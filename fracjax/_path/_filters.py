@@ -10,7 +10,7 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 from functools import cached_property
-from typing import Any
+from typing import Any, NamedTuple
 
 import numpy as np
 import scipy.sparse as sp
@@ -35,25 +35,32 @@ def corner_of(time_constant: float, order: float) -> float:
     return time_constant_of(time_constant, order)
 
 
-def filter_of(effect: str, shape: Shape, step: float) -> Recursion:
-    """The departure of an effect of a shape."""
+def filters_of(effect: str, shape: Shape, step: float) -> list[Recursion]:
+    """The departures of an effect of a shape, in series."""
     if effect == "sensor_lag":
         order = int(shape["order"])
-        return kernels.lag(time_constant_of(shape["corner"], order), step, order)
+        return [kernels.lag(time_constant_of(shape["corner"], order), step)] * order
     first = kernels.mode(shape["frequency"], shape["damping"], step)
     if effect == "resonance":
-        return first
+        return [first]
     other = kernels.mode(shape["frequency"] * shape["ratio"], shape["second_damping"], step)
-    return kernels.shared(first, other, shape["participation"])
+    return [kernels.shared(first, other, shape["participation"])]
+
+
+class Section(NamedTuple):
+    """One filter A z = B x of some recordings: A (ΣN, ΣN), B (ΣN, ΣN), and the sum of B's taps
+    (ΣN,)."""
+
+    after: sp.csc_array
+    before: sp.csr_array
+    gain: np.ndarray
 
 
 class Filter:
     """Filters in series after the path of some recordings.
 
     Attributes:
-        after: A (ΣN, ΣN), of the response.
-        before: B (ΣN, ΣN), of the path.
-        gain: (ΣN,) the sum of B's taps.
+        sections: the first is the path's.
     """
 
     def __init__(
@@ -62,39 +69,44 @@ class Filter:
         departures: Sequence[Sequence[Recursion]],
         periodic: Sequence[bool],
     ):
-        parts = [
-            _matrices(size, own, is_periodic)
-            for size, own, is_periodic in zip(sizes, departures, periodic, strict=True)
-        ]
-        self.after = sp.csc_array(sp.block_diag([after for after, _, _ in parts]))
-        self.before = sp.csr_array(sp.block_diag([before for _, before, _ in parts]))
-        gains = [gain for _, _, gain in parts]
-        self.gain = np.repeat(gains, sizes)
+        self.sections = [_section(sizes, own, periodic) for own in zip(*departures, strict=True)]
 
     @cached_property
-    def _factor(self) -> Any:
-        return splu(self.after, permc_spec="NATURAL", diag_pivot_thresh=0.0)
+    def _factors(self) -> list[Any]:
+        return [
+            splu(one.after, permc_spec="NATURAL", diag_pivot_thresh=0.0) for one in self.sections
+        ]
 
     def __call__(self, signals: np.ndarray) -> np.ndarray:
         """The responses (ΣN, …) to signals (ΣN, …)."""
-        return self._factor.solve(np.asarray(self.before @ signals))
+        for one, factor in zip(self.sections, self._factors, strict=True):
+            signals = factor.solve(np.asarray(one.before @ signals))
+        return signals
 
     @cached_property
     def log_determinant(self) -> float:
-        """The logarithm of |A|: 0 but for steady cycles."""
-        return float(np.log(np.abs(self._factor.U.diagonal())).sum())
+        """The logarithm of all |A|: 0 but for steady cycles."""
+        return float(sum(np.log(np.abs(f.U.diagonal())).sum() for f in self._factors))
+
+
+def _section(
+    sizes: Sequence[int], departures: Sequence[Recursion], periodic: Sequence[bool]
+) -> Section:
+    """One filter of all recordings."""
+    parts = [_matrices(*own) for own in zip(sizes, departures, periodic, strict=True)]
+    return Section(
+        sp.csc_array(sp.block_diag([after for after, _, _ in parts])),
+        sp.csr_array(sp.block_diag([before for _, before, _ in parts])),
+        np.repeat([gain for _, _, gain in parts], sizes),
+    )
 
 
 def _matrices(
-    size: int, departures: Sequence[Recursion], periodic: bool
+    size: int, departure: Recursion, periodic: bool
 ) -> tuple[sp.csr_array, sp.csr_array, float]:
-    """A and B of filters in series, and the sum of B's taps."""
-    after, before, ahead = np.ones(1), np.ones(1), 0
-    for one in departures:
-        whole = one.numerator.copy()
-        whole[1 : 1 + one.denominator.size] += one.denominator
-        after, before = np.convolve(after, one.denominator), np.convolve(before, whole)
-        ahead += 1
+    """A and B, and the sum of B's taps."""
+    after, before, ahead = departure.denominator, departure.numerator.copy(), 1
+    before[1 : 1 + after.size] += after
     samples = np.arange(size)
 
     def banded(taps: np.ndarray, offset: int, first_only: bool = False) -> sp.csr_array:
@@ -113,5 +125,6 @@ def _matrices(
         return banded(after, 0), banded(before, ahead), float(before.sum())
     # What the response was before the first sample is the first of the path.
     earlier = banded(after, 0, first_only=True)
-    own = sp.diags_array(list(after), offsets=[-k for k in range(after.size)], shape=(size, size))  # pyright: ignore[reportArgumentType]
+    offsets: Any = [-k for k in range(after.size)]
+    own = sp.diags_array(list(after), offsets=offsets, shape=(size, size))
     return sp.csr_array(own), sp.csr_array(banded(before, ahead) - earlier), float(before.sum())

@@ -34,14 +34,14 @@ ROUGHNESSES = np.array([10.0, 30.0, 100.0, 300.0])
 curve knows more than was recorded: at 2 a dynamic effect was named on 9 of 14 recordings of random
 Preisach planes and others that had none, since its few coefficients described their roughness, at
 10 on none."""
-SMOOTH = np.array([1.0, 0.3, 0.1, 3.0, 10.0])
-"""The same where chains are compared, which cannot take a loop's shape for themselves: a lag before
-the path and one behind it differ by how smooth they leave it."""
-FADINGS = np.array([0.003, 0.0, 0.03, 0.3])
+FADINGS = np.array([0.003, 0.0, 0.03, 0.3, 3.0])
 """Sizes τ of fading memory that are tried, over the response's span."""
 _LOOSE = 0.02
 """How far the path behind a filter may be from its curve, over the noise: as little as the factors
 of the matrices bear."""
+_PROBES = 8
+_LEAST = 2e-5
+"""The same at any filter: below it the factors have no digits left for the noise."""
 
 
 class Inner(NamedTuple):
@@ -179,7 +179,7 @@ class PathLaw:
         """Signals (ΣN, …) of the path behind the filter."""
         return signals if self.filter is None else self.filter(signals)
 
-    def settled(self, response: np.ndarray, roughnesses: np.ndarray = ROUGHNESSES) -> Settled:
+    def settled(self, response: np.ndarray) -> Settled:
         """The prior with the roughness and the fading of the largest evidence for a response
         (ΣN,)."""
         white = self.whitening(response)
@@ -189,7 +189,7 @@ class PathLaw:
             return float(log_likelihood(inner.square, inner.log_determinant, self.whitening.count))
 
         fading, best = float(FADINGS[0]), None
-        for roughness in roughnesses:
+        for roughness in ROUGHNESSES:
             one = Settled(self, float(roughness) * self.noise, fading)
             value = evidence(one)
             if best is not None and value < best[0]:
@@ -248,6 +248,17 @@ class Settled:
     def with_fading(self, fading: float) -> Settled:
         """The same roughness with another fading."""
         return Settled(self.law, self.roughness, fading, self._rough)
+
+    @cached_property
+    def freedom(self) -> float:
+        """How many coefficients the law spends on any response: the trace of what it takes out of
+        noise, by a few probes (Hutchinson, Commun. Stat. Simul. 18 (1989) 1059), which are the same
+        for all laws."""
+        whitening = self.law.whitening
+        shape = whitening.counted.size, _PROBES
+        probes = np.random.default_rng(0).choice([-1.0, 1.0], shape)
+        probes *= whitening.counted[:, None]
+        return float(np.sum(probes * (probes - self.prior.weighted(probes))) / _PROBES)
 
     def path(self, response: np.ndarray) -> Path:
         """The most probable curves behind a response (ΣN,)."""
@@ -310,29 +321,37 @@ class _Filtered:
 
     def __init__(self, law: PathLaw, roughness: float):
         assert law.filter is not None  # else the curves are seen directly
-        whitening, filtered = law.whitening.matrix, law.filter
-        size, splines = law.drive.size, law.columns
-        sd = np.hypot(_LOOSE * law.noise, law.loose) * np.abs(filtered.gain)
-        within = sp.diags_array(1 / sd) @ sp.hstack(
-            [filtered.after, -(filtered.before @ law.curves.basis)], format="csr"
-        )
+        whitening, sections = law.whitening.matrix, law.filter.sections
+        size = law.drive.size
+        before, blocks, deviations = -law.curves.basis, [], []
+        for k, one in enumerate(sections):
+            loose = np.hypot(_LOOSE * law.noise, law.loose if k == 0 else 0.0)
+            deviations.append(np.maximum(loose * np.abs(one.gain), _LEAST * law.noise))
+            scale = sp.diags_array(1 / deviations[k])
+            # The unknowns are the responses of all sections, the last first, and coefficients.
+            row: list[Any] = [None] * (len(sections) + 1)
+            row[-2 - k], row[-1 - k] = scale @ one.after, scale @ (one.before @ before)
+            blocks.append(row)
+            before = -sp.eye_array(size)
+        within = sp.block_array(blocks, format="csr")
         prior = _precision(law, roughness)
-        beside = sp.block_diag([whitening.T @ whitening, prior], format="csc")
-        self._whitening, self._size, self._splines = whitening, size, splines
+        between = sp.csc_array((size * (len(sections) - 1),) * 2)
+        beside = sp.block_diag([whitening.T @ whitening, between, prior], format="csc")
+        self._whitening, self._size, self._splines = whitening, size, law.columns
         self._factor = _factor(sp.csc_array(within.T @ within + beside))
-        of_prior = _log_determinant(_factor(prior)) - 2 * float(np.log(sd).sum())
+        of_prior = _log_determinant(_factor(prior)) - 2 * float(np.log(deviations).sum())
         self.log_determinant = (
-            _log_determinant(self._factor) - of_prior - 2 * filtered.log_determinant
+            _log_determinant(self._factor) - of_prior - 2 * law.filter.log_determinant
         )
 
     def _solved(self, white: np.ndarray) -> np.ndarray:
         along = np.asarray(self._whitening.T @ white)
-        nothing = np.zeros((self._splines, *along.shape[1:]))
+        nothing = np.zeros((self._factor.shape[0] - self._size, *along.shape[1:]))
         return self._factor.solve(np.concatenate([along, nothing]))
 
     def coefficients(self, white: np.ndarray) -> np.ndarray:
         """The most probable coefficients of the splines."""
-        return self._solved(white)[self._size :]
+        return self._solved(white)[-self._splines :]
 
     def reduced(self, white: np.ndarray) -> np.ndarray:
         """Whitened signals (ΣN, k) times the inverse covariance."""

@@ -15,10 +15,10 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.signal import find_peaks
 
-from ._chain import IN_SERIES, Chain, Fitted, Line, Stage, evidence_beside, fitted, without
+from ._chain import IN_SERIES, Chain, Fitted, Line, Stage, adequacy, fitted, without
 from ._curves import Curves
 from ._dynamics import MODE, SENSOR_ORDERS, Columns, Motion, again, dynamics_of, modes_of, refined
-from ._law import SMOOTH, Curve, Inner, PathLaw, Prior, Settled
+from ._law import Curve, Inner, PathLaw, Prior, Settled
 from ._posterior import (
     EACH,
     MOST_EFFECTS,
@@ -59,8 +59,8 @@ _PEAKS = 6
 """Peaks of a scan for modes that become columns, of each damping."""
 _FINER = (1.0, 3.0, 9.0)
 """The shapes that fit best are tried again this many times as near to each other."""
-_AGAIN = 1
-"""How often the columns are made again about the curve without their effects."""
+_AGAIN = 4
+"""How often the columns are made again about the curve without their effects, at most."""
 _PART = 0.25
 """The least share of what the best hypothesis explains for an effect to be tried in series."""
 _LIKELY, _MOST_LIKELY = 60.0, 3
@@ -175,11 +175,12 @@ def _expansions(signals: Sequence[Signal], plain: _Expansion) -> list[_Expansion
             one = fitted(signals, chain, front.sized(beside), least)
             if one.log_posterior > least:
                 longer.append((one, beside))
-        longer.sort(key=lambda pair: -pair[0].log_posterior)
-        for one, beside in longer[:_MOST_LIKELY]:
-            if one.log_posterior > longer[0][0].log_posterior - _LIKELY:
+        longer.sort(key=lambda pair: pair[0].log_posterior + len(pair[1].names) * np.log(EACH))
+        best = {_key(one.line.chain): (one, beside) for one, beside in longer}
+        for key in list(best)[: -_MOST_LIKELY - 1 : -1]:
+            one, beside = best[key]
+            if one.log_posterior > longer[-1][0].log_posterior - _LIKELY:
                 shapes = [front.columns[k] for k in beside.kinds]
-                key = _key(one.line.chain)
                 found[key] = _Expansion.about(one.line, front.added(beside), one, shapes).settling()
     return list(found.values())
 
@@ -199,7 +200,6 @@ class _Expansion:
     line: Line
     fitted: Fitted | None
     settled: Settled
-    smooth: Settled
     motions: list[Motion]
     law: Law
     columns: list[Columns]
@@ -238,8 +238,7 @@ class _Expansion:
         inner = settled.prior.inner(whitening(matrix), whitening(response))
         name = ", ".join([PATH, *(f"{e} {o:g}" for e, o in _key(line.chain))])
         law = Law(name, kinds_of(columns), inner, float(whitening.count), UNKNOWN, apart())
-        smooth = prior.settled(left, SMOOTH)
-        one = cls(line, chain, settled, smooth, motions, law, columns, matrix)
+        one = cls(line, chain, settled, motions, law, columns, matrix)
         for finer in _FINER:
             one = one._finer(finer)
         return one
@@ -266,14 +265,18 @@ class _Expansion:
         return replace(self, law=law, columns=columns, matrix=matrix)
 
     def settling(self) -> _Expansion:
-        """The same about the curve without the columns' effects, which they are part of."""
+        """The same about the curve without the columns' effects, until that gains nothing; what
+        belongs in series the chains will decide."""
         one = self
         for _ in range(_AGAIN):
-            if not one.best.names:
+            if not one.best.names or set(one.best.names) & set(IN_SERIES):
                 break
             shapes = [one.columns[k] for k in one.best.kinds]
-            one = _Expansion.about(one.line, one.added(one.best), one.fitted, shapes)
-        return max(self, one, key=lambda each: each.log_posterior)
+            other = _Expansion.about(one.line, one.added(one.best), one.fitted, shapes)
+            if other.log_posterior < one.log_posterior + 1:
+                break
+            one = other
+        return one
 
     @cached_property
     def best(self) -> Hypothesis:
@@ -294,8 +297,8 @@ class _Expansion:
         best, share = listed[0], self.law.tempered(excess).count / self.law.count
         chosen, sizes = best.columns(beside.kinds)
         response = response_of(self.line.signals)
-        whole = evidence_beside(self.smooth, response, self.matrix[:, chosen] * sizes)
-        # Relative to the best set of columns, whose evidence is that of smooth curves.
+        whole = adequacy(self.settled, response, self.matrix[:, chosen] * sizes)
+        # Relative to the best columns, beside which the law behind the chain is adequate or not.
         of_chain = share * whole - (best.log_posterior - best.log_prior)
         if self.fitted is not None:
             of_chain += len(self.line.chain) * np.log(EACH) + self.fitted.volume(share)
@@ -316,13 +319,19 @@ class _Expansion:
         beside = _but(listed[0], [n for n in listed[0].names if n in IN_SERIES])
         if len(chain) == MOST_EFFECTS:
             return
+        nothing = _but(listed[0], listed[0].names)
         leading = {name: h for h in reversed(listed) for name in h.names if name in IN_SERIES}
+        alone = {h.names[0]: h for h in listed if len(h.names) == 1}
         for name in sorted(leading, key=lambda name: -leading[name].log_posterior):
-            own = [leading[name]]
-            if own[0].log_posterior - self.law_alone < max(_PART * most, 0.0):
+            own, is_second = leading[name], name == MODE.effect and _has_mode(chain)
+            enough = own.log_posterior - self.law_alone >= max(_PART * most, 0.0)
+            # What two modes leave beside one looks like neither.
+            if not enough and not is_second:
                 continue
-            shape = self.columns[own[0].kinds[own[0].names.index(name)]].shape
-            yield from ((c, beside) for c in _longer(chain, Stage(name, shape)))
+            # What is beside it may be there in its stead.
+            for start, companions in {own: beside, alone[name]: nothing}.items():
+                shape = self.columns[start.kinds[start.names.index(name)]].shape
+                yield from ((c, companions) for c in _longer(chain, Stage(name, shape)))
 
     @cached_property
     def law_alone(self) -> float:
@@ -379,6 +388,10 @@ def _but(hypothesis: Hypothesis, names: Collection[str]) -> Hypothesis:
         kinds=tuple(hypothesis.kinds[k] for k in kept),
         sizes=tuple(hypothesis.sizes[k] for k in kept),
     )
+
+
+def _has_mode(chain: Chain) -> bool:
+    return any(one.effect == MODE.effect for one in chain)
 
 
 def _longer(chain: Chain, stage: Stage) -> Iterator[Chain]:

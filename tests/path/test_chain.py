@@ -1,0 +1,127 @@
+"""Effects in series with the path, of any size, against SciPy and dense matrices."""
+
+import numpy as np
+import pytest
+from scipy.signal import lsim
+
+from fracjax._path import Stage, Whitening, view_of
+from fracjax._path import _kernels as kernels
+from fracjax._path import _law as law_module
+from fracjax._path._chain import fitted, without
+from fracjax._path._drive import delayed, limited
+from fracjax._path._filters import Filter, corner_of
+from fracjax._path._law import PathLaw, Settled
+from tests.path.helpers import plays, signal_of, through, twin_rates
+
+STEP, NOISE = 1e-3, 1e-3
+DRIVE = twin_rates()
+TIMES = STEP * np.arange(DRIVE.size)
+LAW = plays(DRIVE)
+
+
+def behind(numerator, denominator, signal) -> np.ndarray:
+    return signal[0] + lsim((numerator, denominator), signal - signal[0], TIMES, interp=True)[1]
+
+
+@pytest.mark.parametrize("periodic", [False, True])
+def test_a_filter_is_what_its_recursions_add(periodic):
+    signal = np.cos(2 * np.pi * np.arange(300) / 300) + 0.2
+    departures = [kernels.lag(0.01, STEP, 2), kernels.mode(30.0, 0.1, STEP)]
+    exact = signal
+    for one in departures:
+        exact = exact + kernels.Convolution(exact, STEP, periodic=periodic).with_departure(one)
+    filtered = Filter([300], [departures], [periodic])
+    np.testing.assert_allclose(filtered(signal), exact, atol=1e-6)
+    matrix = filtered.after.toarray()
+    assert filtered.log_determinant == pytest.approx(np.linalg.slogdet(matrix)[1], abs=1e-9)
+
+
+def test_the_evidence_behind_a_filter_is_that_of_its_covariance():
+    drives = [through([0.0, 1.0, 0.2, 0.9], [16] * 3), through([0.1, 0.8, 0.2], [15] * 2)]
+    sizes = [d.size for d in drives]
+    whitening = Whitening(
+        [np.array([1.0, -0.6]) / 0.02, np.array([1 / 0.03])], [np.ones(n) for n in sizes]
+    )
+    modes = [[kernels.mode(40.0, 0.05, STEP)]] * 2
+    filtered = Filter(sizes, modes, [False, False])
+    law = PathLaw.of(drives, whitening, 1.2, filter=filtered)
+    settled = Settled(law, 0.3, 0.03)
+    normal = law.bends.toarray() / 0.3**2 + np.eye(law.columns) / law.span**2
+    basis = law.curves.basis.toarray()
+    dense = np.concatenate([filtered(law.fading) * 0.03 * law.span, law.own], axis=1)
+    loose = np.hypot(law_module._LOOSE * law.noise, law.loose) * np.abs(filtered.gain)
+    inverse = np.linalg.inv(filtered.after.toarray())
+    curve = filtered(np.eye(sum(sizes))) @ basis
+    covariance = curve @ np.linalg.inv(normal) @ curve.T + dense @ dense.T
+    covariance += inverse @ np.diag(loose**2) @ inverse.T
+    white = whitening(np.eye(sum(sizes)))
+    covariance = np.eye(sum(sizes)) + white @ covariance @ white.T
+    response = np.random.default_rng(2).standard_normal(sum(sizes))
+    inner = settled.prior.inner(np.zeros((response.size, 0)), response)
+    assert inner.square == pytest.approx(response @ np.linalg.solve(covariance, response), rel=1e-6)
+    assert inner.log_determinant == pytest.approx(np.linalg.slogdet(covariance)[1], rel=1e-6)
+
+
+def test_a_drive_is_late_by_any_time_and_its_rate_limited():
+    t = np.arange(400.0)
+    sine = np.sin(2 * np.pi * t / 100)
+    late = delayed(sine, 7.4, periodic=True)
+    np.testing.assert_allclose(late, np.sin(2 * np.pi * (t - 7.4) / 100), atol=2e-4)
+    assert delayed(sine + 3, 7.4, periodic=False)[:7] == pytest.approx(3.0)
+    slow = limited(sine, 0.04)
+    assert np.abs(np.diff(slow)).max() <= 0.04 + 1e-12
+    np.testing.assert_array_equal(limited(sine, 0.07), sine)
+
+
+EFFECTS = {
+    "drive_lag": lambda: plays(behind([1.0], [0.02, 1.0], DRIVE)),
+    "delay": lambda: np.concatenate([np.full(13, LAW[0]), LAW[:-13]]),
+    "sensor_lag": lambda: behind([1.0], [0.02, 1.0], LAW),
+    "resonance": lambda: behind(
+        [(90 * np.pi) ** 2], [1.0, 2 * 0.03 * 90 * np.pi, (90 * np.pi) ** 2], LAW
+    ),
+}
+PARAMETERS = {
+    "drive_lag": {"time_constant": 0.02},
+    "delay": {"delay": 0.013},
+    "sensor_lag": {"corner": corner_of(0.02, 1)},
+    "resonance": {"frequency": 45.0, "damping": 0.03},
+}
+
+
+@pytest.mark.parametrize("effect", EFFECTS)
+def test_an_effect_of_a_large_part_of_the_stroke_is_named_exactly(effect):
+    view = view_of([signal_of(DRIVE, EFFECTS[effect](), NOISE)])
+    assert view.posterior.best.names == (effect,)
+    assert view.posterior.probability_of(effect) > 0.95
+    for name, value in PARAMETERS[effect].items():
+        assert view.shape_of(effect)[name] == pytest.approx(value, rel=0.02)
+    assert np.std(view.residual) < 1.1 * NOISE
+    truth = EFFECTS[effect]() - LAW
+    assert np.std(view.effects[effect] - truth) < 0.05 * np.std(truth)
+
+
+def test_two_modes_are_told_from_one():
+    one, other = (90 * np.pi) ** 2, (150 * np.pi) ** 2
+    first = behind([one], [1.0, 0.06 * 90 * np.pi, one], LAW)
+    second = behind([other], [1.0, 0.06 * 150 * np.pi, other], LAW)
+    view = view_of([signal_of(DRIVE, 0.7 * first + 0.3 * second, NOISE)])
+    assert view.posterior.best.names == ("second_mode",)
+    shape = view.shape_of("second_mode")
+    assert shape["frequency"] == pytest.approx(45.0, rel=0.02)
+    assert shape["ratio"] == pytest.approx(5 / 3, rel=0.02)
+    assert shape["participation"] == pytest.approx(0.3, abs=0.03)
+    assert np.std(view.residual) < 1.1 * NOISE
+
+
+def test_newtons_method_finds_parameters_from_far():
+    signals = [signal_of(DRIVE, EFFECTS["sensor_lag"](), NOISE)]
+    start = (Stage("sensor_lag", {"corner": 4.0, "order": 1.0}),)
+    found = fitted(signals, start, np.zeros((DRIVE.size, 0)))
+    assert found.line.chain[0].shape["corner"] == pytest.approx(corner_of(0.02, 1), rel=0.02)
+    # The curvature is that of the evidence, by differences.
+    settled = found.line.prior.settled(signals[0].response - signals[0].response[0])
+    assert without(found.line, settled, signals[0].response - signals[0].response[0], 0).shape == (
+        DRIVE.size,
+    )
+    assert found.volume(1.0) < found.volume(0.1) < 0.0

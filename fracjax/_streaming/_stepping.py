@@ -15,14 +15,15 @@ from .._systems import Band
 from ._adaptive import Adaptation, Learning
 from ._chain import chain_of
 from ._program import InverseProgram, Limits, ModelProgram
-from ._sections import Linear, Sampling, Section, section_of
+from ._sections import FAST, Linear, Sampling, Section, section_of
 from ._stages import Filtered, Solved
 from ._stream import StreamingInverse, StreamingModel
 
 _MARGIN = 300.0
 """Powers of s are followed over a band wider by this factor at either end; chosen by judgement."""
-_REACH = 20.0
-"""A derivative rolls off at this factor above the band; chosen by judgement."""
+_REACH, _BEYOND = 20.0, 2.0
+"""A derivative rolls off at this factor above the band, and above what counts as fast; chosen by
+judgement."""
 _TOP, _PERIODS = 0.02, 0.1
 """The band by default: up to this share of the sampling rate, and from this many periods in the
 recording; chosen by judgement."""
@@ -85,7 +86,8 @@ def _given(
         raise InputError.at(where, "a model with a drive", model.name, "choose another model")
     low, high = map(float, limits)
     omega = 2 * np.pi * bottom, 2 * np.pi * top
-    edges = Band(omega[0] / _MARGIN, omega[1] * _MARGIN, _REACH * omega[1])
+    roll_off = max(_REACH * omega[1], _BEYOND * FAST / step)
+    edges = Band(omega[0] / _MARGIN, omega[1] * _MARGIN, roll_off)
     sampling = Sampling(step, edges, *omega, low, high)
     change = high - low if slew is None else min(slew * step, high - low)
     shared = {

@@ -2,6 +2,7 @@
 
 from ._compensate import compensate as compensate
 from ._inverse import without_disturbances as without_disturbances
+from ._offset import settled_offset as settled_offset
 from ._result import SCHEMA as SCHEMA
 from ._result import Compensation as Compensation
 from ._result import ModelError as ModelError

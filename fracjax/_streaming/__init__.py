@@ -1,6 +1,7 @@
 """Real time: inverse and model sample by sample, in Python and in C from one description."""
 
 from ._adaptive import Adaptation as Adaptation
+from ._c import platforms as platforms
 from ._program import FLAGS as FLAGS
 from ._promise import promise_table as promise_table
 from ._stepping import streaming_inverse as streaming_inverse

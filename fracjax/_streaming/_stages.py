@@ -8,8 +8,8 @@ advances by the drive that was *applied*: at a limit nothing winds up.
 
 A linear law is inverted as the difference equations of 1/G(s), which hold within the band.  At a
 limit their state advances by the motion whose drive is the one applied (Hanus' conditioning).  What
-answers to accelerations, such as a mode, then counts as slow: to bring it at once to where it should
-be would ask for drives of either sign in turn, each at a limit again.
+answers to accelerations, such as a mode, then counts as slow: to bring it at once to where it
+should be would ask for drives of either sign in turn, each at a limit again.
 Source: Press et al., Numerical Recipes (2007), section 9.4; Hanus, Kinnaert & Henrotte, Automatica
 23 (1987) 729.
 """

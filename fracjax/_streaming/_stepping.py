@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._blocks import AbstractBlock
-from .._compensate import without_disturbances
+from .._compensate import settled_offset, without_disturbances
 from .._fit import Fit
 from .._models import Model
 from .._recording import UNSTATED, InputError, parse_quantity
@@ -53,9 +53,11 @@ def _given(
     """The block with everything that a stream of it needs, checked."""
     duration, where = None, "streaming"
     if isinstance(model, Fit):
-        setting, recording = model.preparation.setting, model.preparation.takes[0].recording
+        setting, take = model.preparation.setting, model.preparation.takes[0]
+        recording = take.recording
         limits = limits or (setting.drive_low, setting.drive_high)
-        offset = model.offsets[0] if offset is None else offset
+        if offset is None:
+            offset = settled_offset(model.model, model.offsets[0], take.history, setting.duration)
         units = units or (recording.drive_unit, recording.response_unit)
         duration, model = setting.duration, model.model
     if not isinstance(model, Model):

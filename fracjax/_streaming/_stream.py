@@ -15,7 +15,7 @@ from .._models import Model
 from .._recording import InputError
 from .._show import Shown, Table, View, figure, quantity
 from ._adaptive import Adaptation
-from ._c import write_c
+from ._c import write_c, write_fmu
 from ._program import Described, InverseProgram, Output, Program, revived_step
 from ._promise import Promised, promised
 from ._sections import State
@@ -118,7 +118,31 @@ class _Streaming(Shown):
         Raises:
             InputError: When the name is no C identifier or the type is another one.
         """
-        described = Described(
+        return write_c(self._described, Path(folder), name, real)
+
+    def write_fmu(self, folder: str | Path, name: str = "stage") -> Path:
+        """Write the stream as NAME.fmu, for co-simulation by FMI 3.0, in double precision.
+
+        It holds the sources, for tools that compile them, and a library for this machine where
+        there is a C compiler.  A communication step is a multiple of the loop's; its outputs are
+        those of its last sample.  The parameter `rest` is the drive at which the stage has rested.
+
+        Args:
+            folder: Where to write; it is made where missing.
+            name: The name of file and model, a C identifier.
+
+        Returns:
+            The file.
+
+        Raises:
+            InputError: When the name is no C identifier, or the compiler does not work.
+        """
+        return write_fmu(self._described, Path(folder), name)
+
+    @cached_property
+    def _described(self) -> Described:
+        """The stream, as code is written from it."""
+        return Described(
             self.program,
             self.model,
             self.units,
@@ -128,7 +152,6 @@ class _Streaming(Shown):
             self.start,
             lambda inputs, state: self._stream(inputs, state)[:3],
         )
-        return write_c(described, Path(folder), name, real)
 
     def to_dict(self) -> dict[str, Any]:
         """What the stream is, as plain data.

@@ -201,6 +201,9 @@ def test_a_target_writes_the_inverse_for_a_loop(fitted, empty_folder, capsys):
     told = json.loads(capsys.readouterr().out)
     assert told["limits"] == [0.0, 50.0]
     assert told["step_s"] == 0.01
+    assert run([*words[:4], "fmu", *words[5:], "--out", "simulated"]) == 0
+    assert "The FMU holds its sources, and a library for" in capsys.readouterr().out
+    assert [path.name for path in Path("simulated").iterdir()] == ["stage.fmu"]
     assert {*told["promise"][0]} == {"frequency", "height", "error", "limited"}
 
 
@@ -211,6 +214,7 @@ def test_a_target_writes_the_inverse_for_a_loop(fitted, empty_folder, capsys):
         ([], "found neither"),
         (["--target", "c"], 'give --step "50 us"'),
         (["--target", "c", "--step", "1 V"], "expected a value in s"),
+        (["--target", "fmu", "--step", "1 ms", "--real", "float"], "double with --target fmu"),
         (["--target", "c", "--step", "1 ms", "--limits", "none"], "lowest and highest drive"),
         (["--target", "c", "--step", "1 ms", "--adaptive", "20 s"], "a model with hysteresis"),
     ],

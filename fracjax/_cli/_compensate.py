@@ -59,7 +59,8 @@ if TYPE_CHECKING:
     "--posterior",
     "posterior",
     metavar="DIR",
-    help="Results of `posterior`, whose draws give the band of the prediction.",
+    help="Results of `posterior`, whose draws give the band of the prediction, or with --target "
+    "the interval of the promise.",
 )
 @stream_options
 @options(time_option, output_option, rate_option, unit_options)
@@ -95,7 +96,10 @@ def compensate_command(
                 "a trajectory or --target", f"both {trajectory} and --target {target}"
             )
         return write_stream(
-            fitted, out, Wanted(target, step, real, limits, slew, offset, adaptive), results
+            fitted,
+            out,
+            Wanted(target, step, real, limits, slew, offset, adaptive, posterior),
+            results,
         )
     if trajectory is None:
         raise _other_call("a trajectory, or --target c or fmu for a real-time loop", "neither")

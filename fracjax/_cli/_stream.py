@@ -15,6 +15,10 @@ from ._progress import stages
 from ._results import Results, Summary
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import numpy as np
+
     from .._models import Model
     from .._streaming import StreamingInverse
 
@@ -49,13 +53,14 @@ class Wanted(NamedTuple):
     slew: str | None
     offset: str | None
     adaptive: str | None
+    posterior: str | None
 
 
 def write_stream(fitted: str, out: Path, wanted: Wanted, results: Results) -> int:
     """Write the inverse of a fit for a real-time loop."""
     from .._recording import InputError
     from .._show import figure, quantity
-    from .._streaming import platforms, promise_table
+    from .._streaming import platforms
 
     if wanted.step is None:
         raise InputError.at(
@@ -74,7 +79,7 @@ def write_stream(fitted: str, out: Path, wanted: Wanted, results: Results) -> in
     notes = ["The errors are the inverse's own, by the model. What the model lacks comes on top."]
     with folder(out), stages(results.quiet) as progress:
         progress("inverting the model sample by sample")
-        inverse = _inverse(fitted, wanted)
+        inverse, draws = _inverse(fitted, wanted)
         progress("writing the code")
         if wanted.target == "c":
             results.saved.extend(inverse.write_c(out, real=wanted.real))
@@ -87,24 +92,30 @@ def write_stream(fitted: str, out: Path, wanted: Wanted, results: Results) -> in
                 else "The FMU holds its sources alone, as there is no C compiler here."
             )
         progress("simulating the promise")
-        promise = inverse.promise()
+        promise = inverse.promise(draws)
+        progress("writing the report")
+        results.save_report(promise, out / "report.html")
     results.show(
-        lambda: {**inverse.to_dict(), "promise": [row._asdict() for row in promise]},
+        lambda: {**inverse.to_dict(), "promise": promise.to_dict()},
         lambda: Summary(
             f"The inverse of {inverse.model} runs every {quantity(inverse.step, 's')}, and its "
             f"linear parts hold to {figure(100 * inverse.error)} % from "
             f"{figure(inverse.band[0])} to {quantity(inverse.band[1], 'Hz')}.",
-            promise_table(promise, inverse.units[1]),
-            notes,
+            promise.table(),
+            [*promise.failures, *notes],
         ),
     )
     return 0
 
 
-def _inverse(fitted: str, wanted: Wanted) -> StreamingInverse:
-    """The inverse that a call asks for."""
+def _inverse(
+    fitted: str, wanted: Wanted
+) -> tuple[StreamingInverse, Mapping[str, np.ndarray] | None]:
+    """The inverse that a call asks for, and draws of its parameters, of a posterior or by the fit's
+    covariance; None for a fit of before that was saved."""
+    from .._posterior import load_posterior
     from .._recording import parse_quantity
-    from .._streaming import Adaptation, streaming_inverse, usual_band
+    from .._streaming import Adaptation, draws_of, streaming_inverse, usual_band
 
     model, content = model_of_fit(fitted)
     setting, units = content["setting"], (content["units"]["drive"], content["units"]["response"])
@@ -115,8 +126,13 @@ def _inverse(fitted: str, wanted: Wanted) -> StreamingInverse:
     if wanted.adaptive is not None:
         memory = parse_quantity(wanted.adaptive, "s", "--adaptive")
         adaptive = Adaptation(memory=memory, error=content["scores"]["rmse"])
+    draws = None
+    if wanted.posterior is not None:
+        draws = load_posterior(wanted.posterior).samples
+    elif "correlation" in content:
+        draws = draws_of(content["parameters"], content["correlation"])
     duration = setting["duration"]
-    return streaming_inverse(
+    inverse = streaming_inverse(
         model,
         step,
         usual_band(step, duration),
@@ -128,6 +144,7 @@ def _inverse(fitted: str, wanted: Wanted) -> StreamingInverse:
         units=units,
         adaptive=adaptive,
     )
+    return inverse, draws
 
 
 def offset_of(model: Model, content: dict[str, Any]) -> float:

@@ -15,6 +15,7 @@ from .._systems import Band
 from ._adaptive import Adaptation, Learning
 from ._chain import chain_of
 from ._program import InverseProgram, Limits, ModelProgram
+from ._promise import draws_of
 from ._sections import FAST, Linear, Sampling, Section, section_of
 from ._stages import Filtered, Solved
 from ._stream import StreamingInverse, StreamingModel
@@ -51,7 +52,7 @@ def _given(
     units: tuple[str, str] | None,
 ) -> _Given:
     """The block with everything that a stream of it needs, checked."""
-    duration, where = None, "streaming"
+    duration, draws, where = None, None, "streaming"
     if isinstance(model, Fit):
         setting, take = model.preparation.setting, model.preparation.takes[0]
         recording = take.recording
@@ -59,6 +60,9 @@ def _given(
         if offset is None:
             offset = settled_offset(model.model, model.offsets[0], take.history, setting.duration)
         units = units or (recording.drive_unit, recording.response_unit)
+        draws = draws_of(
+            {name: one.to_dict() for name, one in model.parameters.items()}, model.correlation
+        )
         duration, model = setting.duration, model.model
     if not isinstance(model, Model):
         raise InputError.at(where, "a fit or a model", type(model).__name__, "give fj.fit(…)")
@@ -102,6 +106,7 @@ def _given(
         "offset": offset or 0.0,
         "left_out": left_out,
         "whole": Model(block, model.name),
+        "draws": draws,
     }
     return _Given(block, sampling, shared, Limits(low, high, change), offset or 0.0)
 

@@ -192,7 +192,7 @@ def test_a_target_writes_the_inverse_for_a_loop(fitted, empty_folder, capsys):
     assert out.startswith("The inverse of creep runs every 0.01 s, and its linear parts hold to")
     assert "What the model lacks comes on top." in out
     assert sorted(path.name for path in Path("loop").iterdir()) == [
-        "Makefile", "stage.c", "stage.h", "stage_test.c", "stage_vector.csv",
+        "Makefile", "report.html", "stage.c", "stage.h", "stage_test.c", "stage_vector.csv",
     ]  # fmt: skip
     done = subprocess.run(["make", "-C", "loop", "check"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -203,8 +203,12 @@ def test_a_target_writes_the_inverse_for_a_loop(fitted, empty_folder, capsys):
     assert told["step_s"] == 0.01
     assert run([*words[:4], "fmu", *words[5:], "--out", "simulated"]) == 0
     assert "The FMU holds its sources, and a library for" in capsys.readouterr().out
-    assert [path.name for path in Path("simulated").iterdir()] == ["stage.fmu"]
-    assert {*told["promise"][0]} == {"frequency", "height", "error", "limited"}
+    assert {path.name for path in Path("simulated").iterdir()} == {"report.html", "stage.fmu"}
+    assert told["promise"]["rows"][0]["interval"][1] > 0
+    assert "ends at the limit" in told["promise"]["failures"][0]
+    page = Path("loop/report.html").read_text(encoding="utf-8")
+    assert "Where it must fail" in page
+    assert "promise.json" in page
 
 
 @pytest.mark.parametrize(

@@ -142,8 +142,8 @@ def _unit(text: str) -> dict:
     """A unit by its base units; without them where it has others than those of the SI."""
     scale, base = unit(text, "FMU, units")[:2]
     powers = {_BASES.get(name): power for name, power in base}
-    known = None not in powers and all(power == int(power) for power in powers.values())
-    if not known:
+    standard = None not in powers and all(power == int(power) for power in powers.values())
+    if not standard:
         return {"name": text, "powers": None}
     ordered = {name: int(powers[name]) for name in _BASES.values() if name in powers}
     return {"name": text, "powers": list(ordered.items()), "factor": repr(float(scale))}

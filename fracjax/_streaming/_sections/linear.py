@@ -106,10 +106,13 @@ class Linear(Section):
 
     def error(self, band: tuple[float, float]) -> float:
         """The largest relative error of the equations' frequency response within a band [Hz]."""
-        frequencies = np.geomspace(*band, _FREQUENCIES)
+        return float(self.errors(np.geomspace(*band, _FREQUENCIES)).max())
+
+    def errors(self, frequencies: np.ndarray) -> np.ndarray:
+        """The relative errors of the frequency response at frequencies (F,) [Hz]."""
         with jax.enable_x64(True):
             exact = np.asarray(self.exact(jnp.asarray(2j * np.pi * frequencies)))
-        return float(np.abs(self.frequency_response(frequencies) / exact - 1).max())
+        return np.abs(self.frequency_response(frequencies) / exact - 1)
 
     def frequency_response(self, frequencies: np.ndarray) -> np.ndarray:
         """Response over drive, complex (F,), of the difference equations at frequencies (F,) [Hz]

@@ -49,7 +49,7 @@ def _errors(promise: Promise) -> Markup:
             panel.fill_between(
                 frequencies, *(100 * np.transpose(intervals)), color=colour, alpha=0.15, lw=0
             )
-    linear = [(row.frequency, 100 * row.linear) for row in rows if row.linear]
+    linear = sorted({(row.frequency, 100 * row.linear) for row in promise.rows if row.linear})
     if linear:
         panel.loglog(
             *np.transpose(linear), "--", color=MEASURED, label="promised by the linear parts"

@@ -83,7 +83,8 @@ class _Streaming(Shown):
 
         Args:
             drive: The drive [drive], within the limits.  Where the history of a stage is not known,
-                go to a limit and to 0 twice, and start there.
+                start there and follow a slow motion over the whole range twice: stage and state
+                then remember that alone.
 
         Returns:
             The state, a tree of arrays of fixed sizes.
@@ -281,14 +282,14 @@ class StreamingInverse(_Streaming):
             fastest = self.slew / (np.pi * (high - low))
             sentences.append(
                 f"A sine over the whole range of the drive is followed up to "
-                f"{quantity(fastest, 'Hz')}: beyond, it changes by more than "
+                f"{quantity(float(fastest), 'Hz')}: beyond, it changes by more than "
                 f"{quantity(self.slew, f'{drive}/s')}."
             )
         frequencies = np.geomspace(self.band[0], 0.499 / self.step, _FREQUENCIES)
-        far = np.flatnonzero(self._linear_error(frequencies) > _FAR)
+        far = frequencies[self._linear_error(frequencies) > _FAR]
         if far.size:
             sentences.append(
-                f"From {quantity(frequencies[far[0]], 'Hz')} on the linear parts miss by more than "
+                f"From {quantity(float(far[0]), 'Hz')} on the linear parts miss by more than "
                 f"{figure(100 * _FAR)} %: a mode, a lag or a delay is inverted up to there only."
             )
         return sentences

@@ -13,6 +13,7 @@ DRIVE = 50 - 50 * np.cos(2 * np.pi * TIMES)
 
 def ended(page: _Page) -> None:
     """Wait for the computation, and take its result."""
+    assert page.job is not None
     page.job._thread.join(60)
     assert not page.job.running
     page._look()

@@ -144,7 +144,8 @@ def test_a_promise_from_a_fit_has_the_interval_of_its_parameters():
         np.testing.assert_allclose(row.interval[1], 1.96 * relative, rtol=0.35)
     given = {"k": np.full(8, 1.1 * estimate.value)}
     wide = fj.streaming_inverse(fitted, STEP).promise(given).rows
-    np.testing.assert_allclose([row.interval for row in wide], 0.1 / np.sqrt(8), rtol=1e-2)
+    intervals = np.array([row.interval for row in wide])
+    np.testing.assert_allclose(intervals, 0.1 / np.sqrt(8), rtol=1e-2)
     with pytest.raises(fj.InputError, match=r"none of k"):
         fj.streaming_inverse(fitted, STEP).promise({})
 

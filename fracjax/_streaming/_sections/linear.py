@@ -187,7 +187,8 @@ class Linear(Section):
             direct = direct + float(np.sum(self.taps[1:]))
         asked, as_wanted = respond(wanted)
         missed = jnp.abs(asked[0] - response) > close
-        drive = jnp.where(missed, datum + (response - held) / direct, wanted)
+        followed: Array = datum + (response - held) / direct
+        drive = jnp.where(missed, followed, wanted)
         after = respond(drive)[1]
         return drive, {**after, "past": as_wanted["past"]} if ahead else after
 

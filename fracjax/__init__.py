@@ -85,6 +85,8 @@ if TYPE_CHECKING:
     from ._simulate import Simulation as Simulation
     from ._simulate import simulate as simulate
     from ._streaming import Adaptation as Adaptation
+    from ._streaming import Promise as Promise
+    from ._streaming import Promised as Promised
     from ._streaming import StreamingInverse as StreamingInverse
     from ._streaming import StreamingModel as StreamingModel
     from ._streaming import streaming_inverse as streaming_inverse
@@ -123,6 +125,8 @@ __all__ = [
     "Posterior",
     "PosteriorPrediction",
     "Profile",
+    "Promise",
+    "Promised",
     "Recording",
     "ResidualAnalysis",
     "Simulation",

@@ -4,13 +4,19 @@
 
 Each stage (`stage.py`) has another law of hysteresis, none of them fracjax's, before the same
 creep, mode and sensor.  A model is fitted to one record of it; `--identify` fits anew, else the
-fits kept in fits/ are used.  The loop runs at 2 kHz.
+fits kept in fits/ are used.  The loop runs at 2 kHz, in the record's range of drives.  Before each
+motion the stage is swung over its range twice by the controller itself, as `stage.h` asks where a
+history is not known.
 
 real_time.csv: rms and largest error of the sensor's reading in shares of the motion's stroke, its
-first quarter left out.  (Beside `compensate`, with the whole motion known, the real-time inverse
-stands in results.csv, see `run.py`.)  `real time` is the whole inverse; `linear part` an inverse of
-gain, creep, lag and mode without hysteresis; `plays` of hysteresis without them; `integral`
-feedback alone, as fast as the mode allows with a gain margin of 6 dB; `real time + integral` both.
+first quarter left out; and how far the model is from the reading under the same drive, rms, which
+no inverse of it can be better than.  `offline` is `compensate`, to which the whole motion is known.
+Its drive is found every 2 ms and followed by a spline: a lag and a mode sampled at 2 kHz have zeros
+outside the unit circle, so that the drive with the desired response at every sample rings.  It is
+left out where a period has too few samples.
+`real time` is the whole inverse; `linear part` an inverse of gain, creep, lag and mode without
+hysteresis; `plays` of hysteresis without them; `integral` feedback alone, as fast as the mode
+allows with a gain margin of 6 dB; `real time + integral` both.
 
 adaptive.csv: a stage whose gain falls by 8 % and whose zero moves, as when it warms under load: the
 inverse as it was fitted, the same with feedback of the integral, and the one whose gains follow.
@@ -26,25 +32,31 @@ import subprocess
 from collections.abc import Callable
 from pathlib import Path
 from tempfile import TemporaryDirectory
+from typing import NamedTuple
 
 import numpy as np
+from scipy.interpolate import CubicSpline
 from scipy.signal import butter, lfilter
 
 import fracjax as fj
 from benchmarks.compensation.stage import NOISE, Duhem, Relays, Stage, Stops, measure
 from benchmarks.versions import versions
 from fracjax import blocks
+from fracjax._compensate import settled_offset
 
 STEP = 5e-4  # s
-LOW, HIGH = -20.0, 120.0  # V, as such stacks bear
+LOW, HIGH = 0.0, 98.0  # V, the record's
 LAWS = {"stops": Stops, "relays": Relays, "Duhem": Duhem}
 SLOW = 18.0  # Hz, a tenth of the mode
 STRUCTURE = "drive_lag >> prandtl_ishlinskii >> sensor_nonlinearity >> creep >> resonance"
 BAND = 0.1, 40.0  # Hz
-COLUMNS = "stage", "motion", "drive", "rms_percent", "max_percent"
+COLUMNS = "stage", "motion", "drive", "rms_percent", "max_percent", "model_percent"
 WARM = "inverse", "seconds", "rms_percent"
 _INTEGRAL = 30.0  # 1/s
 _INSET = 0.15
+_EVERY = 4
+"""Samples of the loop in one of `compensate`."""
+_FASTEST = 20.0  # Hz, of the motions that `compensate` follows, 25 samples a period
 
 
 def times(seconds: float) -> np.ndarray:
@@ -146,18 +158,19 @@ def driven(
     desired: np.ndarray,
     law: type,
     change: Callable[[float], tuple[float, float]] = lambda _: (1.0, 0.0),
-) -> np.ndarray:
-    """What the sensor reads (N,) [um] under a drive made of the desired motion and the reading.
+) -> tuple[np.ndarray, np.ndarray]:
+    """What the sensor reads (N,) [um] under a drive (N,) [V] of the desired motion and the reading.
 
     `change` gives by the time [s] a factor of the reading and an offset [um], as of a warm stage.
     """
     stage, noise = Stage(law(), STEP), np.random.default_rng(2)
-    readings = np.empty(desired.size)
+    readings, drives = np.empty((2, desired.size))
     for n, aim in enumerate(desired):
         gain, offset = change(n * STEP)
         readings[n] = gain * stage.reading + offset + NOISE * noise.standard_normal()
-        stage(control(aim, readings[n]))
-    return readings
+        drives[n] = control(aim, readings[n])
+        stage(drives[n])
+    return readings, drives
 
 
 def parts(model: fj.Model, recording: fj.Recording) -> tuple[fj.Model, fj.Model]:
@@ -207,58 +220,91 @@ def controllers(
     }
 
 
-def row(stage: str, motion: str, drive: str, desired: np.ndarray, read: np.ndarray) -> dict:
-    """One line of real_time.csv."""
-    last = slice(-round(2.0 / STEP), None)
-    error = 100 * (read - desired)[last] / np.ptp(desired[last])
-    error = error[error.size // 4 :]
-    values = np.sqrt(np.mean(error**2)), np.abs(error).max()
-    return dict(zip(COLUMNS, (stage, motion, drive, *(f"{v:.3g}" for v in values)), strict=True))
+class Fitted(NamedTuple):
+    """A model with the sensor's zero, where the stage began at rest and for one that rested."""
+
+    model: fj.Model
+    begun: float
+    rested: float
 
 
-def tracked(name: str, fit: Path, recording: fj.Recording, folder: Path) -> list[dict]:
+def fitted(path: Path) -> Fitted:
+    """A fit that was written."""
+    model, content = fj.load_model(path), json.loads(path.read_text(encoding="utf-8"))
+    begun, duration = content["offsets"][0], content["setting"]["duration"]
+    return Fitted(model, begun, settled_offset(model, begun, "rest", duration))
+
+
+def offline(one: Fitted, desired: np.ndarray) -> Callable[[float, float], float]:
+    """The drive of `compensate`, played sample by sample."""
+    wanted = fj.Trajectory(desired[::_EVERY], _EVERY * STEP)
+    found = fj.compensate(one.model, wanted, history="rest", offset=one.begun)
+    spline = CubicSpline(_EVERY * np.arange(found.drive.size), found.drive)
+    drive = iter(np.clip(spline(np.arange(desired.size)), LOW, HIGH))
+    return lambda aim, read: float(next(drive))
+
+
+def ends(recording: fj.Recording) -> tuple[float, float]:
+    """The readings [um] between which a stage swings that was driven over the record's range."""
+    swung = round(2.4 / STEP)  # after two swings from 0 to 98 V
+    return recording.response[swung - 1000 : swung].min(), recording.response.max()
+
+
+def eased(start: float, end: float, seconds: float) -> np.ndarray:
+    """A motion (N,) from one reading [um] to another, half a sine."""
+    return start + (end - start) * (1 - np.cos(np.pi * times(seconds) / seconds)) / 2
+
+
+def tracked(name: str, one: Fitted, recording: fj.Recording, folder: Path) -> list[dict]:
     """Every motion by every controller, on one stage."""
-    model, offset = fj.load_model(fit), json.loads(fit.read_text(encoding="utf-8"))["offsets"][0]
     law, rows = LAWS[name], []
-    begin = controllers(model, recording, offset, folder / name)
-    low, high = recording.response.min(), recording.response.max()
-    low, high = low + _INSET * (high - low), high - _INSET * (high - low)
+    begin = controllers(one.model, recording, one.rested, folder / name)
+    observer = fj.streaming_model(one.model, STEP, BAND, limits=(LOW, HIGH), offset=one.rested)
+    low, high = ends(recording)
+    swings = [eased(0.0, high, 0.5), *(eased(*two, 0.5) for two in ((high, low), (low, high)))]
+    last = slice(-round(1.5 / STEP), None)
     for motion, shape in motions().items():
-        shape = low + (high - low) * shape
-        approach = shape[0] * (1 - np.cos(np.pi * times(0.5) / 0.5)) / 2
-        desired = np.concatenate([approach, shape])
-        for drive, make in begin.items():
-            rows.append(row(name, motion, drive, desired, driven(make(), desired, law)))
-        for line in rows[-len(begin) :]:
-            print("  ".join(f"{value:>22}" for value in line.values()), flush=True)
+        shape = low + (high - low) * (_INSET + (1 - 2 * _INSET) * shape)
+        desired = np.concatenate([*swings, eased(high, low, 0.5), eased(low, shape[0], 0.5), shape])
+        known = {"offline": lambda wanted=desired: offline(one, wanted)}
+        slow = not motion.startswith("sine") or float(motion.split()[1]) < _FASTEST
+        for drive, make in {**(known if slow else {}), **begin}.items():
+            read, applied = driven(make(), desired, law)
+            by_model = observer.run(applied, observer.start(0.0)).output
+            errors = (100 * (read - x)[last] / np.ptp(shape) for x in (desired, by_model))
+            error, models = errors
+            values = np.sqrt(np.mean(error**2)), np.abs(error).max(), np.sqrt(np.mean(models**2))
+            texts = (name, motion, drive, *(f"{v:.3g}" for v in values))
+            rows.append(dict(zip(COLUMNS, texts, strict=True)))
+            print("  ".join(f"{text:>22}" for text in texts), flush=True)
     return rows
 
 
-def warmed(fit: Path, recording: fj.Recording, folder: Path) -> list[dict]:
+def warmed(one: Fitted, recording: fj.Recording, rmse: float, folder: Path) -> list[dict]:
     """A stage that changes, by the fixed inverse and by the adaptive one."""
-    model, content = fj.load_model(fit), json.loads(fit.read_text(encoding="utf-8"))
-    offset, seconds = content["offsets"][0], 40.0
-    low, high = recording.response.min(), recording.response.max()
+    seconds = 40.0
+    low, high = ends(recording)
     walk = np.cumsum(np.random.default_rng(6).standard_normal(times(seconds).size))
     walk = lfilter(*butter(2, [0.3, 5.0], "bandpass", fs=1 / STEP), walk)
     shape = np.clip(0.5 + walk / (6 * walk.std()), 0.1, 0.9)
-    desired = np.concatenate([np.linspace(0, shape[0], 1000), shape])
-    desired = desired * (high - low) * 0.8
+    shape = low + (high - low) * (_INSET + (1 - 2 * _INSET) * shape)
+    swings = [eased(0.0, high, 0.5), eased(high, low, 0.5), eased(low, high, 0.5)]
+    desired = np.concatenate([*swings, eased(high, low, 0.5), eased(low, shape[0], 0.5), shape])
     rows = []
-    adaptation = fj.Adaptation(memory=20.0, error=content["scores"]["rmse"])
+    adaptation = fj.Adaptation(memory=20.0, error=rmse)
 
     def change(t: float) -> tuple[float, float]:
         return 1 - 0.08 * t / seconds, -0.3 * t / seconds
 
     for name, adaptive in (("fixed", None), ("fixed + integral", None), ("adaptive", adaptation)):
-        inverse = stream(model, offset, adaptive=adaptive)
+        inverse = stream(one.model, one.rested, adaptive=adaptive)
         loop = Loop(compiled(inverse, folder / name.replace(" ", "_")))
         control = loop if adaptive else loop.ahead
         if "integral" in name:
             control = with_integral(loop)
-        read = driven(control, desired, Stops, change)
-        error = 100 * (read - desired) / np.ptp(desired)
-        for part, where in enumerate(np.array_split(error[1000:], 4)):
+        read, _ = driven(control, desired, Stops, change)
+        error = 100 * (read - desired)[-shape.size :] / np.ptp(shape)
+        for part, where in enumerate(np.array_split(error, 4)):
             values = name, f"{10 * part}..{10 * part + 10}", f"{np.sqrt(np.mean(where**2)):.3g}"
             rows.append(dict(zip(WARM, values, strict=True)))
             print(values, flush=True)
@@ -285,9 +331,11 @@ def main() -> None:
             recording = fj.Recording(drive, measure(drive, 1, 0.0, law, STEP), STEP, source=name)
             if given.identify:
                 identify(fit, recording)
-            rows += tracked(name, fit, recording, Path(scratch))
+            one = fitted(fit)
+            rows += tracked(name, one, recording, Path(scratch))
             if law is Stops:
-                warm = warmed(fit, recording, Path(scratch))
+                rmse = json.loads(fit.read_text(encoding="utf-8"))["scores"]["rmse"]
+                warm = warmed(one, recording, rmse, Path(scratch))
     written(given.out / "real_time.csv", COLUMNS, rows)
     written(given.out / "adaptive.csv", WARM, warm)
 

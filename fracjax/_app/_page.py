@@ -55,6 +55,7 @@ class _Page:
         ]
         outputs = [
             *(self.message, self.sentence, self.facts, self.models, self.plots.pane),
+            *(pn.Row(self.loop_step, self.slew, self.in_a_loop), self.promise),
             *(pn.Row(self.leave_out, self.count_all), self.masked),
             pn.FlexBox(self.report, self.next_drive, self.copy_command, self.copy_python),
             *(self.command, self.python),
@@ -117,6 +118,11 @@ class _Page:
         self.count_all = widgets.Button(label="Count all samples")
         self.leave_out.on_click(lambda event: self._mask(brushed_times(self.plots.samples)))
         self.count_all.on_click(lambda event: self._mask([]))
+        self.loop_step = widgets.TextInput(label="step of a loop", value="1 ms", width=150)
+        self.slew = widgets.TextInput(label="slew limit", placeholder="50 V/ms", width=150)
+        self.in_a_loop = widgets.Button(label="Promise in a loop", disabled=True)
+        self.in_a_loop.on_click(lambda event: self._begin("promise"))
+        self.promise = pn.pane.HTML("", sizing_mode="stretch_width")
         self.report = widgets.Button(label="Save report", disabled=True)
         self.report.on_click(lambda event: self._save_report())
         self.next_drive = widgets.FileDownload(
@@ -175,6 +181,7 @@ class _Page:
         """Read the files again: what they hold, their plots, and no results."""
         self.plots.clear()
         self.diagnosis = None
+        self.in_a_loop.disabled, self.promise.object = True, ""
         self.sentence.object = self.facts.object = ""
         self.message.visible = False
         self.models.param.update(options={}, value=[])
@@ -215,8 +222,10 @@ class _Page:
             return
         with self._showing_errors():
             self.task = task
-            self._write_texts()
-            compute = self._fitting() if task == "fit" else self._diagnosing()
+            if task != "promise":
+                self._write_texts()
+            makers = {"fit": self._fitting, "promise": self._promising}
+            compute = makers.get(task, self._diagnosing)()
             self.message.visible = False
             self.job = Job(compute, self.limit.value or _LIMIT)
             self.stop.disabled, self.fit.disabled, self.diagnose.disabled = False, True, True
@@ -229,6 +238,25 @@ class _Page:
 
         def compute(progress: Progress) -> object:
             return fit(model, recordings, mask=mask, progress=progress)
+
+        return compute
+
+    def _promising(self) -> Any:
+        """What the inverse of the last fit, or of what a diagnosis has extended, would leave of
+        motions in a loop."""
+        from .._recording import parse_quantity
+        from .._streaming import streaming_inverse
+
+        fitted = self.plots.latest_fit()
+        unit = f"{fitted.preparation.takes[0].recording.drive_unit}/s"
+        slew = parse_quantity(self.slew.value, unit, "slew limit") if self.slew.value else None
+        step = self.loop_step.value
+
+        def compute(progress: Progress) -> object:
+            progress("inverting the model sample by sample")
+            inverse = streaming_inverse(fitted, step, slew=slew)
+            progress("simulating the promise")
+            return inverse.promise()
 
         return compute
 
@@ -268,12 +296,16 @@ class _Page:
             self._take(job.result)
 
     def _take(self, result: Any) -> None:
-        """Show a fit or a diagnosis beside what there is."""
+        """Show a fit, a diagnosis or a promise beside what there is."""
+        if self.task == "promise":
+            self.promise.object = result._repr_html_()
+            return
         if self.task == "diagnose":
             self.diagnosis = result
         self.sentence.object = self.plots.take(result)
         self.models.param.update(options=self.plots.choices(), value=self.plots.latest())
-        self.report.disabled = False
+        self.report.disabled = self.in_a_loop.disabled = False
+        self.promise.object = ""
         self.next_drive.disabled = self.diagnosis is None or not self.diagnosis.next_experiment
         self._draw()
 

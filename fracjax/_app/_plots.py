@@ -111,6 +111,10 @@ class Plots:
         """The fits of the last result."""
         return self._new
 
+    def latest_fit(self) -> Any:
+        """The last fit, the extended one of a diagnosis where there is one."""
+        return self._fits[self._new[-1]]
+
     def draw(self, chosen: Sequence[int]) -> None:
         """Draw the recording with the chosen fits."""
         recording = self._recording

@@ -28,7 +28,7 @@ from ._options import (
 from ._progress import stages
 from ._results import Results, Summary
 from ._statuses import NOT_CONVERGED, fail
-from ._stream import Wanted, allowed_range, stream_options, write_stream
+from ._stream import Wanted, allowed_range, offset_of, stream_options, write_stream
 
 if TYPE_CHECKING:
     from .._compensate import ModelError, Trajectory
@@ -59,7 +59,8 @@ if TYPE_CHECKING:
     "--posterior",
     "posterior",
     metavar="DIR",
-    help="Results of `posterior`, whose draws give the band of the prediction.",
+    help="Results of `posterior`, whose draws give the band of the prediction, or with --target "
+    "the interval of the promise.",
 )
 @stream_options
 @options(time_option, output_option, rate_option, unit_options)
@@ -86,7 +87,8 @@ def compensate_command(
 
     Writes the drive (in the trajectory's format), compensation.json and report.html.  A drive in
     the trajectory's file is not used.  Without a trajectory, `--target c --step "50 us"` writes the
-    inverse for a real-time loop, whose motions are not known ahead.
+    inverse for a real-time loop, whose motions are not known ahead, and `--target fmu` for a
+    simulation of it.
     """
     if target is not None:
         if trajectory is not None:
@@ -94,10 +96,13 @@ def compensate_command(
                 "a trajectory or --target", f"both {trajectory} and --target {target}"
             )
         return write_stream(
-            fitted, out, Wanted(target, step, real, limits, slew, offset, adaptive), results
+            fitted,
+            out,
+            Wanted(target, step, real, limits, slew, offset, adaptive, posterior),
+            results,
         )
     if trajectory is None:
-        raise _other_call("a trajectory, or --target c for a real-time loop", "neither")
+        raise _other_call("a trajectory, or --target c or fmu for a real-time loop", "neither")
     from .._compensate import compensate
     from .._io import SUFFIXES
     from .._recording import parse_quantity
@@ -113,7 +118,7 @@ def compensate_command(
         "limits": allowed_range(limits, content),
         "slew": slew and parse_quantity(slew, f"{drive_unit}/s", "--slew"),
         "regularisation": parse_quantity(regularisation or 0.0, "s", "--regularisation"),
-        "offset": content["offsets"][0]
+        "offset": _zero(model, content, history)
         if offset is None
         else parse_quantity(offset, unit, "--offset"),
         "history": history,
@@ -157,6 +162,11 @@ def _inputs(
     samples, step, file_unit = read_response(path, **columns)
     unit = content["units"]["response"]
     return Trajectory(samples, step, file_unit, path).in_unit(unit), model, content
+
+
+def _zero(model: Model, content: dict[str, Any], history: History) -> float:
+    """The reading [response] at the model's zero with a history of the motion."""
+    return content["offsets"][0] if history == "rest" else offset_of(model, content)
 
 
 def _model_error(folder: Path, model: str, content: dict[str, Any]) -> ModelError:

@@ -1,4 +1,4 @@
-"""`fracjax compensate --target c`: the inverse for a real-time loop."""
+"""`fracjax compensate --target`: the inverse for a real-time loop."""
 
 from __future__ import annotations
 
@@ -15,16 +15,25 @@ from ._progress import stages
 from ._results import Results, Summary
 
 if TYPE_CHECKING:
+    from collections.abc import Mapping
+
+    import numpy as np
+
+    from .._models import Model
     from .._streaming import StreamingInverse
 
 stream_options = options(
-    click.option("--target", type=click.Choice(["c"]), help="Write the inverse for a loop."),
+    click.option(
+        "--target",
+        type=click.Choice(["c", "fmu"]),
+        help="Write the inverse for a loop, in C or as an FMU 3.0.",
+    ),
     click.option("--step", metavar='"50 us"', help="Time step of the loop, with --target."),
     click.option(
         "--real",
         type=click.Choice(["double", "float"]),
         default="double",
-        help="Type of the numbers in C.",
+        help="Type of the numbers in C; an FMU's is double.",
     ),
     click.option(
         "--adaptive",
@@ -44,13 +53,14 @@ class Wanted(NamedTuple):
     slew: str | None
     offset: str | None
     adaptive: str | None
+    posterior: str | None
 
 
 def write_stream(fitted: str, out: Path, wanted: Wanted, results: Results) -> int:
     """Write the inverse of a fit for a real-time loop."""
     from .._recording import InputError
     from .._show import figure, quantity
-    from .._streaming import promise_table
+    from .._streaming import platforms
 
     if wanted.step is None:
         raise InputError.at(
@@ -59,30 +69,53 @@ def write_stream(fitted: str, out: Path, wanted: Wanted, results: Results) -> in
             "none",
             'give --step "50 us"',
         )
+    if wanted.target == "fmu" and wanted.real == "float":
+        raise InputError.at(
+            "--real",
+            "double with --target fmu, whose numbers the standard fixes",
+            "float",
+            "leave it out, or give --target c",
+        )
+    notes = ["The errors are the inverse's own, by the model. What the model lacks comes on top."]
     with folder(out), stages(results.quiet) as progress:
         progress("inverting the model sample by sample")
-        inverse = _inverse(fitted, wanted)
-        progress("writing and checking the code")
-        results.saved.extend(inverse.write_c(out, real=wanted.real))
+        inverse, draws = _inverse(fitted, wanted)
+        progress("writing the code")
+        if wanted.target == "c":
+            results.saved.extend(inverse.write_c(out, real=wanted.real))
+        else:
+            path = inverse.write_fmu(out)
+            results.saved.append(path)
+            notes.append(
+                f"The FMU holds its sources, and a library for {' and '.join(platforms(path))}."
+                if platforms(path)
+                else "The FMU holds its sources alone, as there is no C compiler here."
+            )
         progress("simulating the promise")
-        promise = inverse.promise()
+        promise = inverse.promise(draws)
+        progress("writing the report")
+        results.save_report(promise, out / "report.html")
     results.show(
-        lambda: {**inverse.to_dict(), "promise": [row._asdict() for row in promise]},
+        lambda: {**inverse.to_dict(), "promise": promise.to_dict()},
         lambda: Summary(
             f"The inverse of {inverse.model} runs every {quantity(inverse.step, 's')}, and its "
             f"linear parts hold to {figure(100 * inverse.error)} % from "
             f"{figure(inverse.band[0])} to {quantity(inverse.band[1], 'Hz')}.",
-            promise_table(promise, inverse.units[1]),
-            ["The errors are the inverse's own, by the model. What the model lacks comes on top."],
+            promise.table(),
+            [*promise.failures, *notes],
         ),
     )
     return 0
 
 
-def _inverse(fitted: str, wanted: Wanted) -> StreamingInverse:
-    """The inverse that a call asks for."""
+def _inverse(
+    fitted: str, wanted: Wanted
+) -> tuple[StreamingInverse, Mapping[str, np.ndarray] | None]:
+    """The inverse that a call asks for, and draws of its parameters, of a posterior or by the fit's
+    covariance; None for a fit of before that was saved."""
+    from .._posterior import load_posterior
     from .._recording import parse_quantity
-    from .._streaming import Adaptation, streaming_inverse, usual_band
+    from .._streaming import Adaptation, draws_of, streaming_inverse, usual_band
 
     model, content = model_of_fit(fitted)
     setting, units = content["setting"], (content["units"]["drive"], content["units"]["response"])
@@ -93,19 +126,33 @@ def _inverse(fitted: str, wanted: Wanted) -> StreamingInverse:
     if wanted.adaptive is not None:
         memory = parse_quantity(wanted.adaptive, "s", "--adaptive")
         adaptive = Adaptation(memory=memory, error=content["scores"]["rmse"])
-    offset, duration = content["offsets"][0], setting["duration"]
-    return streaming_inverse(
+    draws = None
+    if wanted.posterior is not None:
+        draws = load_posterior(wanted.posterior).samples
+    elif "correlation" in content:
+        draws = draws_of(content["parameters"], content["correlation"])
+    duration = setting["duration"]
+    inverse = streaming_inverse(
         model,
         step,
         usual_band(step, duration),
         limits=limits,
         slew=parse_quantity(wanted.slew, f"{drive}/s", "--slew") if wanted.slew else None,
-        offset=offset
+        offset=offset_of(model, content)
         if wanted.offset is None
         else parse_quantity(wanted.offset, response, "--offset"),
         units=units,
         adaptive=adaptive,
     )
+    return inverse, draws
+
+
+def offset_of(model: Model, content: dict[str, Any]) -> float:
+    """The reading [response] at the model's zero of a stage at rest, by a fit.json's content."""
+    from .._compensate import settled_offset
+
+    history, duration = content["assumptions"][0]["history"], content["setting"]["duration"]
+    return settled_offset(model, content["offsets"][0], history, duration)
 
 
 def allowed_range(text: str | None, content: dict[str, Any]) -> tuple[float, float] | None:

@@ -32,6 +32,8 @@ _GRID_TOLERANCE, _FINEST = 1e-5, 8
 hundredth of the error that counts as missed, or to so many steps per sample; by judgement."""
 _DRAWS = 200
 """Most draws for the band: its 2.5 % ends then rest on five draws each; chosen by judgement."""
+_AT_ONCE = 8
+"""Draws that are simulated at once, the number that took the least time."""
 _SMOOTH = ("akima", "cubic")
 """Methods of `interpolate` that stand for a drive without corners."""
 _inverse_drive = compiled(InvertedPlant.drive)
@@ -238,6 +240,18 @@ def _band(
     With the recording that the draws were sampled for, each response is shifted so that the mean
     response to that recording is the same for all draws.
     """
+    chosen = _chosen(block, draws, _DRAWS)
+    responses = np.asarray(_responses(block, chosen, plant, drive))
+    if recording is not None:
+        recorded = replace(plant, step=np.asarray(recording.dt))
+        means = np.asarray(_responses(block, chosen, recorded, recording.drive)).mean(axis=1)
+        fitted = np.asarray(respond(recorded, recording.drive)).mean()
+        responses = responses - (means - fitted)[:, None]
+    return np.percentile(responses, [2.5, 97.5], axis=0)
+
+
+def _chosen(block: AbstractBlock, draws: Mapping[str, np.ndarray], most: int) -> np.ndarray:
+    """Values (D, d) of the free parameters, at most so many of the draws."""
     labels = layout_of(block).labels(block)
     placed = {path_of_name(name, block): draw for name, draw in draws.items()}
     for label in labels:
@@ -249,14 +263,18 @@ def _band(
                 "give draws of this model's posterior",
             )
     values = np.stack([np.ravel(placed[path_of_name(label, block)]) for label in labels], axis=1)
-    chosen = values[np.linspace(0, len(values) - 1, min(_DRAWS, len(values))).astype(int)]
-    responses = np.asarray(_responses(block, chosen, plant, drive))
-    if recording is not None:
-        recorded = replace(plant, step=np.asarray(recording.dt))
-        means = np.asarray(_responses(block, chosen, recorded, recording.drive)).mean(axis=1)
-        fitted = np.asarray(respond(recorded, recording.drive)).mean()
-        responses = responses - (means - fitted)[:, None]
-    return np.percentile(responses, [2.5, 97.5], axis=0)
+    return values[np.linspace(0, len(values) - 1, min(most, len(values))).astype(int)]
+
+
+def changes_by_draws(
+    block: AbstractBlock, draws: Mapping[str, np.ndarray], drive: np.ndarray, step: float, most: int
+) -> np.ndarray:
+    """How the response to a drive (N,), whose first value was held before, changes with draws of
+    the parameters, at most so many of them: (D, N) [response]."""
+    with computing():
+        plant = Plant(block, np.asarray(step), np.asarray(0.0), "constant", 1, False)
+        drawn = _responses(block, _chosen(block, draws, most), plant, drive)
+        return np.asarray(drawn - respond(plant, drive))
 
 
 @compiled
@@ -269,4 +287,4 @@ def _responses(block: AbstractBlock, values: np.ndarray, plant: Plant, drive: np
         undisturbed, _ = without_disturbances(drawn)
         return eqx.tree_at(lambda p: p.block, plant, undisturbed)(jnp.asarray(drive))
 
-    return jax.lax.map(response, jnp.asarray(values))
+    return jax.lax.map(response, jnp.asarray(values), batch_size=_AT_ONCE)

@@ -358,6 +358,7 @@ class Fit(Shown):
                 "response": first.recording.response_unit,
             },
             "parameters": {e.name: e.to_dict() for e in self.estimates},
+            "correlation": self.correlation.tolist(),
             "known_only_together": list(self.correlated),
             "combinations": [combination.to_dict() for combination in self.combinations],
             **self.preparation.conditions.to_dict(self.model.block),

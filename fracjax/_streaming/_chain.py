@@ -12,12 +12,14 @@ from jax import Array
 from .._blocks import AbstractBlock, AbstractLinearBlock, Delay, LinearSeries, Series
 from .._recording import InputError
 from .._systems import rational
-from ._sections import Linear, Sampling, Section, lead, section_of, static_gain
+from ._sections import LEAD, Linear, Sampling, Section, lead, section_of, static_gain
 from ._stages import Filtered, Solved, Stage
 
 _SWINGS, _SAMPLES = (1.0, 0.8, 0.6, 0.4, 0.25, 0.12), 200
 """The drive of the test for an inverse: swings of these shares of the range, and the samples
 between two turns; chosen by judgement."""
+_SLIGHT = 1e-3
+"""A slope of this order of s is rounding; chosen by judgement."""
 WIDER = 0.25
 """Within the chain, a stage's drive may leave the range of the test by so many spans, as creep may
 ask; further away a curve that was fitted within it may turn.  Chosen by judgement."""
@@ -53,19 +55,23 @@ def chain_of(block: AbstractBlock, sampling: Sampling) -> Chain:
     drive = sampling.low + (sampling.high - sampling.low) * drive
     stages, ranges, steady = [], [(sampling.low, sampling.high)], []
     for part in _parts(block):
+        span = ranges[-1][1] - ranges[-1][0]
         if isinstance(part, Delay):
             delay = float(part.delay.value)
             ahead = Linear(
-                lead(delay), 1.0, sampling.step, "delay", lambda s, t=delay: jnp.exp(t * s)
+                lead(delay), 1.0, sampling.step, "delay", lambda s, t=delay: jnp.exp(t * s), LEAD
             )
-            stages.append(Filtered(ahead))
+            stages.append(Filtered(ahead, span))
             steady.append(0.0)
         elif isinstance(part, AbstractLinearBlock):
             inverse, static = part.inverse(), static_gain(part)
             system = rational(inverse, sampling.band)
             static = 1 / static if static else 0.0
             name = f"inverse of {type(part).__name__}"
-            stages.append(Filtered(Linear(system, static, sampling.step, name, inverse.symbol)))
+            ahead = Linear(
+                system, static, sampling.step, name, inverse.symbol, _derivatives(inverse)
+            )
+            stages.append(Filtered(ahead, span))
             drive = static_gain(part) * drive
             steady.append(0.0)
         else:
@@ -81,7 +87,6 @@ def chain_of(block: AbstractBlock, sampling: Sampling) -> Chain:
                     f"{total.max():.3g}, and {slow:.3g} at rest (response per drive)",
                     "fit another model, or use compensate for a motion that is known ahead",
                 )
-            span = ranges[-1][1] - ranges[-1][0]
             stages.append(Solved(section, bool(total[0] > 0), span))
             steady.append(float(np.min(np.abs(total) / (np.abs(slopes) @ np.abs(section.gains)))))
         middle, half = (drive.max() + drive.min()) / 2, (0.5 + WIDER) * np.ptp(drive)
@@ -98,6 +103,14 @@ def _parts(block: AbstractBlock) -> list[AbstractBlock]:
     if isinstance(one, AbstractLinearBlock) and isinstance(two, AbstractLinearBlock):
         return [*first[:-1], LinearSeries(one, two), *second[1:]]
     return first + second
+
+
+def _derivatives(inverse: AbstractLinearBlock) -> int:
+    """The highest derivative of its drive that an inverse responds to."""
+    s = 1j * np.array([1e9, 1e10])
+    with jax.enable_x64(True):
+        first, second = np.abs(np.asarray(inverse.symbol(jnp.asarray(s))))
+    return max(int(np.ceil(np.log10(second / first) - _SLIGHT)), 0)
 
 
 def _swing(share: float) -> np.ndarray:

@@ -101,15 +101,16 @@ class InverseProgram:
         offsets: list[Any] = [0.0] * len(stages)
         if learning is not None:
             gains[learning.at], offsets[learning.at] = learning.scaled(state["learning"])
-        drive = aim - self.offset
+        drive, aims = aim - self.offset, [aim] * len(stages)
         for k in reversed(range(len(stages))):
             bracket = nearest if k == 0 else tuple(self.chain.ranges[k])
-            drive = stages[k].drive_for(
-                state["stage"][k], gains[k], drive - offsets[k], bracket, eps
-            )
+            aims[k] = drive - offsets[k]
+            drive = stages[k].drive_for(state["stage"][k], gains[k], aims[k], bracket, eps)
         value, states, features = drive, [], None
         for k, stage in enumerate(stages):
-            value, features_here, after = stage.advance(state["stage"][k], gains[k], value)
+            value, features_here, after = stage.advance(
+                state["stage"][k], gains[k], value, aims[k], eps
+            )
             value = value + offsets[k]
             states.append(after)
             if learning is not None and k == learning.at:

@@ -7,7 +7,9 @@ Newton's method ends at the exact root after as many steps as pieces are crossed
 advances by the drive that was *applied*: at a limit nothing winds up.
 
 A linear law is inverted as the difference equations of 1/G(s), which hold within the band.  At a
-limit their state advances by the motion whose drive is the one applied (Hanus' conditioning).
+limit their state advances by the motion whose drive is the one applied (Hanus' conditioning).  What
+answers to accelerations, such as a mode, then counts as slow: to bring it at once to where it
+should be would ask for drives of either sign in turn, each at a limit again.
 Source: Press et al., Numerical Recipes (2007), section 9.4; Hanus, Kinnaert & Henrotte, Automatica
 23 (1987) 729.
 """
@@ -47,8 +49,11 @@ class Stage(abc.ABC):
         """The drive within a bracket whose response is nearest to the given one."""
 
     @abc.abstractmethod
-    def advance(self, state: State, gains: Any, drive: Array) -> tuple[Array, Array, State]:
-        """The response to the applied drive, its features, and the state after it."""
+    def advance(
+        self, state: State, gains: Any, drive: Array, aim: Array, eps: Array
+    ) -> tuple[Array, Array, State]:
+        """The response to the applied drive, which is the aim [response] where that was reached,
+        its features, and the state after it."""
 
 
 class Solved(Stage):
@@ -95,7 +100,9 @@ class Solved(Stage):
         search = (low + 0 * begin, high + 0 * begin, begin, far, far, jnp.zeros((), int))
         return jax.lax.while_loop(unfinished, improve, search)[2]
 
-    def advance(self, state: State, gains: Any, drive: Array) -> tuple[Array, Array, State]:
+    def advance(
+        self, state: State, gains: Any, drive: Array, aim: Array, eps: Array
+    ) -> tuple[Array, Array, State]:
         features, law = self.section.begin(state["law"])(drive)
         after = {"at": drive, "move": drive - state["at"], "law": law}
         return weighed(features, gains), features, after
@@ -104,8 +111,8 @@ class Solved(Stage):
 class Filtered(Stage):
     """A linear law, inverted by the difference equations of 1/G(s)."""
 
-    def __init__(self, inverse: Linear):
-        self.inverse, self.gains = inverse, np.ones(1)
+    def __init__(self, inverse: Linear, span: float):
+        self.inverse, self.span, self.gains = inverse, span, np.ones(1)
         self.sign = -1.0 if inverse.static < 0 else 1.0
 
     def start(self, drive: Array) -> tuple[Array, State]:
@@ -119,6 +126,9 @@ class Filtered(Stage):
         drive = self.inverse.response(state)(response)[0]
         return jnp.minimum(jnp.maximum(drive, bracket[0]), bracket[1])
 
-    def advance(self, state: State, gains: Any, drive: Array) -> tuple[Array, Array, State]:
-        response = self.inverse.drive_for(drive, state)
-        return response, jnp.reshape(response, (1,)), self.inverse.begin(state)(response)[1]
+    def advance(
+        self, state: State, gains: Any, drive: Array, aim: Array, eps: Array
+    ) -> tuple[Array, Array, State]:
+        close = jnp.sqrt(eps) * self.span
+        response, after = self.inverse.advance(state, drive, aim, close)
+        return response, jnp.reshape(response, (1,)), after

@@ -7,7 +7,7 @@ from typing import Any, NamedTuple
 import numpy as np
 
 from .._blocks import AbstractBlock
-from .._compensate import without_disturbances
+from .._compensate import settled_offset, without_disturbances
 from .._fit import Fit
 from .._models import Model
 from .._recording import UNSTATED, InputError, parse_quantity
@@ -15,14 +15,16 @@ from .._systems import Band
 from ._adaptive import Adaptation, Learning
 from ._chain import chain_of
 from ._program import InverseProgram, Limits, ModelProgram
-from ._sections import Linear, Sampling, Section, section_of
+from ._promise import draws_of
+from ._sections import FAST, Linear, Sampling, Section, section_of
 from ._stages import Filtered, Solved
 from ._stream import StreamingInverse, StreamingModel
 
 _MARGIN = 300.0
 """Powers of s are followed over a band wider by this factor at either end; chosen by judgement."""
-_REACH = 20.0
-"""A derivative rolls off at this factor above the band; chosen by judgement."""
+_REACH, _BEYOND = 20.0, 2.0
+"""A derivative rolls off at this factor above the band, and above what counts as fast; chosen by
+judgement."""
 _TOP, _PERIODS = 0.02, 0.1
 """The band by default: up to this share of the sampling rate, and from this many periods in the
 recording; chosen by judgement."""
@@ -50,12 +52,17 @@ def _given(
     units: tuple[str, str] | None,
 ) -> _Given:
     """The block with everything that a stream of it needs, checked."""
-    duration, where = None, "streaming"
+    duration, draws, where = None, None, "streaming"
     if isinstance(model, Fit):
-        setting, recording = model.preparation.setting, model.preparation.takes[0].recording
+        setting, take = model.preparation.setting, model.preparation.takes[0]
+        recording = take.recording
         limits = limits or (setting.drive_low, setting.drive_high)
-        offset = model.offsets[0] if offset is None else offset
+        if offset is None:
+            offset = settled_offset(model.model, model.offsets[0], take.history, setting.duration)
         units = units or (recording.drive_unit, recording.response_unit)
+        draws = draws_of(
+            {name: one.to_dict() for name, one in model.parameters.items()}, model.correlation
+        )
         duration, model = setting.duration, model.model
     if not isinstance(model, Model):
         raise InputError.at(where, "a fit or a model", type(model).__name__, "give fj.fit(…)")
@@ -85,7 +92,8 @@ def _given(
         raise InputError.at(where, "a model with a drive", model.name, "choose another model")
     low, high = map(float, limits)
     omega = 2 * np.pi * bottom, 2 * np.pi * top
-    edges = Band(omega[0] / _MARGIN, omega[1] * _MARGIN, _REACH * omega[1])
+    roll_off = max(_REACH * omega[1], _BEYOND * FAST / step)
+    edges = Band(omega[0] / _MARGIN, omega[1] * _MARGIN, roll_off)
     sampling = Sampling(step, edges, *omega, low, high)
     change = high - low if slew is None else min(slew * step, high - low)
     shared = {
@@ -98,6 +106,7 @@ def _given(
         "offset": offset or 0.0,
         "left_out": left_out,
         "whole": Model(block, model.name),
+        "draws": draws,
     }
     return _Given(block, sampling, shared, Limits(low, high, change), offset or 0.0)
 

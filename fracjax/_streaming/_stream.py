@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Mapping
 from dataclasses import dataclass
 from functools import cached_property
 from pathlib import Path
@@ -15,12 +16,17 @@ from .._models import Model
 from .._recording import InputError
 from .._show import Shown, Table, View, figure, quantity
 from ._adaptive import Adaptation
-from ._c import write_c
+from ._c import write_c, write_fmu
 from ._program import Described, InverseProgram, Output, Program, revived_step
-from ._promise import Promised, promised
+from ._promise import Promise, Sine, promised
 from ._sections import State
+from ._stages import Filtered
 
 SCHEMA = "fracjax.stream/1"
+_FAR = 0.1
+"""The inverse fails where its linear parts have a larger relative error; chosen by judgement."""
+_FREQUENCIES = 400
+"""Frequencies at which that is looked for; chosen by judgement."""
 EPS = float(np.finfo(float).eps)
 
 
@@ -56,6 +62,7 @@ class _Streaming(Shown):
         offset: What the sensor reads where the model's response is zero [response].
         left_out: Names of the blocks left out because they belong to the recorded run alone.
         whole: The model without the blocks left out.
+        draws: Draws of the parameters by name, from a fit's covariance; None where no fit is known.
     """
 
     model: str
@@ -68,6 +75,7 @@ class _Streaming(Shown):
     offset: float
     left_out: tuple[str, ...]
     whole: Model
+    draws: Mapping[str, np.ndarray] | None
     program: Program
 
     def start(self, drive: float = 0.0) -> State:
@@ -75,7 +83,8 @@ class _Streaming(Shown):
 
         Args:
             drive: The drive [drive], within the limits.  Where the history of a stage is not known,
-                go to a limit and to 0 twice, and start there.
+                start there and follow a slow motion over the whole range twice: stage and state
+                then remember that alone.
 
         Returns:
             The state, a tree of arrays of fixed sizes.
@@ -118,7 +127,31 @@ class _Streaming(Shown):
         Raises:
             InputError: When the name is no C identifier or the type is another one.
         """
-        described = Described(
+        return write_c(self._described, Path(folder), name, real)
+
+    def write_fmu(self, folder: str | Path, name: str = "stage") -> Path:
+        """Write the stream as NAME.fmu, for co-simulation by FMI 3.0, in double precision.
+
+        It holds the sources, for tools that compile them, and a library for this machine where
+        there is a C compiler.  A communication step is a multiple of the loop's; its outputs are
+        those of its last sample.  The parameter `rest` is the drive at which the stage has rested.
+
+        Args:
+            folder: Where to write; it is made where missing.
+            name: The name of file and model, a C identifier.
+
+        Returns:
+            The file.
+
+        Raises:
+            InputError: When the name is no C identifier, or the compiler does not work.
+        """
+        return write_fmu(self._described, Path(folder), name)
+
+    @cached_property
+    def _described(self) -> Described:
+        """The stream, as code is written from it."""
+        return Described(
             self.program,
             self.model,
             self.units,
@@ -128,7 +161,6 @@ class _Streaming(Shown):
             self.start,
             lambda inputs, state: self._stream(inputs, state)[:3],
         )
-        return write_c(described, Path(folder), name, real)
 
     def to_dict(self) -> dict[str, Any]:
         """What the stream is, as plain data.
@@ -193,22 +225,74 @@ class StreamingInverse(_Streaming):
             drive = jnp.interp(sign * response, sign * rests, drives)
         return self.start(float(drive))
 
-    def promise(self) -> list[Promised]:
+    def promise(self, draws: Mapping[str, np.ndarray] | None = None) -> Promise:
         """The errors to expect of the inverse along sines, by frequency and height.
 
         They are simulated by the whole model off the loop, and count what the stream approximates
         and where its limits bind.  What the model itself lacks comes on top.
 
+        Args:
+            draws: Values (D,) of the model's free parameters by name, such as `Posterior.samples`,
+                for intervals; by default from the covariance of the fit.
+
         Returns:
-            A row for each sine, with its frequency [Hz], height [response] and error.
+            The error along each sine, and sentences on where the inverse must fail.
+
+        Raises:
+            InputError: When the draws lack a parameter.
         """
-        ends = [float(self.start(drive)["desired"]) for drive in self.limits]
+        ends = [float(self.start(drive)["desired"]) - self.offset for drive in self.limits]
 
-        def drive(desired: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-            streamed = self.run(desired)
-            return streamed.output, streamed.flags
+        def drive(desired: np.ndarray) -> Sine:
+            streamed = self.run(desired + self.offset, measured=self._unmeasured(desired))
+            return Sine(streamed.output, streamed.flags)
 
-        return promised(drive, self.whole, self.step, self.offset, (ends[0], ends[1]))
+        rows = promised(
+            drive,
+            self._linear_error,
+            self.whole,
+            self.step,
+            (ends[0], ends[1]),
+            self.draws if draws is None else draws,
+        )
+        return Promise(self.model, self.units[1], self.step, rows, tuple(self._failures()))
+
+    def _unmeasured(self, desired: np.ndarray) -> np.ndarray | None:
+        """No measured motion (N,), by which the gains of an adaptive inverse stay those of the
+        fit."""
+        return None if self.adaptation is None else np.full(desired.size, np.nan)
+
+    def _linear_error(self, frequencies: np.ndarray) -> np.ndarray:
+        """The largest relative error of the inverted linear parts at frequencies (F,) [Hz]."""
+        program = self.program
+        assert isinstance(program, InverseProgram)
+        parts = [stage.inverse for stage in program.chain.stages if isinstance(stage, Filtered)]
+        errors = [np.zeros(len(frequencies)), *(part.errors(frequencies) for part in parts)]
+        return np.max(errors, axis=0)
+
+    def _failures(self) -> list[str]:
+        """Where the inverse must fail."""
+        drive, sentences = self.units[0], []
+        low, high = self.limits
+        sentences.append(
+            f"A motion that needs a drive beyond {figure(low)} to {quantity(high, drive)} ends at "
+            "the limit."
+        )
+        if self.slew is not None:
+            fastest = self.slew / (np.pi * (high - low))
+            sentences.append(
+                f"A sine over the whole range of the drive is followed up to "
+                f"{quantity(float(fastest), 'Hz')}: beyond, it changes by more than "
+                f"{quantity(self.slew, f'{drive}/s')}."
+            )
+        frequencies = np.geomspace(self.band[0], 0.499 / self.step, _FREQUENCIES)
+        far = frequencies[self._linear_error(frequencies) > _FAR]
+        if far.size:
+            sentences.append(
+                f"From {quantity(float(far[0]), 'Hz')} on the linear parts miss by more than "
+                f"{figure(100 * _FAR)} %: a mode, a lag or a delay is inverted up to there only."
+            )
+        return sentences
 
     def run(
         self,

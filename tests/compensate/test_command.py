@@ -192,7 +192,7 @@ def test_a_target_writes_the_inverse_for_a_loop(fitted, empty_folder, capsys):
     assert out.startswith("The inverse of creep runs every 0.01 s, and its linear parts hold to")
     assert "What the model lacks comes on top." in out
     assert sorted(path.name for path in Path("loop").iterdir()) == [
-        "Makefile", "stage.c", "stage.h", "stage_test.c", "stage_vector.csv",
+        "Makefile", "report.html", "stage.c", "stage.h", "stage_test.c", "stage_vector.csv",
     ]  # fmt: skip
     done = subprocess.run(["make", "-C", "loop", "check"], capture_output=True, text=True)
     assert done.returncode == 0, done.stderr
@@ -201,7 +201,14 @@ def test_a_target_writes_the_inverse_for_a_loop(fitted, empty_folder, capsys):
     told = json.loads(capsys.readouterr().out)
     assert told["limits"] == [0.0, 50.0]
     assert told["step_s"] == 0.01
-    assert {*told["promise"][0]} == {"frequency", "height", "error", "limited"}
+    assert run([*words[:4], "fmu", *words[5:], "--out", "simulated"]) == 0
+    assert "The FMU holds its sources, and a library for" in capsys.readouterr().out
+    assert {path.name for path in Path("simulated").iterdir()} == {"report.html", "stage.fmu"}
+    assert told["promise"]["rows"][0]["interval"][1] > 0
+    assert "ends at the limit" in told["promise"]["failures"][0]
+    page = Path("loop/report.html").read_text(encoding="utf-8")
+    assert "Where it must fail" in page
+    assert "promise.json" in page
 
 
 @pytest.mark.parametrize(
@@ -211,6 +218,7 @@ def test_a_target_writes_the_inverse_for_a_loop(fitted, empty_folder, capsys):
         ([], "found neither"),
         (["--target", "c"], 'give --step "50 us"'),
         (["--target", "c", "--step", "1 V"], "expected a value in s"),
+        (["--target", "fmu", "--step", "1 ms", "--real", "float"], "double with --target fmu"),
         (["--target", "c", "--step", "1 ms", "--limits", "none"], "lowest and highest drive"),
         (["--target", "c", "--step", "1 ms", "--adaptive", "20 s"], "a model with hysteresis"),
     ],

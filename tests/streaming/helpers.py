@@ -1,6 +1,9 @@
 """A loop's step, and models of every law that runs in it."""
 
+import os
 import shutil
+import subprocess
+from functools import cache
 
 import numpy as np
 
@@ -50,7 +53,16 @@ LINEAR = {
     "delay": GAIN >> blocks.Delay(3.4e-3, longest=1e-2),
     "mode beside": GAIN + blocks.Resonance(150.0, 0.1),
 }
+SANITIZED = ("-O1", "-g", "-fsanitize=address,undefined", "-fno-sanitize-recover=all")
 COMPILERS = [path for name in ("gcc", "clang") if (path := shutil.which(name))]
+
+
+@cache
+def checks_of(compiler: str) -> tuple[str, ...]:
+    """The flags of a compiler's sanitizers; none where their library is not installed."""
+    command = [compiler, *SANITIZED, "-x", "c", "-", "-o", os.devnull]
+    done = subprocess.run(command, input=b"int main(void) { return 0; }", capture_output=True)
+    return SANITIZED if done.returncode == 0 else ("-O1",)
 
 
 def model(block) -> fj.Model:

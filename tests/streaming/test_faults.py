@@ -133,5 +133,5 @@ def test_a_measured_motion_belongs_to_an_adaptive_inverse():
 
 def test_a_stage_that_rested_at_a_response_is_at_its_drive():
     streamed = LIMITED.run(np.full(50, 2.5))
-    assert np.ptp(streamed.output) < 1e-3
+    assert np.ptp(streamed.output) < 5e-3  # V, of a grid for the drive at rest
     np.testing.assert_allclose(streamed.predicted, 2.5, atol=1e-3)

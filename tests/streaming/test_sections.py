@@ -21,6 +21,7 @@ from tests.streaming.helpers import (
     STACK,
     STEP,
     SWINGS,
+    TIMES,
     inverse_of,
     model,
     model_of,
@@ -113,13 +114,40 @@ def test_without_a_limit_a_stream_goes_on_where_it_ended():
 
 
 def test_the_promise_grows_towards_the_mode_and_says_where_a_limit_binds():
-    rows = inverse_of(PLAYS >> blocks.Resonance(180.0, 0.05), slew=5000.0).promise()
+    promise = inverse_of(PLAYS >> blocks.Resonance(180.0, 0.05), slew=5000.0).promise()
+    rows = promise.rows
     small = [row for row in rows if row.height == min(r.height for r in rows)]
-    errors = [row.error for row in sorted(small)]
+    errors = [row.error for row in sorted(small, key=lambda row: row.frequency)]
     assert errors[0] < 1e-3
     assert errors[-1] > 30 * errors[0]
     assert any(row.limited > 0.2 for row in rows if row.frequency > 20)
     assert not any(row.limited for row in small if row.frequency < 5)
+    # 5000 V/s over 140 V: a sine of 11.4 Hz; and 1 % of error from the differences' own formula.
+    assert "followed up to 11.4 Hz: beyond, it changes by more than 5000" in promise.failures[1]
+    assert "the linear parts miss by more than 10 %" in promise.failures[2]
+    assert all(row.interval is None for row in rows)
+
+
+def test_a_promise_from_a_fit_has_the_interval_of_its_parameters():
+    """Against draws of the gain alone, whose error is its relative one by the rms of a sine."""
+    law = blocks.Gain(0.1)
+    noise = 0.2 * np.random.default_rng(1).standard_normal(TIMES.size)
+    recording = fj.Recording(SWINGS, 0.1 * SWINGS + noise, STEP, "V", "um")
+    fitted = fj.fit(fj.Model(law, "gain"), recording, starts=1)
+    (estimate,) = fitted.parameters.values()
+    relative = estimate.standard_error / estimate.value / np.sqrt(8)
+    rows = fj.streaming_inverse(fitted, STEP).promise().rows
+    for row in rows:
+        assert row.interval is not None
+        # The 5 % and 95 % points of |z| are 0.06 and 1.96.
+        assert row.interval[0] < 0.3 * relative
+        np.testing.assert_allclose(row.interval[1], 1.96 * relative, rtol=0.35)
+    given = {"k": np.full(8, 1.1 * estimate.value)}
+    wide = fj.streaming_inverse(fitted, STEP).promise(given).rows
+    intervals = np.array([row.interval for row in wide])
+    np.testing.assert_allclose(intervals, 0.1 / np.sqrt(8), rtol=1e-2)
+    with pytest.raises(fj.InputError, match=r"none of k"):
+        fj.streaming_inverse(fitted, STEP).promise({})
 
 
 @pytest.mark.parametrize(

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Mapping
 from functools import lru_cache
 from pathlib import Path
 from string import Template
@@ -16,7 +17,7 @@ from ..._recording import InputError
 from .._program import FLAGS, HELD, LEVEL, RESTARTED, SLEW, Described, sound
 from ._emit import Names, body_of, flattened, number, size_of
 
-_TEMPLATES = Path(__file__).parent
+TEMPLATES = Path(__file__).parent
 _SAMPLES = 4096
 """Samples of the test vector; chosen by judgement."""
 _TOLERANCE = {"double": 1e-9, "float": 2e-3}
@@ -32,10 +33,15 @@ REALS = {"double": ("", "DBL_EPSILON"), "float": ("##f", "FLT_EPSILON")}
 """What follows the name of a number or of a function of math.h, and the rounding error."""
 
 
-def write_c(stream: Described, folder: Path, name: str, real: str) -> list[Path]:
-    """Write the files of a stream."""
+def checked_name(name: str) -> None:
+    """Raises InputError when a name is no C identifier."""
     if not re.fullmatch(r"[A-Za-z][A-Za-z0-9_]*", name) or name in _KEYWORDS:
         raise InputError.at("C code, name", "a C identifier", f'"{name}"', "choose another name")
+
+
+def write_c(stream: Described, folder: Path, name: str, real: str) -> list[Path]:
+    """Write the files of a stream."""
+    checked_name(name)
     if real not in REALS:
         raise InputError.at("C code, real", '"double" or "float"', f'"{real}"', "choose one")
     folder.mkdir(parents=True, exist_ok=True)
@@ -159,8 +165,8 @@ class Code:
         state = sum(int(np.prod(shape)) for _, shape in self.fields)
         return 8 * (state + sum(each.size for each in self.names.constants.values()))
 
-    def fill(self, template: str, real: str) -> str:
-        """A template with everything filled in."""
+    def fill(self, template: str, real: str, others: Mapping[str, str] | None = None) -> str:
+        """A template with everything filled in, and with what only this one has."""
         stream, program = self.stream, self.stream.program
         suffix, epsilon = REALS[real]
         inverse = program.inputs[0] == "desired"
@@ -207,8 +213,8 @@ class Code:
                 )
             ),
         }  # fmt: skip
-        text = (_TEMPLATES / template).read_text(encoding="utf-8")
-        return Template(text).substitute(fields)
+        text = (TEMPLATES / template).read_text(encoding="utf-8")
+        return Template(text).substitute(fields, **(others or {}))
 
 
 def _identifier(path: Any) -> str:

@@ -9,6 +9,8 @@ from ._section import Section as Section
 from ._section import State as State
 from ._section import section_of as section_of
 from ._section import weighed as weighed
+from .delay import LEAD as LEAD
 from .delay import lead as lead
+from .linear import FAST as FAST
 from .linear import Linear as Linear
 from .linear import static_gain as static_gain

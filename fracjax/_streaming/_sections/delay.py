@@ -21,6 +21,9 @@ from ._section import Response, Sampling, Section, State, section_of
 _POLES = 3.0, 3.3
 """a and b: a sudden motion is amplified by 13 at most, and the error at ω τ = 0.1 is 5e-4."""
 
+LEAD = 2
+"""The order of N."""
+
 
 class DelaySection(Section):
     """The drive some samples ago; between two samples on the straight line."""

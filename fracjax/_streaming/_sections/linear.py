@@ -9,8 +9,18 @@ E = exp(λ h) and the step h:
 
 Real poles give first-order sections; a complex pair gives one of second order, whose x is complex
 and of which y takes twice the real part.  The datum is the drive held before the first sample.
+
+An inverse may respond to derivatives of its drive, up to the K-th.  A straight line between samples
+has none at its corners: what poles much faster than the step add is therefore their Taylor series
+a_0 + a_1 s + … + a_K s^K, with
+
+    s v ≈ (3 v_n - 4 v_{n-1} + v_{n-2})/(2 h),      s^k v ≈ ∇^k v_n/h^k for k > 1
+
+The first keeps stable what is stable in continuous time.  The others are k/2 samples late, which is
+little as their share is, and ask for half as much or less of a sudden motion.
 Source: Oustaloup, Levron, Mathieu & Nanot, IEEE Trans. Circuits Syst. I 47 (2000) 25; Franklin,
-Powell & Workman, Digital Control of Dynamic Systems (1998), section 6.3.
+Powell & Workman, Digital Control of Dynamic Systems (1998), section 6.3; Hairer & Wanner, Solving
+Ordinary Differential Equations II (1996), section V.1, for the difference.
 """
 
 from __future__ import annotations
@@ -33,6 +43,10 @@ _SERIES_BELOW = 1e-2
 _SOUND = 1e-6
 """Partial fractions must agree with the state space to this relative error; else poles are too
 close to each other to be separated.  Chosen by judgement."""
+FAST = 2.0
+"""|λ h| above which what an inverse's pole adds is its Taylor series; chosen by judgement."""
+_SLOPE = np.array([1.5, -2.0, 0.5])
+"""The backward difference of second order, times the step."""
 _TRACE = 1e-30
 """A smaller coefficient is 0, as that of a pole which is far faster than the step."""
 _FREQUENCIES = 200
@@ -56,10 +70,19 @@ class Modes(NamedTuple):
 
 
 class Linear(Section):
-    """A rational transfer function; its one gain is a factor of the whole."""
+    """A rational transfer function; its one gain is a factor of the whole.
+
+    `derivatives` is the highest derivative of the drive that it responds to.
+    """
 
     def __init__(
-        self, system: System, static: float, step: float, label: str, exact: Symbol | None = None
+        self,
+        system: System,
+        static: float,
+        step: float,
+        label: str,
+        exact: Symbol,
+        derivatives: int = 0,
     ):
         poles, residues = system.modes()
         s = 2j * np.pi * np.geomspace(1e-3, 0.3, 7) / step
@@ -72,21 +95,24 @@ class Linear(Section):
                 f"{np.sum(np.real(poles) >= 0)} unstable poles of {poles.size}",
                 "use compensate for a motion that is known ahead",
             )
-        one = np.imag(poles) >= 0
-        self.step, self.static, self.system_gain = step, static, system.d
+        fast = (np.abs(poles) * step > FAST) & (derivatives > 0)
+        self.taps = _differences(system.d, poles[fast], residues[fast], step, derivatives)
+        one = (np.imag(poles) >= 0) & ~fast
+        self.step, self.static, self.derivatives = step, static, derivatives
         self.modes = discretised(poles[one], residues[one], step)
         factors = 1 + self.modes.paired
-        self.direct = float(system.d + np.sum(factors * np.real(self.modes.now)))
+        self.direct = float(self.taps[0] + np.sum(factors * np.real(self.modes.now)))
         self.gains, self.labels, self.exact = np.ones(1), (label,), exact
 
     def error(self, band: tuple[float, float]) -> float:
         """The largest relative error of the equations' frequency response within a band [Hz]."""
-        if self.exact is None:
-            return 0.0
-        frequencies = np.geomspace(*band, _FREQUENCIES)
+        return float(self.errors(np.geomspace(*band, _FREQUENCIES)).max())
+
+    def errors(self, frequencies: np.ndarray) -> np.ndarray:
+        """The relative errors of the frequency response at frequencies (F,) [Hz]."""
         with jax.enable_x64(True):
             exact = np.asarray(self.exact(jnp.asarray(2j * np.pi * frequencies)))
-        return float(np.abs(self.frequency_response(frequencies) / exact - 1).max())
+        return np.abs(self.frequency_response(frequencies) / exact - 1)
 
     def frequency_response(self, frequencies: np.ndarray) -> np.ndarray:
         """Response over drive, complex (F,), of the difference equations at frequencies (F,) [Hz]
@@ -97,12 +123,15 @@ class Linear(Section):
         def terms(decay: np.ndarray, before: np.ndarray, now: np.ndarray) -> np.ndarray:
             return np.sum((now * z + before) / (z - decay), axis=1)
 
-        return self.system_gain + terms(*modes) + terms(*(np.conj(each[pairs]) for each in modes))
+        ahead = np.polynomial.polynomial.polyval(1 / z[:, 0], self.taps)
+        return ahead + terms(*modes) + terms(*(np.conj(each[pairs]) for each in modes))
 
     def start(self, drive: Array) -> State:
         pairs = int(np.sum(self.modes.paired))
         singles = self.modes.decay.size - pairs
         state = {"datum": drive}
+        if self.taps.size > 1:
+            state["past"] = jnp.zeros(self.taps.size - 1)
         if self.modes.decay.size:
             state["last"] = jnp.zeros(())
         if singles:
@@ -117,6 +146,8 @@ class Linear(Section):
         doubles = [each[pairs] for each in self.modes]
         datum, last = state["datum"], state.get("last")
         held, moved = self.static * datum, {}
+        if "past" in state:
+            held = held + jnp.sum(self.taps[1:] * state["past"])
         if "x" in state:
             decay, before, now = singles
             moved["x"] = decay * state["x"] + before * last, now
@@ -133,14 +164,47 @@ class Linear(Section):
             after = {name: x + now * v for name, (x, now) in moved.items()}
             if moved:
                 after["last"] = v
+            if "past" in state:
+                after["past"] = jnp.concatenate([jnp.reshape(v, (1,)), state["past"][:-1]])
             return jnp.reshape(held + self.direct * v, (1,)), {"datum": datum, **after}
 
         return respond
 
-    def drive_for(self, response: Array, state: State) -> Array:
-        """The drive [drive] at which the response is the given one [response]."""
-        held = self.begin(state)(state["datum"])[0][0]
-        return state["datum"] + (response - held) / self.direct
+    def advance(
+        self, state: State, response: Array, wanted: Array, close: Array
+    ) -> tuple[Array, State]:
+        """The drive for an actual response [response], and the state after it.
+
+        It is the wanted drive, where the response to that differs by no more than `close`.  From
+        the second derivative on, an unwanted drive counts as slow, and derivatives stay those of
+        the wanted one.
+        """
+        datum, respond = state["datum"], self.begin(state)
+        held, direct = respond(datum)[0][0], self.direct
+        ahead = self.derivatives > 1
+        if ahead:
+            held = held - jnp.sum(self.taps[1:] * state["past"])
+            direct = direct + float(np.sum(self.taps[1:]))
+        asked, as_wanted = respond(wanted)
+        missed = jnp.abs(asked[0] - response) > close
+        followed: Array = datum + (response - held) / direct
+        drive = jnp.where(missed, followed, wanted)
+        after = respond(drive)[1]
+        return drive, {**after, "past": as_wanted["past"]} if ahead else after
+
+
+def _differences(
+    direct: float, poles: np.ndarray, residues: np.ndarray, step: float, derivatives: int
+) -> np.ndarray:
+    """Factors of this sample and of those before it, for direct + Σ residues/(s - poles) as its
+    Taylor series up to s^K."""
+    taps = np.zeros(max(derivatives + 1, _SLOPE.size if derivatives else 1))
+    taps[0] = direct
+    for order in range(derivatives + 1):
+        coefficient = -np.sum(np.real(residues / poles ** (order + 1)))
+        difference = _SLOPE if order == 1 else np.atleast_1d(np.poly(np.ones(order)))
+        taps[: difference.size] += coefficient * difference / step**order
+    return taps
 
 
 def discretised(poles: np.ndarray, residues: np.ndarray, step: float) -> Modes:

@@ -21,6 +21,7 @@ from . import _kernels as kernels
 from ._drive import delayed, limited
 from ._filters import RESPONSE_SIDE, Filter, Shape, filters_of
 from ._law import PathLaw, Settled, Whitening, log_likelihood
+from ._posterior import EACH
 from ._signal import Signal, response_of, span_of
 
 DRIVE_SIDE = ("drive_lag", "delay", "slew_rate_limit")
@@ -36,7 +37,7 @@ _FARTHEST = 0.7
 _STEPS, _SMALL = 12, 0.05
 """Newton's steps at most, and the gain of evidence below which another is not worth it."""
 _HALVINGS = 4
-_HOPEFUL = 3.0
+_HOPEFUL = 10.0
 """How much more than the columns predict a chain may gain at most."""
 _DAMPINGS = 2.3
 """The range of the logarithm of a damping ratio about .03: from .003 to .3."""
@@ -81,14 +82,14 @@ class Line:
     def of(cls, signals: Sequence[Signal], chain: Chain, like: Line | None = None) -> Line:
         """Recordings behind a chain; `like` is that of another chain, whose curves are the same
         where the effects on the drive are."""
-        filtered = _filter(signals, chain)
         if like is not None and _before(chain) == _before(like.chain):
+            filtered = _filter(like.signals, chain)
             return cls(chain, like.signals, like.undriven, replace(like.prior, filter=filtered))
         driven = [replace(s, drive=_driven(s, chain)) for s in signals]
         whitening = Whitening([s.taps for s in signals], [s.weights for s in signals])
         error = max(float(np.median(s.drive_error)) for s in signals)
         drives = [s.drive for s in driven]
-        prior = PathLaw.of(drives, whitening, span_of(signals), error, filtered)
+        prior = PathLaw.of(drives, whitening, span_of(signals), error, _filter(driven, chain))
         return cls(chain, driven, [s.drive for s in signals], prior)
 
 
@@ -98,12 +99,13 @@ def _before(chain: Chain) -> Chain:
 
 
 def _filter(signals: Sequence[Signal], chain: Chain) -> Filter | None:
-    """What is between the path and the response, if anything."""
+    """What is between the path of driven signals and the response, if anything."""
     after = [one for one in chain if one.effect in RESPONSE_SIDE]
     if not after:
         return None
     departures = [[f for one in after for f in filters_of(*one, s.step)] for s in signals]
-    return Filter([s.drive.size for s in signals], departures, [s.periodic for s in signals])
+    smooth = [kernels.smoothness(s.drive) for s in signals]
+    return Filter(smooth, departures, [s.periodic for s in signals])
 
 
 def _driven(signal: Signal, chain: Chain) -> np.ndarray:
@@ -139,8 +141,14 @@ class Fitted:
 
     @property
     def log_posterior(self) -> float:
-        """With the share of the parameters' prior that is likely."""
-        return self.log_likelihood + self.volume(1.0)
+        """With the prior of its effects, and the share of that of its parameters that is likely."""
+        return self.log_likelihood + self.log_prior + self.volume(1.0)
+
+    @property
+    def log_prior(self) -> float:
+        """Of the chain's effects: of two modes each counts."""
+        count = sum(1 + (one.effect == "second_mode") for one in self.line.chain)
+        return count * float(np.log(EACH))
 
     def volume(self, share: float) -> float:
         """The logarithm of the share of the parameters' prior that is likely, if only this share

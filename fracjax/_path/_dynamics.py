@@ -37,8 +37,8 @@ SENSOR_ORDERS = (1.0, 2.0, 4.0)
 """Orders of sensors that are tried; one of third order is within percents of its neighbours."""
 _SLOWEST_SENSOR = 1.5
 """The largest time constant of a sensor [s], of a corner of .1 Hz: slower is the drive's side."""
-_DRIFT, _WEAR, _CREEP, _LAYER, _HUM, _SKEW = 0.02, 0.05, 0.02, 0.05, 0.002, 1e-4
-"""Typical sizes: drifts over the span or the gain, wear, creep per decade, a layer's share, interference
+_DRIFT, _CREEP, _LAYER, _HUM, _SKEW = 0.05, 0.02, 0.05, 0.002, 1e-4
+"""Typical sizes: drifts over the span or the gain, creep per decade, a layer's share, interference
 over the span, a clock's error; what a prior calls 1."""
 
 
@@ -282,7 +282,7 @@ def _worn(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
     opening = m.response - Polynomial.fit(scaled, m.response, _STATIC)(scaled)
     moved = m.response - m.response[0]
     shapes = [moved, np.full_like(wear, scale.span), scale.span * scaled**2, opening]
-    return _WEAR * wear[:, None] * np.stack(shapes, axis=1)
+    return _DRIFT * wear[:, None] * np.stack(shapes, axis=1)
 
 
 def _humming(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:

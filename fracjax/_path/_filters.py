@@ -59,17 +59,24 @@ class Section(NamedTuple):
 class Filter:
     """Filters in series after the path of some recordings.
 
+    `smooth` (N,) is of each recording the share of its bends that counts.
+
     Attributes:
         sections: the first is the path's.
     """
 
     def __init__(
         self,
-        sizes: Sequence[int],
+        smooth: Sequence[np.ndarray],
         departures: Sequence[Sequence[Recursion]],
         periodic: Sequence[bool],
     ):
-        self.sections = [_section(sizes, own, periodic) for own in zip(*departures, strict=True)]
+        # What a first filter leaves is smooth.
+        after = [np.ones_like(s) for s in smooth]
+        self.sections = [
+            _section(after if k else smooth, own, periodic)
+            for k, own in enumerate(zip(*departures, strict=True))
+        ]
 
     @cached_property
     def _factors(self) -> list[Any]:
@@ -90,41 +97,44 @@ class Filter:
 
 
 def _section(
-    sizes: Sequence[int], departures: Sequence[Recursion], periodic: Sequence[bool]
+    smooth: Sequence[np.ndarray], departures: Sequence[Recursion], periodic: Sequence[bool]
 ) -> Section:
     """One filter of all recordings."""
-    parts = [_matrices(*own) for own in zip(sizes, departures, periodic, strict=True)]
+    parts = [_matrices(*own) for own in zip(smooth, departures, periodic, strict=True)]
     return Section(
-        sp.csc_array(sp.block_diag([after for after, _, _ in parts])),
-        sp.csr_array(sp.block_diag([before for _, before, _ in parts])),
-        np.repeat([gain for _, _, gain in parts], sizes),
+        sp.csc_array(sp.block_diag([after for after, _ in parts])),
+        sp.csr_array(sp.block_diag([before for _, before in parts])),
+        np.concatenate(
+            [np.full(s.size, d.denominator.sum()) for s, d in zip(smooth, departures, strict=True)]
+        ),
     )
 
 
 def _matrices(
-    size: int, departure: Recursion, periodic: bool
-) -> tuple[sp.csr_array, sp.csr_array, float]:
-    """A and B, and the sum of B's taps."""
-    after, before, ahead = departure.denominator, departure.numerator.copy(), 1
-    before[1 : 1 + after.size] += after
-    samples = np.arange(size)
+    smooth: np.ndarray, departure: Recursion, periodic: bool
+) -> tuple[sp.csr_array, sp.csr_array]:
+    """A and B of one recording."""
+    size, samples = smooth.size, np.arange(smooth.size)
 
-    def banded(taps: np.ndarray, offset: int, first_only: bool = False) -> sp.csr_array:
+    def banded(taps: np.ndarray, ahead: int = 0) -> sp.csr_array:
+        """Σ_m taps_m x_(k + ahead - m), of steady cycles or with what is before the first sample
+        as the first, and what is after the last as the last."""
         rows = np.tile(samples, taps.size)
-        columns = rows - np.repeat(np.arange(taps.size) - offset, size)
-        values = np.repeat(taps, size)
-        if periodic:
-            columns %= size
-        elif first_only:
-            values, columns = values * (columns < 0), np.zeros_like(columns)
-        else:
-            columns = np.clip(columns, 0, size - 1)
-        return sp.csr_array((values, (rows, columns)), shape=(size, size))
+        columns = rows - np.repeat(np.arange(taps.size) - ahead, size)
+        columns = columns % size if periodic else np.clip(columns, 0, size - 1)
+        return sp.csr_array((np.repeat(taps, size), (rows, columns)), shape=(size, size))
 
-    if periodic:
-        return banded(after, 0), banded(before, ahead), float(before.sum())
-    # What the response was before the first sample is the first of the path.
-    earlier = banded(after, 0, first_only=True)
-    offsets: Any = [-k for k in range(after.size)]
-    own = sp.diags_array(list(after), offsets=offsets, shape=(size, size))
-    return sp.csr_array(own), sp.csr_array(banded(before, ahead) - earlier), float(before.sum())
+    def own(taps: np.ndarray) -> sp.csr_array:
+        """The same with nothing before the first sample."""
+        if periodic:
+            return banded(taps)
+        offsets: Any = [-k for k in range(taps.size)]
+        return sp.csr_array(sp.diags_array(list(taps), offsets=offsets, shape=(size, size)))
+
+    straight, bent, denominator = departure
+    steps = banded(np.array([1.0, -1.0]))
+    bends = sp.diags_array(smooth) @ banded(np.array([0.5, -0.5, -0.5, 0.5]), ahead=1)
+    # At rest before the first sample the response is the path's.
+    after = own(denominator)
+    before = after + own(straight) @ steps + own(bent) @ bends
+    return after, sp.csr_array(before)

@@ -17,6 +17,7 @@ from typing import NamedTuple
 
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
+from scipy.ndimage import maximum_filter1d
 from scipy.signal import lfilter
 
 Integral = Callable[[np.ndarray], np.ndarray]
@@ -36,29 +37,38 @@ def creep(onset: float) -> Integral:
 
 
 class Recursion(NamedTuple):
-    """A departure with a few poles, at one step: its numerator, whose first tap is one sample
-    ahead, and its denominator, by which a signal is filtered."""
+    """A departure with a few poles, at one step: the taps of a signal's steps and of its bends, and
+    the denominator, by which it is filtered.
 
-    numerator: np.ndarray
+    Between its samples a signal is a line less θ(1 - θ)/2 of its bend, θ from 0 to 1: exact for a
+    cubic.
+    """
+
+    straight: np.ndarray
+    bent: np.ndarray
     denominator: np.ndarray
 
 
 def _recursion(
     departure: Callable[[np.ndarray], np.ndarray], denominator: np.ndarray, step: float
 ) -> Recursion:
-    """The recursion of a departure g(t) whose kernel has a denominator.
-
-    Between its samples a signal is a line less θ(1 - θ)/2 of the mean second difference, θ from 0
-    to 1: exact for a cubic.  A corner between samples has the same area on average.
-    """
+    """The recursion of a departure g(t) whose kernel has a denominator."""
     order = denominator.size - 1
     theta, weights = 0.5 * (1 + _NODES), 0.5 * _WEIGHTS
     g = departure((np.arange(order)[:, None] + 1 - theta) * step)
-    straight, bent = g @ weights, g @ (weights * (theta - 0.5))
-    straight, bent = (np.convolve(denominator, k)[:order] for k in (straight, bent))
-    numerator = 0.5 * np.convolve([1.0, -1.0, -1.0, 1.0], bent)
-    numerator[1:-1] += np.convolve([1.0, -1.0], straight)
-    return Recursion(numerator, denominator)
+    kernels = g @ weights, g @ (weights * (theta - 0.5))
+    straight, bent = (np.convolve(denominator, k)[:order] for k in kernels)
+    return Recursion(straight, bent, denominator)
+
+
+def smoothness(signal: np.ndarray) -> np.ndarray:
+    """The share (N,) of each sample's bend that counts: 1 where a signal (N,) is smooth, 0 at its
+    corners, between which it is straight."""
+    second, fourth = (
+        maximum_filter1d(np.abs(np.convolve(signal, taps, "same")), 5) ** 4
+        for taps in ([1.0, -2.0, 1.0], [1.0, -4.0, 6.0, -4.0, 1.0])
+    )
+    return second / np.maximum(second + fourth, 1e-300)
 
 
 def lag(time_constant: float, step: float, order: int = 1) -> Recursion:
@@ -88,10 +98,16 @@ def mode(frequency: float, damping: float, step: float) -> Recursion:
 
 def shared(one: Recursion, other: Recursion, share: float) -> Recursion:
     """(1 - share) of one departure and the share of another."""
-    first = np.convolve(one.numerator, other.denominator)
-    second = np.convolve(other.numerator, one.denominator)
+
+    def together(first: np.ndarray, second: np.ndarray) -> np.ndarray:
+        return (1 - share) * np.convolve(first, other.denominator) + share * np.convolve(
+            second, one.denominator
+        )
+
     return Recursion(
-        (1 - share) * first + share * second, np.convolve(one.denominator, other.denominator)
+        together(one.straight, other.straight),
+        together(one.bent, other.bent),
+        np.convolve(one.denominator, other.denominator),
     )
 
 
@@ -130,7 +146,11 @@ class Convolution:
 
     def __init__(self, signal: np.ndarray, step: float, *, periodic: bool):
         self._size, self._passes = signal.size, 3 if periodic else 1
-        self._signal = np.tile(signal - signal[0], self._passes)
+        # The mean second difference at both ends of each step.
+        edge = "wrap" if periodic else "edge"
+        around = np.pad(signal, (2, 1), mode=edge)
+        bends = 0.5 * np.convolve(around, [1.0, -1.0, -1.0, 1.0], "valid") * smoothness(signal)
+        self._bends = np.tile(bends, self._passes)
         increments = np.diff(signal, prepend=signal[-1] if periodic else signal[0])
         self._increments = np.tile(increments, self._passes)
         self._times = np.arange(self._increments.size + 1) * step
@@ -144,8 +164,9 @@ class Convolution:
     def with_departure(self, departure: Departure) -> np.ndarray:
         """What a departure adds to the signal (N,), in its unit."""
         if isinstance(departure, Recursion):
-            ahead = np.concatenate([self._signal, self._signal[-1:]])
-            whole = np.asarray(lfilter(departure.numerator, departure.denominator, ahead))[1:]
+            straight, bent, denominator = departure
+            whole = np.asarray(lfilter(straight, denominator, self._increments))
+            whole = whole + np.asarray(lfilter(bent, denominator, self._bends))
         else:
             kernel = np.diff(departure(self._times)) / self._step
             transform = np.asarray(rfft(kernel, self._length))

@@ -34,14 +34,14 @@ ROUGHNESSES = np.array([10.0, 30.0, 100.0, 300.0])
 curve knows more than was recorded: at 2 a dynamic effect was named on 9 of 14 recordings of random
 Preisach planes and others that had none, since its few coefficients described their roughness, at
 10 on none."""
-FADINGS = np.array([0.003, 0.0, 0.03, 0.3, 3.0])
+FADINGS = np.array([0.003, 0.0, 0.03, 0.3, 1.0])
 """Sizes τ of fading memory that are tried, over the response's span."""
 _LOOSE = 0.02
-"""How far the path behind a filter may be from its curve, over the noise: as little as the factors
-of the matrices bear."""
+"""How far the path behind a filter may be from its curve, over the noise."""
+_WEAK = 1e-6
+"""The precision of what is between two filters, over that of its range: no pivot is zero."""
 _PROBES = 8
-_LEAST = 2e-5
-"""The same at any filter: below it the factors have no digits left for the noise."""
+"""Probes of a law's freedom, which they give to some percents."""
 
 
 class Inner(NamedTuple):
@@ -316,33 +316,35 @@ class _Rough:
 
 
 class _Filtered:
-    """The same behind a filter A z = B x: the responses z are unknowns beside the coefficients, so
-    that all matrices are sparse."""
+    """The same behind filters A z = B x: the responses z are unknowns beside the coefficients, and
+    so are the multipliers of these equations, so that all matrices are sparse and none has the
+    square of a small number."""
 
     def __init__(self, law: PathLaw, roughness: float):
         assert law.filter is not None  # else the curves are seen directly
         whitening, sections = law.whitening.matrix, law.filter.sections
         size = law.drive.size
-        before, blocks, deviations = -law.curves.basis, [], []
+        before, equations, deviations = -law.curves.basis, [], []
         for k, one in enumerate(sections):
             loose = np.hypot(_LOOSE * law.noise, law.loose if k == 0 else 0.0)
-            deviations.append(np.maximum(loose * np.abs(one.gain), _LEAST * law.noise))
-            scale = sp.diags_array(1 / deviations[k])
+            deviations.append(loose * np.abs(one.gain))
             # The unknowns are the responses of all sections, the last first, and coefficients.
             row: list[Any] = [None] * (len(sections) + 1)
-            row[-2 - k], row[-1 - k] = scale @ one.after, scale @ (one.before @ before)
-            blocks.append(row)
+            row[-2 - k], row[-1 - k] = one.after, one.before @ before
+            equations.append(row)
             before = -sp.eye_array(size)
-        within = sp.block_array(blocks, format="csr")
-        prior = _precision(law, roughness)
-        between = sp.csc_array((size * (len(sections) - 1),) * 2)
-        beside = sp.block_diag([whitening.T @ whitening, between, prior], format="csc")
-        self._whitening, self._size, self._splines = whitening, size, law.columns
-        self._factor = _factor(sp.csc_array(within.T @ within + beside))
-        of_prior = _log_determinant(_factor(prior)) - 2 * float(np.log(deviations).sum())
-        self.log_determinant = (
-            _log_determinant(self._factor) - of_prior - 2 * law.filter.log_determinant
+        within = sp.block_array(equations, format="csr")
+        prior, variances = _precision(law, roughness), np.concatenate(deviations) ** 2
+        weak = sp.eye_array(size) * (_WEAK / law.span**2)
+        between = [weak for _ in sections[1:]]
+        beside = sp.block_diag([whitening.T @ whitening, *between, prior])
+        self._whitening, self._size = whitening, size
+        self._splines = slice(size * len(sections), size * len(sections) + law.columns)
+        self._factor = _factor(
+            sp.csc_array(sp.block_array([[beside, within.T], [within, -sp.diags_array(variances)]]))
         )
+        of_prior = _log_determinant(_factor(prior)) + 2 * law.filter.log_determinant
+        self.log_determinant = _log_determinant(self._factor) - of_prior
 
     def _solved(self, white: np.ndarray) -> np.ndarray:
         along = np.asarray(self._whitening.T @ white)
@@ -351,7 +353,7 @@ class _Filtered:
 
     def coefficients(self, white: np.ndarray) -> np.ndarray:
         """The most probable coefficients of the splines."""
-        return self._solved(white)[-self._splines :]
+        return self._solved(white)[self._splines]
 
     def reduced(self, white: np.ndarray) -> np.ndarray:
         """Whitened signals (ΣN, k) times the inverse covariance."""
@@ -376,7 +378,8 @@ class Curve(NamedTuple):
 
 
 def _factor(matrix: sp.csc_array):
-    """The factors of a symmetric positive matrix."""
+    """The factors of a symmetric matrix, positive or quasi-definite (Vanderbei, SIAM J. Optim. 5
+    (1995) 100), in any order."""
     return splu(
         matrix, permc_spec="MMD_AT_PLUS_A", diag_pivot_thresh=0.0,
         options={"SymmetricMode": True},

@@ -27,7 +27,7 @@ from scipy.stats import norm
 from ._law import Inner, log_likelihood
 
 SIZES = np.array([0.03, 0.1, 0.3, 1.0, 3.0])
-"""Sizes of an effect, over the typical one: a creep of a fifth of the stroke in a decade is a lag."""
+"""Sizes of an effect, over the typical one: creep of a fifth of the stroke in a decade is none."""
 EACH = 0.02
 """Prior odds of each effect: of some twenty, one in three recordings has one."""
 DIRECTIONS = 50

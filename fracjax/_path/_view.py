@@ -301,7 +301,7 @@ class _Expansion:
         # Relative to the best columns, beside which the law behind the chain is adequate or not.
         of_chain = share * whole - (best.log_posterior - best.log_prior)
         if self.fitted is not None:
-            of_chain += len(self.line.chain) * np.log(EACH) + self.fitted.volume(share)
+            of_chain += self.fitted.log_prior + self.fitted.volume(share)
         chain = tuple(one.effect for one in self.line.chain)
         for one in listed:
             if len(chain) + len(one.names) <= MOST_EFFECTS:

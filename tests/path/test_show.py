@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 
 from fracjax._path import can_show, view_of
+from fracjax._path._chain import IN_SERIES
 from fracjax._path._dynamics import Motion, dynamics_of
 from tests.path.helpers import signal_of, through, twin_rates
 
@@ -23,6 +24,10 @@ def with_effect(drive: np.ndarray, name: str, size: float):
     peak."""
     motion = Motion(drive, drive, lambda other: other, 1e-3, periodic=False)
     own = [c for c in dynamics_of([motion]) if c.effect == name]
+    if name in IN_SERIES:
+        # What is in series has one size for each shape: the one that is nearest.
+        column = min((c.values[:, 0] for c in own), key=lambda c: abs(np.log(np.ptp(c) / size)))
+        return signal_of(drive, drive + column, NOISE)
     column = own[len(own) // 2].values[:, 0]
     return signal_of(drive, drive + size * column / np.ptp(column), NOISE)
 

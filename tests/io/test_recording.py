@@ -14,10 +14,13 @@ from fracjax._recording import (
     Recording,
     Repeats,
     conversion,
+    fastest,
     inspect_together,
     parse_quantity,
+    thinned,
     unit,
 )
+from fracjax._recording._periods import repeats_in, unit_range
 from fracjax._recording._units import _SIMPLE, _by_pint
 
 SAMPLES = np.arange(8000)
@@ -217,6 +220,26 @@ def test_a_long_period_is_found_to_the_sample():
     drive = np.sin(2 * np.pi * np.arange(100_000) / 20_011)
     found = record(drive + 6e-4 * NOISE).drive_period()
     assert found == Repeats(20_011, 0, 100_000)
+
+
+@pytest.mark.parametrize("period", [53, 30_011])
+def test_a_period_of_millions_of_samples_is_found_to_the_sample(period):
+    count = 2_200_000  # so that every second sample is looked at first
+    rest = np.zeros(period)
+    drive = np.concatenate([rest, np.sin(2 * np.pi * np.arange(count - period) / period)])
+    found = repeats_in(unit_range(drive))
+    assert found is not None
+    assert (found.period, found.stop) == (period, count)
+    # The sine leaves the rest slowly.
+    assert abs(found.start - period) <= 2 + period / 500
+
+
+@pytest.mark.parametrize("frequency", [1e-6, 2e-5, 0.01, 0.2])
+def test_how_fast_a_long_signal_moves_is_what_its_whole_spectrum_tells(frequency):
+    phase = 2 * np.pi * frequency * np.arange(2_100_000)
+    assert fastest(np.sin(phase)) == pytest.approx(frequency, rel=0.05, abs=1e-6)
+    means = thinned(np.sin(phase))
+    assert len(means) == (700_000 if frequency < 1e-4 else len(phase))
 
 
 @pytest.mark.parametrize("noise", [0.0, 3e-4])

@@ -23,7 +23,7 @@ class Estimate:
         standard_error: in `unit`.
         unit: the parameter's unit.
         identified: false where the standard error exceeds half the plausible range, or, for a gain,
-            5 % of the response.
+            5 % of the response, and for a frequency above half the sampling rate.
         at_bound: whether the fit ended on a bound.
         logarithmic: whether the parameter is searched for on a logarithmic scale: a time constant
             known to half its value is known by a factor, and never negative.

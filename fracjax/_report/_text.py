@@ -67,7 +67,7 @@ def fit_sentence(fits: Sequence[Fit]) -> str:
     fit, noise = fits[0], noise_of(fits[0])
     recording = fit.preparation.takes[0].recording
     scores, files = fit.scores, sources(fit)
-    best = "" if len(fits) == 1 else f" best of {len(fits)} models by BIC"
+    best = _best_of(fits)
     error = f"error of {quantity(scores.rmse, recording.response_unit)} rms"
     error += f" (fit {scores.nrmse_percent:.4g} %)"
     if noise.method == "residual":
@@ -86,6 +86,14 @@ def fit_sentence(fits: Sequence[Fit]) -> str:
             f"{fit.model.name} does not describe {files}{best and ','}{best}{why}, with an {error}."
         )
     return f"{fit.model.name} describes {files}{best} only in part{why}, with an {error}."
+
+
+def _best_of(fits: Sequence[Fit]) -> str:
+    """By what the first of several fits is the best."""
+    if len(fits) == 1:
+        return ""
+    by = "by BIC" if rank_fits(fits)[0][0] is fits[0] else "on data held out"
+    return f" best of {len(fits)} models {by}"
 
 
 def fit_badge(fits: Sequence[Fit]) -> tuple[str, str]:

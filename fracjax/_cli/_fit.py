@@ -91,8 +91,9 @@ def fit_command(
 
     Writes fit.json (the best model by BIC that held-out data do not refute), report.html and, for
     several models, fit_MODEL.json for each and comparison.json.  The comparison scores all models
-    on the fitted data and on held-out data: the recordings of --holdout, or stretches of the recordings held out in turn.  Options for
-    a parameter apply to the models that have it; --fix to --mask may be given more than once.
+    on the fitted data and on held-out data: the recordings of --holdout, or stretches of the
+    recordings held out in turn.  Options for a parameter apply to the models that have it; --fix to
+    --mask may be given more than once.
     """
     if to_table:
         return fit_table(recordings, names, out, given, results, asked)

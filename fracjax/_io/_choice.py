@@ -189,12 +189,15 @@ def _recognised(table: Table, wanted: str, chosen: Mapping[str, int]) -> int | N
     candidates = candidates or [c for c in free if _speaks_of(table, c, wanted)]
     candidates = candidates or [c for c in free if _letter(table, c) == wanted]
     if len(candidates) > 1:
+        first, *others = (table.numbers(c) for c in candidates)
+        alike = all(np.array_equal(first, each, equal_nan=True) for each in others)
         raise InputError.at(
             table.source,
             f"one column for {wanted}",
             enumerated(
                 [f"{quoted(table.names[c])} {_thumbnail(table.numbers(c))}" for c in candidates]
-            ),
+            )
+            + (", the same sample by sample" if alike else ""),
             " or ".join(f"give --{wanted} {shlex.quote(table.names[c])}" for c in candidates[:2]),
         )
     return candidates[0] if candidates else None

@@ -272,7 +272,7 @@ def _by_arrow(
     columns = {at: np.empty(text.raw.count(b"\n", start) + 1) for at in read}
     count = 0
     try:
-        batches = arrow.open_csv(
+        with arrow.open_csv(
             pa.py_buffer(text.raw)[start:],
             arrow.ReadOptions(use_threads=False, column_names=names),
             arrow.ParseOptions(delimiter=layout.separator, quote_char=False),
@@ -282,12 +282,12 @@ def _by_arrow(
                 null_values=[],
                 decimal_point=layout.decimal,
             ),
-        )
-        for batch in batches:
-            for at, part in zip(read, batch.columns, strict=True):
-                # `to_numpy` would import pandas, which takes longer than all else.
-                columns[at][count : count + len(part)] = np.from_dlpack(part)
-            count += len(batch)
+        ) as batches:
+            for batch in batches:
+                for at, part in zip(read, batch.columns, strict=True):
+                    # `to_numpy` would import pandas, which takes longer than all else.
+                    columns[at][count : count + len(part)] = np.from_dlpack(part)
+                count += len(batch)
     except pa.ArrowInvalid:
         return None
     return {at: column[:count] for at, column in columns.items()}

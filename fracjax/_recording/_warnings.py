@@ -61,11 +61,13 @@ class Sampled(Protocol):
 
 def warnings_about(recording: Sampled) -> tuple[str, ...]:
     """All of them, in plain sentences."""
+    overflow = _overflow(recording)
     warnings = (
         *(_clipping(recording), _quantisation(recording), _quantised_drive(recording)),
         *(_undersampling(recording), _unresolved_edges(recording)),
-        *(_spikes(recording), _leading(recording)),
-        *(_duplicate(recording), _overflow(recording)),
+        # What overflows and returns within few samples looks like a spike.
+        *(overflow or _spikes(recording), _leading(recording)),
+        _duplicate(recording),
     )
     return tuple(warning for warning in warnings if warning)
 
@@ -207,7 +209,8 @@ def _overflow(recording: Sampled) -> str | None:
     # Counted on, the jumps are gone: what remains of each is no larger than elsewhere.
     size = float(np.median(np.abs(jumps[beyond])))
     rest = np.abs(np.diff(y - size * turns))
-    if rest[beyond].max() > 0.1 or recording.spikes.any():
+    # A spike jumps twice within few samples, whereas what overflows stays there for a while.
+    if rest[beyond].max() > 0.1 or ups + downs <= 2 * np.count_nonzero(recording.spikes):
         return None
     at = recording.dt * int(beyond.argmax() + 1)
     return (

@@ -12,7 +12,6 @@ from collections.abc import Mapping
 import numpy as np
 from scipy.fft import next_fast_len
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import find_peaks
 
 from .._blocks import AbstractBlock
 from .._parameters import named_parameters, set_values
@@ -64,6 +63,8 @@ def measured_modes(recording: Recording) -> tuple[np.ndarray, np.ndarray]:
     that rings longer than the recording lasts answers to no line of the drive coherently.  The
     damping is half the peak's width at 1/√2 of its height over its frequency.
     """
+    from scipy.signal import find_peaks  # takes long to import, and most models have no mode
+
     window = hann(len(recording))
     size = int(next_fast_len(len(recording), real=True))  # type: ignore[arg-type]
     drive, response = (

@@ -373,6 +373,11 @@ def test_a_response_that_overflowed_is_said():
     wrapped = (moved + 1) % 2 - 1
     (warning,) = [check for check in record(SINE, wrapped).checks() if "overflowed" in check]
     assert "jumps through its range" in warning
+    # It overflows for two samples only where it turns: two jumps that are no spike.
+    brief = (moved + 2 - np.sort(moved)[-400]) % 2
+    checks = record(SINE, brief).checks()
+    assert [check for check in checks if "overflowed" in check]
+    assert not [check for check in checks if "spikes" in check]
     assert not any("overflowed" in check for check in record(SINE, moved).checks())
     square = np.sign(SINE) + 0.001 * NOISE[: len(SAMPLES)]
     assert not any("overflowed" in check for check in record(np.sign(SINE), square).checks())

@@ -77,7 +77,9 @@ def fit_sentence(fits: Sequence[Fit]) -> str:
         error += f"; no repeat and {rests} how much of the error is noise"
         error += most if fit.shortcomings else ""
     else:
-        error += f", {scores.rmse / noise.sigma:.2f} times the noise floor of {noise_text(noise)}"
+        error += (
+            f", {figure(scores.rmse / noise.sigma)} times the noise floor of {noise_text(noise)}"
+        )
     if not fit.shortcomings:
         return f"{fit.model.name} describes {files}{best}, with an {error}."
     others = shortcomings_of(scores.rmse, np.inf, scores.r_squared, fit.at_bound)
@@ -155,12 +157,12 @@ def _scores(
         e_r = [None if errors is None else errors.e_r for errors in held_out_scores]
         nrmse = [None if errors is None else errors.nrmse_percent for errors in held_out_scores]
         rows.append(["e_r, held-out data", *(figure(value) for value in e_r)])
-        rows.append(["NRMSE fit, held-out data [%]", *(figure(value, 5) for value in nrmse)])
+        rows.append(["NRMSE fit, held-out data [%]", *(figure(value, 4) for value in nrmse)])
     if noise.method != "residual":
         rows.append(["RMSE over noise floor", *(figure(s.rmse / noise.sigma) for s in scores)])
     rows += [
         ["e_r", *(figure(s.e_r) for s in scores)],
-        ["NRMSE fit", *(f"{s.nrmse_percent:.5g} %" for s in scores)],
+        ["NRMSE fit", *(f"{s.nrmse_percent:.4g} %" for s in scores)],
         ["R²", *(f"{s.r_squared:.7g}" for s in scores)],
         ["BIC", *(f"{bic:.1f}" for bic in bics)],
         ["free parameters and offsets", *counts],

@@ -40,10 +40,10 @@ def demo_command(out: Path, results: Results) -> int:
 
     with as_file(files("fracjax") / "_demo") as shipped:
         training, held_out = (read(shipped / f"{name}.csv") for name in _LEFT)
-        for name, left in _LEFT.items():
-            if not left.exists():
-                copyfile(shipped / f"{name}.csv", left)
-                results.saved.append(left)
+        for name, path in _LEFT.items():
+            if not path.exists():
+                copyfile(shipped / f"{name}.csv", path)
+                results.saved.append(path)
     model = models_for(["foh"], [training])[0]
     start = time.perf_counter()
 

@@ -241,6 +241,7 @@ def main() -> None:
             print(rows[-1], flush=True)
     again = {row["benchmark"] for row in rows}
     kept = [row for row in _written() if row["benchmark"] not in again]
+    kept = [{key: row.get(key, "") for key in rows[0]} for row in kept]
     order = list(CASES)
     table("machines", sorted(kept + rows, key=lambda row: order.index(row["benchmark"])))
 

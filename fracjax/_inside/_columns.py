@@ -68,8 +68,8 @@ class Columns:
     size: float
 
 
-def columns_of(solved: Solved) -> Columns:
-    """The columns about a fit of a machine, a `Within` block."""
+def columns_of(solved: Solved, others: dict[str, list[Column]] | None = None) -> Columns:
+    """The columns about a fit of a machine, a `Within` block; `others` where they were made."""
     problems = solved.preparation.problems()
     blocks = cast(tuple[Within, ...], solved.blocks)
     pairs = [
@@ -93,7 +93,7 @@ def columns_of(solved: Solved) -> Columns:
             ]
     return Columns(
         effects,
-        _others(pairs),
+        _others(pairs) if others is None else others,
         np.concatenate(solved.whitened),
         solved.whitened_derivative(),
         float(np.sqrt(sum(problem.size**2 for problem in problems))),

@@ -6,16 +6,17 @@ from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.special import softmax
 
 from .._blocks import INSIDE, AbstractMachine, Within
 from .._computing import computing, time_is_over
 from .._naming import block_name
-from .._parameters import named_parameters, replace_parameters, set_values
+from .._parameters import named_parameters, set_values
 from .._path import Hypothesis, Posterior
 from .._prepare import Preparation
 from .._solve import Descent, Progress, Solved, begin, descend, silent, solve_from
-from ._columns import Column, columns_of
+from ._columns import Column, Columns, columns_of
 from ._posterior import About, Worth
 from ._result import Candidate, Inside
 
@@ -71,7 +72,9 @@ def inquire_inside(
         specified = all(take.noise is not None for take in preparation.takes)
         progress("fitting the machine")
         base = solve_from([within], _unweighted(preparation))
-        inquiry = _Inquiry(specified, progress, [_Fit.of(base)])
+        columns = columns_of(base)
+        fits = [_Fit.of(base, (), columns.others)]
+        inquiry = _Inquiry(specified, progress, columns, fits)
         inquiry.search()
         fits, probabilities = inquiry.ranked()
         best = fits[0]
@@ -109,7 +112,7 @@ class _Fit:
     Attributes:
         names: of the effects, in alphabetical order.
         solved: the fit.
-        about: inner products about it.
+        about: inner products about it, of what is no effect.
     """
 
     names: tuple[str, ...]
@@ -117,10 +120,11 @@ class _Fit:
     about: About
 
     @classmethod
-    def of(cls, solved: Solved, names: Sequence[str] = ()) -> _Fit:
-        """A fit with what may be missing about it."""
-        one_sided = frozenset(name for name, effect in INSIDE.items() if effect.one_sided)
-        about = About.of(columns_of(solved), one_sided)
+    def of(cls, solved: Solved, names: Sequence[str], others: dict[str, list[Column]]) -> _Fit:
+        """A fit beside what is no effect, as it was about the machine without any."""
+        residual, tangent = np.concatenate(solved.whitened), solved.whitened_derivative()
+        size = float(np.sqrt(sum(p.size**2 for p in solved.preparation.problems())))
+        about = About.of(Columns({}, others, residual, tangent, size), frozenset())
         return cls(tuple(sorted(names)), solved, about)
 
     @property
@@ -131,10 +135,12 @@ class _Fit:
 
 @dataclass(eq=False)
 class _Inquiry:
-    """The sets that were fitted so far; the first is the machine as it is believed to be."""
+    """The sets that were fitted so far; the first is the machine as it is believed to be, and
+    `columns` are about it."""
 
     specified: bool
     progress: Progress
+    columns: Columns
     fits: list[_Fit]
 
     @property
@@ -164,7 +170,11 @@ class _Inquiry:
     def _extend(self, fit: _Fit) -> None:
         """Fit the most probable sets of further effects about a fit."""
         self.progress("comparing effects")
-        posterior, worth = self._judged(fit)
+        is_first = fit is self.fits[0]
+        columns = self.columns if is_first else columns_of(fit.solved, self.columns.others)
+        one_sided = frozenset(name for name, effect in INSIDE.items() if effect.one_sided)
+        about = About.of(columns, one_sided)
+        posterior, worth = self._judged(about)
         sets: dict[tuple[str, ...], list[Hypothesis]] = {}
         for one in posterior.hypotheses:
             sets.setdefault(tuple(sorted(one.names)), []).append(one)
@@ -182,33 +192,21 @@ class _Inquiry:
             self.progress(f"fitting {' and '.join(whole)}")
             shapes = {one.kinds: one for one in reversed(sets[names])}
             starts = [
-                self._started(fit, hypothesis, worth, factor)
+                _started(fit.block, about, hypothesis, worth, factor)
                 for hypothesis in shapes.values()
                 for factor in _STARTS
             ]
             self._fit(whole, starts, len(fit.block.effects))
 
-    def _judged(self, fit: _Fit) -> tuple[Posterior, Worth]:
+    def _judged(self, about: About) -> tuple[Posterior, Worth]:
         """The posterior to first order about a fit, and what it judges by: what the best set
         leaves to first order, or what the best fit leaves."""
-        least, samples = min(f.solved.cost for f in self.fits), fit.about.samples
+        least, samples = min(f.solved.cost for f in self.fits), about.samples
         worth = self.worth
         for _ in range(2):
-            remainder = fit.about.remainder(fit.about.posterior(worth).best, worth)
+            remainder = about.remainder(about.posterior(worth).best, worth)
             worth = Worth.of(min(least, remainder), samples, specified=self.specified)
-        return fit.about.posterior(worth), worth
-
-    def _started(self, fit: _Fit, one: Hypothesis, worth: Worth, factor: float) -> Within:
-        """A machine with the effects of a hypothesis, at a factor of their sizes."""
-        more = fit.block
-        for kind, values in zip(one.kinds, fit.about.coefficients(one, worth), strict=True):
-            shape: Column = fit.about.shapes[kind]
-            for (site, effect), coefficient in zip(shape.inside, values, strict=True):
-                signed = INSIDE[block_name(effect)].one_sided
-                share = max(coefficient, _SMALLEST) if signed else coefficient
-                value = getattr(effect, effect.size).value * float(share) * factor
-                more = more.at(site, set_values(effect, {effect.size: value}))
-        return more
+        return about.posterior(worth), worth
 
     def _reduce(self, fit: _Fit) -> None:
         """Fit a set without each of its effects."""
@@ -233,22 +231,58 @@ class _Inquiry:
         if 0.5 * self.worth.samples * np.log(best.cost / least) > _HOPELESS:
             return
         block = best.objective.at(best.position).blocks[0]
-        self.fits.append(_Fit.of(solve_from([block], self.fits[0].solved.preparation), names))
+        solved = solve_from([block], self.fits[0].solved.preparation)
+        self.fits.append(_Fit.of(solved, names, self.columns.others))
 
     def _descent(self, start: Within, held: int) -> Descent:
         """A few evaluations from a start."""
         preparation = self.fits[0].solved.preparation
-        problems, conditions = preparation.problems(), preparation.conditions
-        parameters = named_parameters(start)
-        still = {
-            name: p.kept() for name, p in parameters.items() if _place(name) >= held
-        }  # fmt: skip
-        if still:
-            adapted = descend(begin(replace_parameters(start, still), problems, conditions), _HELD)
-            block = adapted.objective.at(adapted.position).blocks[0]
-            values = {name: p.value for name, p in named_parameters(block).items()}
-            start = set_values(start, values)
-        return descend(begin(start, problems, conditions), _FREE)
+        descent = begin(start, preparation.problems(), preparation.conditions)
+        return descend(_adapted(descent, start, held), _FREE)
+
+
+def _started(block: Within, about: About, one: Hypothesis, worth: Worth, factor: float) -> Within:
+    """A machine with the effects of a hypothesis about it, at a factor of their sizes."""
+    for kind, values in zip(one.kinds, about.coefficients(one, worth), strict=True):
+        for (site, effect), coefficient in zip(about.shapes[kind].inside, values, strict=True):
+            signed = INSIDE[block_name(effect)].one_sided
+            share = max(coefficient, _SMALLEST) if signed else coefficient
+            value = getattr(effect, effect.size).value * float(share) * factor
+            block = block.at(site, set_values(effect, {effect.size: value}))
+    return block
+
+
+def _adapted(descent: Descent, start: Within, held: int) -> Descent:
+    """A descent after a few evaluations in which the effects from `held` on keep their values.
+
+    It is that of all parameters with their columns left out, so that nothing is compiled anew.
+    """
+    objective, position = descent.objective, descent.position
+    parameters = named_parameters(start)
+    nudged = {
+        name: p.from_share(0.9 * p.to_share(p.value) + 0.01)
+        for name, p in parameters.items()
+        if _place(name) >= held and not p.fixed
+    }
+    other = objective.parameters.position_of(set_values(start, nudged))
+    moves = other == position
+    if moves.all() or not moves.any() or not np.isfinite(objective.at(position).cost):
+        return descent
+
+    def whole(part: np.ndarray) -> np.ndarray:
+        moved = position.copy()
+        moved[moves] = part
+        return moved
+
+    result = least_squares(
+        lambda part: objective.residual(whole(part)),
+        position[moves],
+        lambda part: objective.derivative(whole(part))[:, moves],  # type: ignore[arg-type]
+        bounds=tuple(bound[moves] for bound in objective.bounds()),
+        x_scale="jac",
+        max_nfev=_HELD,
+    )
+    return descent._replace(position=whole(result.x))
 
 
 def _place(name: str) -> int:

@@ -74,6 +74,7 @@ def asked(law: str):
     ), test
 
 
+@pytest.mark.slow
 def test_a_cubic_spring_is_named_and_predicts(few):
     is_named_and_predicts("cubic_stiffness")
 

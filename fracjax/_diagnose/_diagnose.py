@@ -153,7 +153,7 @@ def diagnose(
         may_name = not doubts and not clock.is_over
         extension = None
         if may_name and isinstance(law.block, AbstractMachine | Within):
-            inside = inquire_inside(law.block, preparation, progress=progress)
+            inside = inquire_inside(base.solved.block, preparation, progress=progress)
             inquiry = inquired_inside(base, path, inside)
             extension = extended_inside(law, inside, preparation)
         else:

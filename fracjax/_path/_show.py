@@ -9,14 +9,15 @@ Source: the local approach, Benveniste, Basseville & Moustakides, IEEE TAC 32 (1
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 
 import numpy as np
 
 from ._curves import Curves
-from ._dynamics import dynamics_of, modes_of
-from ._law import FADINGS, ROUGHNESSES, Curve, Settled
+from ._dynamics import _HIGHEST, _LEAST_PERIODS, FAMILIES, MODE, MODE_DAMPINGS, PAIR
+from ._dynamics import Columns, Family, Motion, Scale, Shape
+from ._law import FADINGS, ROUGHNESSES, Curve, PathLaw, Settled
 from ._view import UNKNOWN, Signal, kinds_of, motions_of, prior_of
 
 LEVEL = 6.0
@@ -25,9 +26,11 @@ a few tens of shapes a probability of .95."""
 LARGEST = 0.2
 """The largest credible size, over the response's span: what would only be seen beyond is said not
 to be seen at any."""
+SHOWN = tuple(sorted({MODE.effect, *FAMILIES} - {PAIR}))
+"""The effects whose smallest visible size a drive determines."""
 
-_MODES = 8
-"""Frequencies of modes that are tried, of each damping."""
+_SHAPES = 8
+"""Shapes that are tried of each effect, and of modes of each damping: their median is asked for."""
 _AGAIN = 0.1
 """The share of samples on branches that are met again below which a drive repeats nothing."""
 
@@ -60,35 +63,68 @@ def can_show(signals: Sequence[Signal], unit: str) -> tuple[Visible, ...]:
     Returns:
         One entry per effect, in alphabetical order.
     """
-    span = max(float(np.ptp(s.response)) for s in signals)
+    prior = _prior(signals)
+    shown = []
+    for effect, size in _smallest(signals, prior, SHOWN).items():
+        visible = size <= LARGEST
+        reason = "" if visible else _reason(prior.curves)
+        shown.append(Visible(effect, size * prior.span if visible else None, unit, reason))
+    return tuple(shown)
+
+
+def smallest_sizes(signals: Sequence[Signal], effects: Collection[str]) -> dict[str, float]:
+    """The smallest size of each of some `SHOWN` effects that recordings would show, peak to peak
+    over the response's span, credible or not; without those that their sampling cannot hold."""
+    return _smallest(signals, _prior(signals), effects)
+
+
+def _prior(signals: Sequence[Signal]) -> PathLaw:
+    return prior_of(signals, max(float(np.ptp(s.response)) for s in signals))
+
+
+def _smallest(
+    signals: Sequence[Signal], prior: PathLaw, effects: Collection[str]
+) -> dict[str, float]:
+    """The same under a prior."""
     low, high = min(s.drive.min() for s in signals), max(s.drive.max() for s in signals)
-    slope = span / (high - low)
+    slope = prior.span / (high - low)
     ideal = [replace(s, response=slope * (s.drive - low)) for s in signals]
-    prior = prior_of(signals, span)
-    whitening = prior.whitening
     settled = Settled(prior, float(ROUGHNESSES[0]) * prior.noise, float(FADINGS[-2]))
     response = np.concatenate([s.response for s in ideal])
     curve = Curve(response, np.full(response.size, slope), lambda drive: slope * (drive - low))
-    motions = motions_of(signals, curve)
-    modes = [m for each in modes_of(motions) for m in each[:: max(1, len(each) // _MODES)]]
-    columns = [*dynamics_of(motions), *modes]
-    matrix = np.concatenate([c.values for c in columns], axis=1)
-    gram = settled.prior.inner(whitening(matrix), whitening(response)).columns
-    scale = np.sqrt(1 + UNKNOWN * whitening.count)
+    columns = list(_columns(motions_of(signals, curve), effects))
+    whitened = prior.whitening(np.concatenate([c.values for c in columns], axis=1))
+    gram = whitened.T @ settled.prior.weighted(whitened)
+    scale = np.sqrt(1 + UNKNOWN * prior.whitening.count)
     sizes: dict[str, list[float]] = {}
     for column, kind in zip(columns, kinds_of(columns), strict=True):
         own = gram[kind.start : kind.stop, kind.start : kind.stop]
         seen = np.sqrt(max(float(np.linalg.eigvalsh(own)[-1]), 0.0))
         whole = float(np.ptp(column.values, axis=0).max())
         sizes.setdefault(column.effect, []).append(LEVEL * scale * whole / max(seen, 1e-12))
+    return {effect: float(np.median(sizes[effect])) / prior.span for effect in sorted(sizes)}
 
-    shown = []
-    for effect in sorted(sizes):
-        size = float(np.median(sizes[effect]))
-        visible = size <= LARGEST * span
-        reason = "" if visible else _reason(prior.curves)
-        shown.append(Visible(effect, size if visible else None, unit, reason))
-    return tuple(shown)
+
+def _columns(motions: Sequence[Motion], effects: Collection[str]) -> Iterator[Columns]:
+    """A few shapes of each effect, evenly among all that a posterior tries."""
+    scale = Scale.of(motions)
+    for effect in effects:
+        family = MODE if effect == MODE.effect else FAMILIES[effect]
+        for shape in _shapes(family, scale):
+            yield family.columns(motions, shape, scale)
+
+
+def _shapes(family: Family, scale: Scale) -> list[Shape]:
+    if family is not MODE:
+        every = family.shapes(scale)
+        chosen = np.linspace(0, len(every) - 1, min(_SHAPES, len(every)))
+        return [every[k] for k in np.unique(chosen.astype(int))]
+    ends = _LEAST_PERIODS / scale.duration, 0.5 * _HIGHEST / scale.step
+    return [
+        {"frequency": float(frequency), "damping": damping}
+        for damping in MODE_DAMPINGS
+        for frequency in np.geomspace(*ends, _SHAPES)
+    ]
 
 
 def _reason(curves: Curves) -> str:

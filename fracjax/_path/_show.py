@@ -15,8 +15,19 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from ._curves import Curves
-from ._dynamics import _HIGHEST, _LEAST_PERIODS, FAMILIES, MODE, MODE_DAMPINGS, PAIR
-from ._dynamics import Columns, Family, Motion, Scale, Shape
+from ._dynamics import (
+    _HIGHEST,
+    _LEAST_PERIODS,
+    FAMILIES,
+    MODE,
+    MODE_DAMPINGS,
+    PAIR,
+    Columns,
+    Family,
+    Motion,
+    Scale,
+    Shape,
+)
 from ._law import FADINGS, ROUGHNESSES, Curve, PathLaw, Settled
 from ._view import UNKNOWN, Signal, kinds_of, motions_of, prior_of
 
@@ -28,7 +39,10 @@ LARGEST = 0.2
 to be seen at any."""
 SHOWN = tuple(sorted({MODE.effect, *FAMILIES} - {PAIR}))
 """The effects whose smallest visible size a drive determines."""
-
+_OF_SHAPE = {"delay", "drive_lag", "resonance", "sensor_lag", "slew_rate_limit"}
+"""Effects whose size is that of their shape: a lag of a time constant cannot be larger."""
+_NEAREST = 3
+"""Shapes of such an effect that are only just seen, whose median counts."""
 _SHAPES = 8
 """Shapes that are tried of each effect, and of modes of each damping: their median is asked for."""
 _AGAIN = 0.1
@@ -63,29 +77,29 @@ def can_show(signals: Sequence[Signal], unit: str) -> tuple[Visible, ...]:
     Returns:
         One entry per effect, in alphabetical order.
     """
-    prior = _prior(signals)
+    prior = prior_of(signals, max(float(np.ptp(s.response)) for s in signals))
     shown = []
-    for effect, size in _smallest(signals, prior, SHOWN).items():
-        visible = size <= LARGEST
+    for effect, shapes in _seen(signals, prior, SHOWN).items():
+        size = _smallest(effect, shapes)
+        visible = size <= LARGEST * prior.span
         reason = "" if visible else _reason(prior.curves)
-        shown.append(Visible(effect, size * prior.span if visible else None, unit, reason))
+        shown.append(Visible(effect, size if visible else None, unit, reason))
     return tuple(shown)
 
 
-def smallest_sizes(signals: Sequence[Signal], effects: Collection[str]) -> dict[str, float]:
-    """The smallest size of each of some `SHOWN` effects that recordings would show, peak to peak
-    over the response's span, credible or not; without those that their sampling cannot hold."""
-    return _smallest(signals, _prior(signals), effects)
+def detectabilities(signals: Sequence[Signal], effects: Collection[str]) -> dict[str, float]:
+    """How well recordings show each of some `SHOWN` effects of its typical size and median shape,
+    over what is needed to name it; without those that their sampling cannot hold."""
+    prior = prior_of(signals, max(float(np.ptp(s.response)) for s in signals))
+    seen = _seen(signals, prior, effects)
+    return {effect: float(np.median(shapes[:, 1])) for effect, shapes in seen.items()}
 
 
-def _prior(signals: Sequence[Signal]) -> PathLaw:
-    return prior_of(signals, max(float(np.ptp(s.response)) for s in signals))
-
-
-def _smallest(
+def _seen(
     signals: Sequence[Signal], prior: PathLaw, effects: Collection[str]
-) -> dict[str, float]:
-    """The same under a prior."""
+) -> dict[str, np.ndarray]:
+    """For the shapes of each effect (S, 2) the size [response unit] at which its columns have it,
+    and how well that is seen, over what is needed."""
     low, high = min(s.drive.min() for s in signals), max(s.drive.max() for s in signals)
     slope = prior.span / (high - low)
     ideal = [replace(s, response=slope * (s.drive - low)) for s in signals]
@@ -93,16 +107,28 @@ def _smallest(
     response = np.concatenate([s.response for s in ideal])
     curve = Curve(response, np.full(response.size, slope), lambda drive: slope * (drive - low))
     columns = list(_columns(motions_of(signals, curve), effects))
-    whitened = prior.whitening(np.concatenate([c.values for c in columns], axis=1))
+    whitening = prior.whitening
+    whitened = whitening(np.concatenate([c.values for c in columns], axis=1))
     gram = whitened.T @ settled.prior.weighted(whitened)
-    scale = np.sqrt(1 + UNKNOWN * prior.whitening.count)
-    sizes: dict[str, list[float]] = {}
+    needed = LEVEL * np.sqrt(1 + UNKNOWN * whitening.count)
+    seen: dict[str, list[tuple[float, float]]] = {}
     for column, kind in zip(columns, kinds_of(columns), strict=True):
         own = gram[kind.start : kind.stop, kind.start : kind.stop]
-        seen = np.sqrt(max(float(np.linalg.eigvalsh(own)[-1]), 0.0))
-        whole = float(np.ptp(column.values, axis=0).max())
-        sizes.setdefault(column.effect, []).append(LEVEL * scale * whole / max(seen, 1e-12))
-    return {effect: float(np.median(sizes[effect])) / prior.span for effect in sorted(sizes)}
+        # Of several columns the combination that is seen best.
+        square, mix = (part[..., -1] for part in np.linalg.eigh(own))
+        whole = float(np.ptp((column.values @ mix)[whitening.counted]))
+        if whole:
+            least = np.sqrt(max(float(square), 0.0)) / needed
+            seen.setdefault(column.effect, []).append((whole, max(least, 1e-12)))
+    return {effect: np.array(seen[effect]) for effect in sorted(seen)}
+
+
+def _smallest(effect: str, shapes: np.ndarray) -> float:
+    """The size [response unit] from which an effect is named, by its shapes (S, 2)."""
+    if effect in _OF_SHAPE:
+        nearest = np.argsort(np.abs(np.log(shapes[:, 1])))
+        shapes = shapes[nearest[:_NEAREST]]
+    return float(np.median(shapes[:, 0] / shapes[:, 1]))
 
 
 def _columns(motions: Sequence[Motion], effects: Collection[str]) -> Iterator[Columns]:

@@ -1,0 +1,67 @@
+"""What path curves need of a recording, and of a drive that is not recorded yet."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from .._path import Signal, denoised
+from .._prepare import Noise
+from .._recording import Recording
+from ._drive import Drive
+from ._reading import readings_of
+
+
+def recorded_signal(recording: Recording, noise: Noise) -> Signal:
+    """A recording with its noise."""
+    drive, error = denoised(recording.drive)
+    weights = np.ones(len(recording))
+    if recording.masked is not None:
+        weights[recording.masked] = 0.0
+    weights[: noise.filter.size - 1] = 0.0
+    return Signal(
+        drive=drive,
+        response=recording.response,
+        step=recording.dt,
+        periodic=False,
+        taps=noise.whitening,
+        weights=weights,
+        drive_error=error,
+    )
+
+
+def few_samples(signal: Signal, most: int) -> Signal:
+    """A recording by at most `most` samples, of white noise."""
+    every = -(-signal.drive.size // most)
+    return Signal(
+        drive=signal.drive[::every],
+        response=signal.response[::every],
+        step=every * signal.step,
+        periodic=False,
+        taps=signal.taps[:1],
+        weights=signal.weights[::every],
+        drive_error=signal.drive_error[::every],
+    )
+
+
+def ideal_signal(drive: np.ndarray, step: float, slope: float, noise: float) -> Signal:
+    """A drive (N,) in steps of time [s] with a response in proportion to it, by a slope [response
+    unit/drive unit], and with white noise [response unit]."""
+    return Signal(
+        drive=drive,
+        response=slope * (drive - drive.min()),
+        step=step,
+        periodic=False,
+        taps=np.array([1 / noise]),
+        weights=np.ones(drive.size),
+        drive_error=np.zeros(drive.size),
+    )
+
+
+def ideal_signals(drive: Drive, slope: float, noise: float, most: int) -> list[Signal]:
+    """The same of a long drive, as it will be read."""
+    signals = []
+    for reading in readings_of(drive.values, most):
+        own = ideal_signal(drive.values[reading.samples], drive.step * reading.every, slope, noise)
+        own.weights[:] = reading.counted
+        signals.append(own)
+    return signals

@@ -20,8 +20,8 @@ RATIO = 8.0
 """The least ratio of the slow path's rate to the fast one's, as far as the limits allow."""
 LEAST_RATIO = 2.0
 """The ratio below which two rates are none."""
-_FITTINGS = 6
-"""How often the parts are shortened until they fit."""
+_FITTINGS, _MARGIN = 6, 8
+"""How often the parts are shortened until they fit, and by how many samples more than are over."""
 _LEAST_LEG, _LEAST_PERIOD = 12, 64
 """Fewest samples of a leg of the fast path, and of a period of the tones."""
 _DECADES = (1.0, 0.1, 0.01)
@@ -114,7 +114,7 @@ def drive_of(
         if spare >= 0:
             pen.hold(spare * step)
             break
-        room += spare * step
+        room += (spare - _MARGIN) * step
     else:
         return None
     drive = pen.drive(f"a designed drive of {duration:.4g} s")

@@ -10,7 +10,6 @@ from fracjax._diagnose import (
     Axis,
     Candidate,
     Diagnosis,
-    Drive,
     HeldOut,
     NamedEffect,
     NextExperiment,

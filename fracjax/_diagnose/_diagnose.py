@@ -25,6 +25,7 @@ from .._prepare import (
     steady_of,
     take_of,
 )
+from .._protocol import Limits, completed, parse_limits, recorded_limits
 from .._recording import InputError, Recording, require_units_of
 from .._solve import Progress, discretisation_warnings, silent
 from ._drive import shortened, thinned, unrounded, without_spikes, wrong_way
@@ -33,14 +34,14 @@ from ._findings import Findings
 from ._fitted import fitted
 from ._held_out import predict_recording, predict_stretches
 from ._inquiry import inquire, inquired_inside
-from ._next_experiment import Limits, parse_limits, propose, recorded_limits, survey
+from ._next_experiment import propose
 from ._result import Diagnosis, NextExperiment
 from ._sentence import (
     afterwards,
+    completed_sentence,
     is_incomplete,
     next_experiment,
     sentence_of,
-    survey_sentence,
     where_of,
 )
 from ._views import path_view, signals_of, with_residual_as_noise
@@ -206,7 +207,7 @@ def _concluded(
         numerics=findings.base.numerics,
         p_value=findings.p_value,
         held_out=findings.held_out,
-        next_experiment=_next_experiment(findings, limits, progress, clock),
+        next_experiment=_next_experiment(findings, shows, limits, progress, clock),
         warnings=(*corrected, *findings.doubts, *_warnings(findings)),
         shape=findings.shape,
         can_show=tuple(shows),
@@ -215,10 +216,14 @@ def _concluded(
 
 
 def _next_experiment(
-    findings: Findings, limits: Limits, progress: Progress, clock: Clock
+    findings: Findings,
+    shows: Sequence[Visible],
+    limits: Limits,
+    progress: Progress,
+    clock: Clock,
 ) -> NextExperiment | None:
     """The drive that distinguishes the effects that this recording does not, or else, where more is
-    missing than is named, one that shows of what kind it is."""
+    missing than is named, one that shows what this recording cannot."""
     preparation, fit = findings.base.preparation, findings.base_fit
     if clock.is_over:
         return None
@@ -229,7 +234,10 @@ def _next_experiment(
     if len(rivals) < 2:
         if not is_incomplete(findings) and split is None:
             return None
-        return afterwards(survey_sentence(survey(preparation, limits)), fit)
+        progress("designing the next experiment")
+        unit = preparation.takes[0].recording.response_unit
+        drive, both = completed(signals_of(preparation), limits, unit)
+        return afterwards(completed_sentence(drive, shows, both), fit)
     blocks = [e.fitted.solved.block for e in rivals]
     proposal = propose(blocks, preparation, limits, progress)
     return afterwards(next_experiment([e.names[0] for e in rivals], proposal), fit)

@@ -6,6 +6,7 @@ from .._lazy import attach
 
 if TYPE_CHECKING:
     from ._drive import Drive as Drive
+    from ._drive import Part as Part
     from ._drive import corners_rounded as corners_rounded
     from ._limits import Limits as Limits
     from ._limits import parse_limits as parse_limits

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
-from typing import TYPE_CHECKING
 
 import matplotlib as mpl
 import numpy as np
@@ -12,56 +11,56 @@ from matplotlib.axes import Axes
 from .._path import LARGEST, Visible
 from .._show import pretty_unit, quantity
 from .._show.drawing import BAND, COLOURS, MEASURED, STYLE, Drawing, canvas, thinned
-
-if TYPE_CHECKING:
-    from ._result import Protocol
+from ._drive import Drive
 
 _ROW = 0.3
 """Height of a bar [inch]."""
+_WIDE = 0.1
+"""The share of a drive from which a part has room for its name."""
 
 
 @mpl.rc_context(STYLE)
-def draw_protocol(protocol: Protocol) -> Drawing:
-    """Draw a drive over time with its parts, the fastest of them once more, and what it will
-    show."""
-    rows = len(protocol.shows)
+def draw_protocol(
+    drive: Drive, shown: Mapping[str, Sequence[Visible]], stroke: float, unit: str
+) -> Drawing:
+    """Draw a drive [unit] over time with its parts, the fastest of them once more, and what is
+    shown of a response of some stroke."""
+    rows = len(next(iter(shown.values())))
     drawing, axes = canvas(
         5.6 + _ROW * rows, 3, 1, gridspec_kw={"height_ratios": (3, 2, 0.8 + _ROW * rows)}
     )
     whole, part, bars = axes[:, 0]
-    draw_drive(protocol, whole)
-    _draw_fastest(protocol, part)
-    before = {"before": protocol.before} if protocol.before else {}
-    draw_visible({**before, "with this drive": protocol.shows}, protocol.stroke, bars)
+    draw_drive(drive, unit, whole)
+    _draw_fastest(drive, unit, part)
+    draw_visible(shown, stroke, bars)
     return drawing
 
 
-def draw_drive(protocol: Protocol, panel: Axes) -> None:
+def draw_drive(drive: Drive, unit: str, panel: Axes) -> None:
     """Draw a drive over time with its parts."""
-    drive = protocol.drive
     panel.plot(*thinned(drive.times, drive.values), color=COLOURS[0], lw=0.9)
+    whole = float(drive.times[-1])
     for number, part in enumerate(drive.parts):
         if number % 2:
             panel.axvspan(part.start, part.stop, color=BAND, alpha=0.5, lw=0, zorder=0)
-        wide = part.stop - part.start > 0.1 * protocol.duration
+        wide = part.stop - part.start > _WIDE * whole
         panel.annotate(
             part.name, (0.5 * (part.start + part.stop), 1.02), xycoords=("data", "axes fraction"),
             rotation=0 if wide else 35, ha="center" if wide else "left", va="bottom", fontsize=9,
         )  # fmt: skip
-    panel.set(xlabel="time [s]", ylabel=f"drive [{pretty_unit(protocol.units[0])}]")
-    panel.set_xlim(0, protocol.duration)
+    panel.set(xlabel="time [s]", ylabel=f"drive [{pretty_unit(unit)}]")
+    panel.set_xlim(0, whole)
 
 
-def _draw_fastest(protocol: Protocol, panel: Axes) -> None:
-    """Draw the tones closer, or the fast path where there are none."""
-    parts = {part.name: part for part in protocol.drive.parts}
+def _draw_fastest(drive: Drive, unit: str, panel: Axes) -> None:
+    """Draw some of the tones closer, or of the fast path where there are none."""
+    parts = {part.name: part for part in drive.parts}
     part = parts.get("tones") or parts["fast path"]
-    times, values = protocol.drive.times, protocol.drive.values
-    # The first level's tones, without the way there.
-    length = (part.stop - part.start) / (3 if part.name == "tones" else 1)
-    own = (times >= part.start + 0.3 * length) & (times < part.start + 0.5 * length)
-    panel.plot(times[own], values[own], color=COLOURS[1], lw=0.8)
-    panel.set(xlabel="time [s]", ylabel=f"{part.name} [{pretty_unit(protocol.units[0])}]")
+    length = part.stop - part.start
+    # Of the first level's tones, behind the way there.
+    own = (drive.times >= part.start + 0.1 * length) & (drive.times < part.start + 0.16 * length)
+    panel.plot(drive.times[own], drive.values[own], color=COLOURS[1], lw=0.8)
+    panel.set(xlabel="time [s]", ylabel=f"{part.name} [{pretty_unit(unit)}]")
 
 
 @mpl.rc_context({**STYLE, "axes.grid.axis": "x"})
@@ -102,7 +101,8 @@ def draw_visible(shown: Mapping[str, Sequence[Visible]], span: float, panel: Axe
     panel.set_yticks(at, names)
     panel.invert_yaxis()
     panel.grid(visible=False, axis="y")
-    panel.set_xlim(right=4 * largest)
+    smallest = min(size for own in shown.values() for one in own if (size := one.size or largest))
+    panel.set_xlim(0.5 * smallest, 4 * largest)
     panel.set_xlabel(f"smallest size that would be named [{pretty_unit(unit)} peak to peak]")
     if len(shown) > 1:
         panel.legend(loc="lower left", bbox_to_anchor=(0, 1), ncols=2, borderaxespad=0)

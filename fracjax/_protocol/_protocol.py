@@ -17,7 +17,7 @@ from ._drive import Drive
 from ._limits import Limits
 from ._recipe import RATIO, Recipe
 from ._result import Protocol
-from ._signals import ideal_signals
+from ._signals import ideal_signal, ideal_signals, noise_level
 from ._stage import Stage, above_zero, described, limits_given, recorded
 
 ASKED = tuple(
@@ -28,6 +28,8 @@ amplifier's beyond its limits, and of creep and a layer, whose look-alike it is,
 _DURATION = "2 min"
 _MOST = 200
 """Recipes that are compared."""
+_FEW = 16
+"""The same where the drive is one of many results."""
 _READ = 12_000
 """Samples by which a drive is judged at last."""
 _MOST_SAMPLES = 20_000_000
@@ -129,32 +131,31 @@ def protocol(
 
 
 def completed(
-    signals: Sequence[Signal], limits: Limits, unit: str, most: int
+    signals: Sequence[Signal], limits: Limits, unit: str
 ) -> tuple[Drive, tuple[Visible, ...]]:
-    """The drive that shows best, with recordings, what they alone do not, and what all will show.
+    """The drive that shows, with recordings, what they alone do not, and what all will show.
 
-    It is as long as the longest of them, or as its parts need, and at its rate; `most` recipes are
-    compared.
+    It is as long as the longest of them, or as its parts need, and at its rate.
     """
     longest = max(signals, key=lambda s: s.step * s.drive.size)
-    stroke, span = (
-        max(map(np.ptp, part))
-        for part in zip(*((s.response, s.drive) for s in signals), strict=True)
-    )
+    stroke = max(float(np.ptp(s.response)) for s in signals)
+    span = max(float(np.ptp(s.drive)) for s in signals)
     task = Task(
         limits,
         longest.step * longest.drive.size,
         longest.step,
         TOP / longest.step,
         stroke / span,
-        float(np.median([1 / abs(s.taps[0]) for s in signals])),
+        max(map(noise_level, signals)),
         ASKED,
         tuple(signals),
     )
     while task.drive(Recipe()) is None:
         task = replace(task, duration=2 * task.duration)
-    drive = _drive(task, designed(task, most, _silent))
-    return drive, shown_by(drive, task, unit)
+    coarse = task.coarse()
+    recipe = designed(task, _FEW, _silent)
+    own = ideal_signal(_drive(coarse, recipe).values, coarse.step, task.slope, task.noise)
+    return _drive(task, recipe), can_show([*coarse.before, own], unit)
 
 
 def shown_by(drive: Drive, task: Task, unit: str) -> tuple[Visible, ...]:

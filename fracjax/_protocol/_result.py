@@ -135,7 +135,9 @@ class Protocol(Shown):
         """
         from ._picture import draw_protocol
 
-        return draw_protocol(self)
+        before = {"before": self.before} if self.before else {}
+        shown = {**before, "with this drive": self.shows}
+        return draw_protocol(self.drive, shown, self.stroke, self.units[0])
 
     def to_dict(self) -> dict[str, Any]:
         """The protocol as plain data, without the samples of its drive."""

@@ -3,12 +3,16 @@
 from __future__ import annotations
 
 import numpy as np
+from scipy.signal import lfilter
 
 from .._path import Signal, denoised
 from .._prepare import Noise
 from .._recording import Recording
 from ._drive import Drive
 from ._reading import readings_of
+
+_PULSE = 4096
+"""Samples along which a noise's memory is followed."""
 
 
 def recorded_signal(recording: Recording, noise: Noise) -> Signal:
@@ -29,15 +33,24 @@ def recorded_signal(recording: Recording, noise: Noise) -> Signal:
     )
 
 
+def noise_level(signal: Signal) -> float:
+    """The rms of a recording's noise [response unit]."""
+    pulse = np.zeros(_PULSE)
+    pulse[0] = 1.0
+    return float(np.linalg.norm(lfilter([1.0], signal.taps, pulse)))
+
+
 def few_samples(signal: Signal, most: int) -> Signal:
-    """A recording by at most `most` samples, of white noise."""
+    """A recording by at most `most` samples, further apart than its noise is correlated."""
     every = -(-signal.drive.size // most)
+    if every == 1:
+        return signal
     return Signal(
         drive=signal.drive[::every],
         response=signal.response[::every],
         step=every * signal.step,
         periodic=False,
-        taps=signal.taps[:1],
+        taps=np.array([1 / noise_level(signal)]),
         weights=signal.weights[::every],
         drive_error=signal.drive_error[::every],
     )

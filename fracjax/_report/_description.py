@@ -76,23 +76,11 @@ def shown_by(recording: Recording) -> list[dict[str, Any]] | None:
     noise = _noise_of(recording)
     if noise is None or kind_of_drive(recording) == "rest":
         return None
-    from .._path import Signal, can_show, denoised  # takes as long to import as all else of `info`
+    from .._path import can_show  # takes as long to import as all else of `info`
+    from .._protocol import recorded_signal
 
-    drive, error = denoised(recording.drive)
-    weights = np.ones(len(recording))
-    if recording.masked is not None:
-        weights[recording.masked] = 0.0
-    weights[: noise.filter.size - 1] = 0.0
-    signal = Signal(
-        drive=drive,
-        response=recording.response,
-        step=recording.dt,
-        periodic=False,
-        taps=noise.whitening,
-        weights=weights,
-        drive_error=error,
-    )
-    return [vars(shown) for shown in can_show([signal], recording.response_unit)]
+    shown = can_show([recorded_signal(recording, noise)], recording.response_unit)
+    return [vars(one) for one in shown]
 
 
 def _noise_of(recording: Recording) -> Noise | None:

@@ -49,5 +49,5 @@ def protocol_content(protocol: Protocol) -> dict[str, Any]:
 def _drive(protocol: Protocol):
     """The drive over time with its parts."""
     drawing, axes = canvas(3.6)
-    draw_drive(protocol, axes[0, 0])
+    draw_drive(protocol.drive, protocol.units[0], axes[0, 0])
     return svg(drawing)

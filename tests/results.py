@@ -17,6 +17,7 @@ from fracjax._diagnose import (
 from fracjax._fit import Estimate, Fit, fit
 from fracjax._models import Model
 from fracjax._operators import Grid
+from fracjax._protocol import Drive
 from fracjax._recording import Recording
 from fracjax._report._text import noise_of
 

@@ -26,6 +26,8 @@ from .stages import Bench, bench
 
 SHARES = (0.5, 0.71, 1.0, 1.41, 2.0)
 LIKELY = 0.95
+PERIOD = 0.1
+"""The amplitude of a mode: a period of five samples and a five-hundredth of the recording."""
 WEAR = {"degradation", "gain_drift"}
 HEADER = ("case", "law", "memory", "amplifier", "noise_percent", "key", "promised_percent", "share",
           "size_percent", "probability", "named", "wrong", "seconds")  # fmt: skip
@@ -48,16 +50,20 @@ def signal_of(case: Bench, response: Array, rng: np.random.Generator) -> Signal:
 
 def changed(case: Bench, key: str, shape: dict, size: float) -> Array | None:
     """The response [um] with an effect that changes it by `size` [um], peak to peak; None where no
-    amplitude does."""
+    amplitude does.  Of a mode, which at the rate of the samples is large, so much of its change:
+    one that takes a small part in the motion."""
     effect, scene = TRIED[key], case.stage.scene
     plain = case.stage.recorded([])
+    if key == "resonance":
+        change = case.stage.recorded([(effect, effect.parameters(PERIOD, shape, scene))]) - plain
+        return plain + size / np.ptp(change) * change
 
     def at(logarithm: float) -> Array:
         pair = effect, effect.parameters(float(np.exp(logarithm)), shape, scene)
         return case.stage.recorded([pair])
 
     low, high = np.log(1e-7), np.log(effect.cap)
-    if np.ptp(at(high) - plain) < size:
+    if not np.ptp(at(low) - plain) < size < np.ptp(at(high) - plain):
         return None
     for _ in range(18):
         middle = 0.5 * (low + high)

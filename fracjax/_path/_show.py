@@ -1,8 +1,8 @@
 r"""What a recording can show: the smallest effect that would be named, from its drive and noise.
 
 With a response in proportion to the drive, an effect of the size a has along its column d the
-detectability a ‖P d‖, P the projection off path curves and fading memory, tempered by what they do
-not know.  No response is needed.
+detectability a ‖P d‖, P the projection off path curves and fading memory of the largest size, since
+the law is not known, tempered by what they do not know.  No response is needed.
 
 Source: the local approach, Benveniste, Basseville & Moustakides, IEEE TAC 32 (1987) 583.
 """
@@ -103,7 +103,7 @@ def _seen(
     low, high = min(s.drive.min() for s in signals), max(s.drive.max() for s in signals)
     slope = prior.span / (high - low)
     ideal = [replace(s, response=slope * (s.drive - low)) for s in signals]
-    settled = Settled(prior, float(ROUGHNESSES[0]) * prior.noise, float(FADINGS[-2]))
+    settled = Settled(prior, float(ROUGHNESSES[0]) * prior.noise, float(FADINGS.max()))
     response = np.concatenate([s.response for s in ideal])
     curve = Curve(response, np.full(response.size, slope), lambda drive: slope * (drive - low))
     columns = list(_columns(motions_of(signals, curve), effects))

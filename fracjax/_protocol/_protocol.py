@@ -76,7 +76,7 @@ def protocol(
         stroke: of the actuator over the range, such as "20 um"; without one, sizes are in % of it.
         capacitance: of the actuator, such as "3 uF".
         resolution: the step between the values of the converter, such as "1.5 mV".
-        modes: the highest frequency at which a mode may be, such as "1 kHz"; by default a fifth of
+        modes: the highest frequency at which a mode may be, such as "1 kHz"; by default a tenth of
             the rate.
         after: recordings of this actuator that the drive completes.
         shorter: whether to say what half and a quarter of the duration would show.
@@ -104,6 +104,8 @@ def protocol(
     else:
         stage = described(given, noise, stroke)
     task = _task(stage, recordings, rate, duration, modes, effects)
+    if recordings and duration is None:
+        task = _with_time(task)
     _require_room(task, stage.units[0])
 
     def best(task: Task) -> tuple[Drive, tuple[Visible, ...]]:
@@ -150,8 +152,7 @@ def completed(
         ASKED,
         tuple(signals),
     )
-    while task.drive(Recipe()) is None:
-        task = replace(task, duration=2 * task.duration)
+    task = _with_time(task)
     coarse = task.coarse()
     recipe = designed(task, _FEW, _silent)
     own = ideal_signal(_drive(coarse, recipe).values, coarse.step, task.slope, task.noise)
@@ -190,7 +191,7 @@ def _task(
     if duration is None and recordings:
         seconds = max(r.dt * len(r) for r in recordings)
     else:
-        seconds = above_zero(duration or _DURATION, "s", "--duration")
+        seconds = above_zero(_DURATION if duration is None else duration, "s", "--duration")
     samples = seconds * hertz
     if not MINIMUM_SAMPLES < samples <= _MOST_SAMPLES:
         raise InputError.at(
@@ -245,6 +246,13 @@ def _require_room(task: Task, unit: str) -> None:
         f"a slew of {quantity(slew, f'{unit}/s')} or more for a path at two rates", given,
         f"raise it, narrow the range, or {remedy}",
     )  # fmt: skip
+
+
+def _with_time(task: Task) -> Task:
+    """The same, longer where its parts need it."""
+    if task.drive(Recipe()) is not None:
+        return task
+    return replace(task, duration=_least(lambda d: replace(task, duration=d), task.duration))
 
 
 def _least(changed: Callable[[float], Task], value: float) -> float:

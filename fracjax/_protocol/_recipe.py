@@ -22,6 +22,8 @@ LEAST_RATIO = 2.0
 """The ratio below which two rates are none."""
 _FITTINGS, _MARGIN = 6, 8
 """How often the parts are shortened until they fit, and by how many samples more than are over."""
+_STROKE = 16
+"""Fewest samples of a move over the whole range: how a law runs within a sample, nobody knows."""
 _LEAST_LEG, _LEAST_PERIOD = 12, 64
 """Fewest samples of a leg of the fast path, and of a period of the tones."""
 _DECADES = (1.0, 0.1, 0.01)
@@ -94,9 +96,15 @@ class Recipe:
         apart, at most the recipe's own."""
         slow = duration * self.slow_share(self.ratio)
         shortest = max(
-            self.travelled * limits.span / limits.slew, len(self.path) * _LEAST_LEG * step
+            self.travelled * limits.span / resolved(limits, step).slew,
+            len(self.path) * _LEAST_LEG * step,
         )
         return min(self.ratio, slow / shortest)
+
+
+def resolved(limits: Limits, step: float) -> Limits:
+    """The limits, with no move faster than samples `step` [s] apart resolve."""
+    return replace(limits, slew=min(limits.slew, limits.span / (_STROKE * step)))
 
 
 def drive_of(
@@ -128,7 +136,7 @@ def _written(
     """All parts but the end of the last rest, in about the time `room` [s]."""
     slow = room * recipe.slow_share(ratio)
     unit = slow / recipe.slow
-    pen = Pen(limits, step)
+    pen = Pen(resolved(limits, step), step)
 
     def along(levels: list[float], rate: float) -> None:
         """A path at so many times the slow rate."""

@@ -49,7 +49,12 @@ def described(limits: tuple[Limits, str], noise: str | float | None, stroke: str
     if stroke is not None:
         response = stroke.strip().lstrip("+-.0123456789eE").strip() or "um"
         size = above_zero(stroke, response, "--stroke")
-    return Stage(own, size / own.span, _level(noise or _NOISE, size, response), (drive, response))
+    return Stage(
+        own,
+        size / own.span,
+        _level(_NOISE if noise is None else noise, size, response),
+        (drive, response),
+    )
 
 
 def recorded(

@@ -75,7 +75,7 @@ def rows_of(amplifier: str, duration: float) -> list[tuple]:
 
 def main() -> None:
     """Write the table, and how long a whole call takes for two minutes at 10 kHz."""
-    p = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    p = argparse.ArgumentParser(description="Drives beside each other.")
     p.add_argument("--to", type=Path, default=ROOT)
     a = p.parse_args()
     a.to.mkdir(parents=True, exist_ok=True)

@@ -112,7 +112,7 @@ def rows_of(number: int) -> Iterator[tuple]:
 def summary(rows: Sequence[dict[str, str]]) -> list[tuple[str, str, str]]:
     """The checks: what, the figure, of how many."""
 
-    def share(what: str, chosen: list[dict[str, str]], good) -> tuple[str, str, str]:
+    def share(what: str, chosen: Sequence, good) -> tuple[str, str, str]:
         count = sum(map(good, chosen))
         return what, f"{100 * count / max(len(chosen), 1):.1f}", f"{count} of {len(chosen)}"
 
@@ -161,7 +161,7 @@ def measured(rows: Sequence[dict[str, str]]) -> float | None:
 
 def main() -> None:
     """Run the cases and write both tables."""
-    p = argparse.ArgumentParser(description=__doc__.split("\n")[0])
+    p = argparse.ArgumentParser(description="Promised sizes, and what is named.")
     p.add_argument("--cases", default="0:60")
     p.add_argument("--to", type=Path, default=ROOT)
     a = p.parse_args()

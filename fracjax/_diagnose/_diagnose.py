@@ -28,7 +28,7 @@ from .._prepare import (
 from .._protocol import Limits, completed, parse_limits, recorded_limits
 from .._recording import InputError, Recording, require_units_of
 from .._solve import Progress, discretisation_warnings, silent
-from ._drive import shortened, thinned, unrounded, without_spikes, wrong_way
+from ._drive import parted, thinned, unrounded, without_spikes, wrong_way
 from ._extension import ANY_LOOP, extended_by, extended_inside
 from ._findings import Findings
 from ._fitted import fitted
@@ -118,12 +118,15 @@ def diagnose(
         raise InputError.at("max_time", "seconds above 0", f"{max_time}", "give more")
     clock = Clock(max_time)
     corrected: list[str] = []
-    corrections = (without_spikes, unrounded)
-    fewer = (thinned, shortened) if not mask and settling is None else ()
-    for correct in (*corrections, *fewer):
+    fewer = not mask and settling is None
+    for correct in (without_spikes, unrounded, *([thinned] if fewer else [])):
         pairs = [correct(recording) for recording in listed]
         listed = [recording for recording, _ in pairs]
         corrected += [warning for _, warning in pairs if warning]
+    if fewer:
+        lists = [parted(recording) for recording in listed]
+        listed = [part for parts, _ in lists for part in parts]
+        corrected += [warning for _, warning in lists if warning]
     with computing(), within(clock):
         progress("estimating the noise floor")
         preparation = prepare(

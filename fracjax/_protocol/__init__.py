@@ -16,6 +16,7 @@ if TYPE_CHECKING:
     from ._protocol import ASKED as ASKED
     from ._protocol import completed as completed
     from ._protocol import protocol as protocol
+    from ._reading import Reading as Reading
     from ._reading import readings_of as readings_of
     from ._result import Protocol as Protocol
     from ._signals import recorded_signal as recorded_signal

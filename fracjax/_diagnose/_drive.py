@@ -12,7 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 from .._blocks import AbstractBlock
 from .._operators import interpolate
 from .._prepare import top_frequency
-from .._protocol import Reading, readings_of
+from .._protocol import MOST, Reading, readings_of
 from .._recording import Recording, resolution
 
 # All numbers here are chosen by judgement.
@@ -22,8 +22,8 @@ _WITHIN = 0.75
 """How far the smoothed drive may be from the recorded one, in steps between codes."""
 _COARSE = 1e-3
 """The step, over the drive's span, from which a drive counts as rounded."""
-_MOST_SAMPLES, _PER_PERIOD, _LEAST_RATE = 12_000, 32, 1000.0
-"""A recording is thinned to this many samples, but not below this many per period of the drive's
+_PER_PERIOD, _LEAST_RATE = 32, 1000.0
+"""A recording is thinned to `MOST` samples, but not below this many per period of the drive's
 highest frequency, nor below this rate [Hz]."""
 _SLOW = 0.5
 """The share of samples that must show the drive for the whole of a recording to be used."""
@@ -88,7 +88,7 @@ def without_spikes(recording: Recording) -> tuple[Recording, str]:
 def thinned(recording: Recording) -> tuple[Recording, str]:
     """A long recording at the rate that the drive's band needs, and a warning."""
     needed = max(_PER_PERIOD * top_frequency(recording), _LEAST_RATE)
-    every = int(min(len(recording) / _MOST_SAMPLES, recording.rate / needed))
+    every = int(min(len(recording) / MOST, recording.rate / needed))
     if every < 2:
         return recording, ""
     warning = (
@@ -109,9 +109,9 @@ def thinned(recording: Recording) -> tuple[Recording, str]:
 def parted(recording: Recording) -> tuple[list[Recording], str]:
     """A recording that is long even as `thinned` by fewer samples: the whole of it, and its longest
     fast stretch for itself; or, where it is fast all along, its first part; and a warning."""
-    if len(recording) <= 2 * _MOST_SAMPLES:
+    if len(recording) <= 2 * MOST:
         return [recording], ""
-    whole, *stretches = readings_of(recording.drive, _MOST_SAMPLES)
+    whole, *stretches = readings_of(recording.drive, MOST)
     parts = [] if np.mean(whole.counted) < _SLOW else [_read(recording, whole)]
     parts += [_read(recording, stretch) for stretch in stretches]
     times = [

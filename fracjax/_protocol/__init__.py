@@ -19,6 +19,8 @@ if TYPE_CHECKING:
     from ._reading import Reading as Reading
     from ._reading import readings_of as readings_of
     from ._result import Protocol as Protocol
+    from ._signals import MOST as MOST
+    from ._signals import as_read as as_read
     from ._signals import recorded_signal as recorded_signal
 
 __getattr__, __dir__ = attach(__name__)

@@ -17,7 +17,7 @@ from ._drive import Drive
 from ._limits import Limits
 from ._recipe import RATIO, Recipe
 from ._result import Protocol
-from ._signals import ideal_signal, ideal_signals, noise_level
+from ._signals import MOST, as_read, ideal_signal, noise_level
 from ._stage import Stage, above_zero, described, limits_given, recorded
 
 ASKED = tuple(
@@ -30,8 +30,6 @@ _MOST = 200
 """Recipes that are compared."""
 _FEW = 16
 """The same where the drive is one of many results."""
-_READ = 12_000
-"""Samples by which a drive is judged at last."""
 _MOST_SAMPLES = 20_000_000
 """Of a drive."""
 _SHORTER = (0.25, 0.5)
@@ -161,8 +159,8 @@ def completed(
 
 def shown_by(drive: Drive, task: Task, unit: str) -> tuple[Visible, ...]:
     """What a drive will show, with what is recorded already."""
-    own = ideal_signals(drive, task.slope, task.noise, _READ)
-    return can_show([*task.before, *own], unit)
+    own = ideal_signal(drive.values, drive.step, task.slope, task.noise)
+    return can_show([*task.before, *as_read(own, MOST)], unit)
 
 
 def _drive(task: Task, recipe: Recipe) -> Drive:

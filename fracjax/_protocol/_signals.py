@@ -2,15 +2,18 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 from scipy.signal import lfilter
 
 from .._path import Signal, denoised
 from .._prepare import Noise
 from .._recording import Recording
-from ._drive import Drive
 from ._reading import readings_of
 
+MOST = 12_000
+"""Samples by which a diagnosis reads a long recording."""
 _PULSE = 4096
 """Samples along which a noise's memory is followed."""
 
@@ -70,11 +73,23 @@ def ideal_signal(drive: np.ndarray, step: float, slope: float, noise: float) -> 
     )
 
 
-def ideal_signals(drive: Drive, slope: float, noise: float, most: int) -> list[Signal]:
-    """The same of a long drive, as it will be read."""
-    signals = []
-    for reading in readings_of(drive.values, most):
-        own = ideal_signal(drive.values[reading.samples], drive.step * reading.every, slope, noise)
-        own.weights[:] = reading.counted
-        signals.append(own)
+def as_read(signal: Signal, most: int) -> list[Signal]:
+    """A recording as a diagnosis reads it, which of a long one takes at most so many samples of the
+    whole and of its longest fast stretch."""
+    if signal.drive.size <= 2 * most:
+        return [signal]
+    signals, level = [], noise_level(signal)
+    for reading in readings_of(signal.drive, most):
+        own = reading.samples
+        signals.append(
+            replace(
+                signal,
+                drive=signal.drive[own],
+                response=signal.response[own],
+                step=signal.step * reading.every,
+                taps=signal.taps if reading.every == 1 else np.array([1 / level]),
+                weights=signal.weights[own] * reading.counted,
+                drive_error=signal.drive_error[own],
+            )
+        )
     return signals

@@ -7,4 +7,7 @@
 | `against.py` | the optimised drive beside the recipe and beside sines in four amplitudes |
 
 The actuators and effects are those of `benchmarks.concealed`, which share no code with fracjax.
+
+Where it falls short: promises are too large for modes, too small for a gain that drifts, and for
+drifts where memory fades.
 """

@@ -25,6 +25,8 @@ from .._report import (
     linked_plots,
     noise_of,
     parameter_rows,
+    shown_by,
+    shown_rows,
     strips,
 )
 from .._show import COLOURS, figure, quantity
@@ -97,7 +99,10 @@ class Plots:
             f"**{Path(recording.source).name}**: {one['samples']} samples at {one['rate_Hz']:.6g} "
             f"Hz; drive {drive['kind']}, {figure(drive['low'])} to {high}; noise floor {floor}."
         )
-        return "\n".join([summary, "", *(f"- {warning}" for warning in one["warnings"])])
+        warnings = [f"- {warning}" for warning in one["warnings"]]
+        rows = [f"| {' | '.join(row)} |" for row in shown_rows(shown_by(recording))]
+        table = ["| effect | | smallest size that this recording would show |", "|---|---|---|"]
+        return "\n".join([summary, "", *warnings, "", *table, *rows])
 
     def take(self, result: Any) -> str:
         """Take a fit, with its errors on data held out where there are such, or a diagnosis, and

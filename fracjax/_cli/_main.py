@@ -27,6 +27,7 @@ from ._info import info_command
 from ._models import models_command
 from ._posterior import posterior_command
 from ._progress import announced
+from ._protocol import protocol_command
 from ._results import Call
 from ._simulate import simulate_command
 from ._statuses import INTERRUPTED, UNUSABLE, fail
@@ -37,6 +38,7 @@ _COMMANDS = (
     batch_command,
     posterior_command,
     diagnose_command,
+    protocol_command,
     demo_command,
     simulate_command,
     compensate_command,

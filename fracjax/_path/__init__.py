@@ -16,8 +16,11 @@ from ._posterior import evidence as evidence
 from ._posterior import misfit as misfit
 from ._posterior import search as search
 from ._posterior import select as select
+from ._show import LARGEST as LARGEST
+from ._show import SHOWN as SHOWN
 from ._show import Visible as Visible
 from ._show import can_show as can_show
+from ._show import detectabilities as detectabilities
 from ._view import MISFIT as MISFIT
 from ._view import PATH as PATH
 from ._view import PathView as PathView

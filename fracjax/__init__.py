@@ -3,6 +3,7 @@
 - `read` returns a `Recording`: drive and response in uniform time steps, with their units.
 - `fit` fits a `Model` to it, by its name (`MODELS`, `parse_model`) or composed of `blocks`.
 - `diagnose` states whether, where and why the two differ, and which of the `EFFECTS` explains it.
+- `protocol` designs a drive that shows which dynamics an actuator has, to be recorded first.
 - `sample_posterior` samples the posterior of the parameters; `compensate` computes the drive for a
   desired motion.
 - `fit_batch` fits many recordings; `write_report` writes any result as one HTML file.
@@ -77,6 +78,8 @@ if TYPE_CHECKING:
     from ._posterior import sample_posterior as sample_posterior
     from ._prepare import Noise as Noise
     from ._prepare import Normal as Normal
+    from ._protocol import Protocol as Protocol
+    from ._protocol import protocol as protocol
     from ._recording import InputError as InputError
     from ._recording import Recording as Recording
     from ._registry import RECORDINGS as RECORDINGS
@@ -127,6 +130,7 @@ __all__ = [
     "Profile",
     "Promise",
     "Promised",
+    "Protocol",
     "Recording",
     "ResidualAnalysis",
     "Simulation",
@@ -158,6 +162,7 @@ __all__ = [
     "parse_model",
     "poles",
     "profile",
+    "protocol",
     "read",
     "read_frequency_table",
     "sample_posterior",

@@ -25,6 +25,7 @@ import jax
 import numpy as np
 import platformdirs
 from jax.experimental import serialize_executable
+from jaxlib.lapack import prepare_lapack_call
 
 FOLDER = "FRACJAX_CACHE"
 """The environment variable that names the folder; empty, nothing is kept."""
@@ -138,6 +139,10 @@ def _read(path: Path, structure: Any) -> Callable[..., Any] | None:
     if hashlib.blake2b(content, digest_size=20).digest() != digest:
         return None
     executable, results = pickle.loads(content)
+    if b"lapack" in executable:
+        # Lowering is what loads LAPACK, and a program that is read was lowered elsewhere: its first
+        # call of it would end the process.
+        prepare_lapack_call("getrf", np.float64)
     with _quietly():
         return serialize_executable.deserialize_and_load(executable, structure, _tree(results))
 

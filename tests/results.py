@@ -10,7 +10,6 @@ from fracjax._diagnose import (
     Axis,
     Candidate,
     Diagnosis,
-    Drive,
     HeldOut,
     NamedEffect,
     NextExperiment,
@@ -18,6 +17,8 @@ from fracjax._diagnose import (
 from fracjax._fit import Estimate, Fit, fit
 from fracjax._models import Model
 from fracjax._operators import Grid
+from fracjax._path import Visible
+from fracjax._protocol import Drive, Limits, Part, Protocol
 from fracjax._recording import Recording
 from fracjax._report._text import noise_of
 
@@ -88,3 +89,12 @@ def diagnosis_of(fitted: Fit) -> Diagnosis:
         ),
         warnings=("The response is clipped.",),
     )
+
+
+def small_protocol() -> Protocol:
+    """A drive of two parts, and what it shows."""
+    parts = Part("rest", 0.0, 0.05, "the noise"), Part("fast path", 0.05, 0.1, "lags")
+    drive = Drive("a designed drive of 0.1 s", np.repeat([0.0, 40.0], 50), 1e-3, parts)
+    shows = Visible("creep", 0.02, "um", ""), Visible("delay", None, "um", "it is met once")
+    limits = Limits(0.0, 40.0, 1e5)
+    return Protocol(drive, limits, 100.0, 0.01, 4.0, ("V", "um"), ("creep",), shows)

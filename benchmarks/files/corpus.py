@@ -7,6 +7,7 @@ something else. `outcome_of` draws the file of a seed, reads it and says how it 
 
 from __future__ import annotations
 
+import csv
 import json
 import tempfile
 from dataclasses import dataclass, field
@@ -16,6 +17,8 @@ from typing import Any
 import h5py
 import numpy as np
 import pyarrow as pa
+from nptdms import ChannelObject, RootObject, TdmsWriter
+from openpyxl import Workbook
 from pyarrow import feather, parquet
 from scipy.io import savemat
 
@@ -63,7 +66,9 @@ IN_TEXT = (
     "cells",
 )
 IN_ARRAYS = ("name", "attributes", "a table of units", "a list of units", "values beside")
-CONTAINERS = (".parquet", ".feather", ".h5", ".npz", ".mat")
+CONTAINERS = (".parquet", ".feather", ".h5", ".npz", ".mat", ".tdms")
+SHEETS = 0.12
+"""Share of the texts that are written as a sheet, each line a row."""
 
 
 @dataclass
@@ -211,9 +216,32 @@ def _text(rng, folder, truth, names, columns, units, place, timing, counts) -> P
     if place == "row of units":
         lines.append(separator.join(units))
     lines += [separator.join(row) for row in zip(*cells, strict=True)]
+    if rng.random() < SHEETS:
+        truth.layout[0] += " of .xlsx"
+        return _sheet(folder / "loop.xlsx", lines, separator)
     path = folder / "loop.csv"
     path.write_text("\n".join(lines) + "\n", encoding="utf-8")
     return path
+
+
+def _sheet(path: Path, lines: list[str], separator: str) -> Path:
+    """Lines of text as the rows of a sheet, what is a number as one."""
+    book = Workbook(write_only=True)
+    sheet = book.create_sheet("run")
+    for row in csv.reader(lines, delimiter=separator):
+        sheet.append([_cell(cell) for cell in row])
+    book.save(path)
+    return path
+
+
+def _cell(text: str) -> str | float | int:
+    """A cell as a spreadsheet takes it that is typed in."""
+    for kind in (int, float):
+        try:
+            return kind(text)
+        except ValueError:
+            continue
+    return text
 
 
 def _container(rng, folder, truth, names, columns, units, place, timing, counts) -> Path:
@@ -269,6 +297,13 @@ def _container(rng, folder, truth, names, columns, units, place, timing, counts)
             for name, values in zip(names, stored, strict=True):
                 file[name] = values
                 file[name].attrs.update(own[name])
+    elif suffix == ".tdms":
+        channels = [
+            ChannelObject("run", n, c, properties=own[n])
+            for n, c in zip(names, stored, strict=True)
+        ]
+        with TdmsWriter(str(path)) as writer:
+            writer.write_segment([RootObject(beside), *channels])
     elif suffix == ".npz":
         np.savez(path, **dict(zip(names, stored, strict=True)), **beside)
     else:

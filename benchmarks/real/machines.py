@@ -205,23 +205,14 @@ def answer(case: Case) -> tuple[Inside, dict[str, tuple[float, float]], float]:
     return inside, errors, seconds
 
 
-def _next(inside: Inside) -> str:
-    """The effect that would have been named next, and the share that it explains."""
-    for one in inside.rounds[inside.named : inside.named + 1]:
-        for candidate in one.candidates[:1]:
-            return f"{candidate.name} {rounded(1 - candidate.ratio)}"
-    return ""
-
-
 def main() -> None:
     """Answer every case that is asked for, and write its rows of the table."""
     rows = []
     for name in sys.argv[1:] or CASES:
         case = CASES[name]()
         inside, errors, seconds = answer(case)
-        for one in inside.rounds:
-            print([(w.name, rounded(w.share), rounded(w.log_evidence)) for w in one.weighed[:8]])
-            print([(c.name, rounded(c.ratio), rounded(c.probability)) for c in one.candidates])
+        for c in inside.candidates:
+            print(" + ".join(c.names) or "nothing", rounded(c.ratio), rounded(c.probability))
         print(fj.Model(inside.block), flush=True)
         for test, (linear, extended) in errors.items():
             recording, _ = case.tests[test]
@@ -231,7 +222,7 @@ def main() -> None:
                     "documented": " + ".join(case.documented),
                     "named": " + ".join(inside.names),
                     "sets": " + ".join("|".join(names) for names in inside.sets),
-                    "next": _next(inside),
+                    "probability": rounded(inside.candidates[0].probability),
                     "outside": inside.outside,
                     "test": test,
                     "unit": case.training[0].response_unit,
@@ -250,6 +241,7 @@ def main() -> None:
             print(rows[-1], flush=True)
     again = {row["benchmark"] for row in rows}
     kept = [row for row in _written() if row["benchmark"] not in again]
+    kept = [{key: row.get(key, "") for key in rows[0]} for row in kept]
     order = list(CASES)
     table("machines", sorted(kept + rows, key=lambda row: order.index(row["benchmark"])))
 

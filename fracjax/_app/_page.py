@@ -231,13 +231,17 @@ class _Page:
             self.stop.disabled, self.fit.disabled, self.diagnose.disabled = False, True, True
 
     def _fitting(self) -> Any:
-        from .._fit import fit
+        from .._fit import compare_fits, fit
 
         recordings, workspace = self.workspace.training(), self.workspace
         model, mask = workspace.model, tuple(workspace.mask)
+        held_out = workspace.recordings("held out")
 
         def compute(progress: Progress) -> object:
-            return fit(model, recordings, mask=mask, progress=progress)
+            fitted = fit(model, recordings, mask=mask, progress=progress)
+            if not held_out:
+                return fitted
+            return compare_fits([fitted], holdout=held_out, progress=progress)
 
         return compute
 

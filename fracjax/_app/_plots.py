@@ -17,11 +17,16 @@ from .._recording import Recording, runs_of
 from .._report import (
     Curve,
     describe,
+    diagnosis_figures,
     document_of,
     fit_sentence,
+    key_figures,
     link,
     linked_plots,
     noise_of,
+    parameter_rows,
+    shown_by,
+    shown_rows,
     strips,
 )
 from .._show import COLOURS, figure, quantity
@@ -33,6 +38,15 @@ def _at(recording: Recording, fit: Any) -> tuple[np.ndarray, np.ndarray]:
     take = fit.preparation.takes[0]
     times, own = recording.times, take.recording.times
     return np.interp(times, own, fit.simulations[0]), np.interp(times, own, take.used) > 0.5
+
+
+_PARAMETER = ("value", "95 % interval", "unit", "remark")
+
+
+def _markdown(headers: Sequence[str], rows: Sequence[Sequence[str]]) -> str:
+    """A table in Markdown."""
+    lines = [headers, ["---"] * len(headers), *rows]
+    return "\n".join(f"| {' | '.join(cells)} |" for cells in lines)
 
 
 def brushed_times(samples: ColumnDataSource | None) -> list[tuple[float, float]]:
@@ -85,16 +99,27 @@ class Plots:
             f"**{Path(recording.source).name}**: {one['samples']} samples at {one['rate_Hz']:.6g} "
             f"Hz; drive {drive['kind']}, {figure(drive['low'])} to {high}; noise floor {floor}."
         )
-        return "\n".join([summary, "", *(f"- {warning}" for warning in one["warnings"])])
+        warnings = [f"- {warning}" for warning in one["warnings"]]
+        rows = [f"| {' | '.join(row)} |" for row in shown_rows(shown_by(recording))]
+        table = ["| effect | | smallest size that this recording would show |", "|---|---|---|"]
+        return "\n".join([summary, "", *warnings, "", *table, *rows])
 
     def take(self, result: Any) -> str:
-        """Take a fit or a diagnosis, and return its sentence."""
+        """Take a fit, with its errors on data held out where there are such, or a diagnosis, and
+        return what it says: its sentence, its scores and its parameters, as Markdown."""
         self.result = result
         if hasattr(result, "verdict"):
             fits = [fit for fit in (result.base, result.extended) if fit is not None]
             self._axes, sentence = result.axes, result.sentence
+            scores = diagnosis_figures(result)
         else:
-            fits, sentence = [result], fit_sentence([result])
+            # A comparison has fits: its class would load what a first paint does without.
+            compared = hasattr(result, "fits")
+            fits = [*result.fits] if compared else [result]
+            sentence, scores = fit_sentence(fits), key_figures(result if compared else fits)
+        parameters = parameter_rows(fits[-1])
+        tables = (scores, ([fits[-1].model.name, *_PARAMETER], [[*r.values()] for r in parameters]))
+        sentence = "\n\n".join([sentence, *(_markdown(*table) for table in tables)])
         self._new = list(range(len(self._fits), len(self._fits) + len(fits)))
         self._fits += fits
         return sentence

@@ -43,8 +43,12 @@ def python_code(workspace: Workspace, task: str) -> str:
             keywords += f", repeat={read('repeat')}"
         if workspace.noise:
             keywords += f", noise={workspace.noise!r}"
+    call, model = f"fj.{task}", f"{workspace.model!r}"
+    if task == "fit" and workspace.with_role("held out"):
+        call, model = "fj.compare", f"[{workspace.model!r}]"
+        keywords += f", holdout={read('held out')}"
     lines += [
-        f"result = fj.{task}({workspace.model!r}, recordings{keywords})",
+        f"result = {call}({model}, recordings{keywords})",
         'fj.write_report(result, "report.html")',
     ]
     return "\n".join(lines)

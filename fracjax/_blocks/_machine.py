@@ -12,7 +12,7 @@ import numpy as np
 from jax import Array
 
 from .._operators import Grid
-from .._parameters import Parameter, named_parameters, replace_parameters
+from .._parameters import Parameter, named_parameters, replace_parameters, set_values
 from .._recording import InputError
 from ._block import AbstractBlock, AbstractLinearBlock
 from ._inside import AbstractInside
@@ -95,7 +95,9 @@ class Within(AbstractBlock):
     method, so that stiff stops and dry friction do not limit the step.  The error is of second
     order in the step, of first where a force can stop the motion.  `start` is what the states
     deviate by, at the first sample, from what the history says, so that a recording may begin in
-    motion.
+    motion.  u is the drive plus `drive_offset`: an amplifier's zero, a dead voltage, a weight.  A
+    linear machine answers it by an offset of the response, one with physics inside does not, since
+    a cubic spring that is displaced is stiffer and no longer odd.
 
     Args:
         machine: the linear machine.
@@ -108,6 +110,7 @@ class Within(AbstractBlock):
         sites: the port of each.
         start: (n,) the deviation of the states at the first sample [response], a velocity over the
             machine's own rate.
+        drive_offset: u_0, one number [drive]; free where it differs from one of the response.
 
     Source: Hochbruck & Ostermann, Acta Numer. 19 (2010) 209, exponential integrators; Acary &
     Brogliato, Numerical Methods for Nonsmooth Dynamical Systems (2008), implicit friction.
@@ -117,6 +120,7 @@ class Within(AbstractBlock):
     effects: tuple[AbstractInside, ...]
     sites: tuple[str, ...] = eqx.field(static=True)
     start: Parameter
+    drive_offset: Parameter
 
     def __init__(
         self,
@@ -134,6 +138,8 @@ class Within(AbstractBlock):
         self.effects, self.sites = effects, sites
         states = np.zeros(np.shape(machine.scales()))
         self.start = Parameter(states, "response", per_recording=True)
+        differs = states.size > 0 and bool(effects or not machine.settles)
+        self.drive_offset = Parameter(0.0, "drive", fixed=not differs)
 
     @property
     def linear(self) -> bool:
@@ -168,14 +174,18 @@ class Within(AbstractBlock):
             The block with the effect.
         """
         more = Within(self.machine, (*self.effects, effect), (*self.sites, site))
-        return eqx.tree_at(lambda block: block.start, more, self.start)
+        return more._beginning_as(self)
 
     def without(self, which: int) -> Within:
         """This machine without one of its effects, by its place among them."""
         effects, sites = list(self.effects), list(self.sites)
         del effects[which], sites[which]
-        fewer = Within(self.machine, tuple(effects), tuple(sites))
-        return eqx.tree_at(lambda block: block.start, fewer, self.start)
+        return Within(self.machine, tuple(effects), tuple(sites))._beginning_as(self)
+
+    def _beginning_as(self, other: Within) -> Within:
+        """This machine with the start and the drive's offset of another."""
+        values = {"start": other.start.value, "drive_offset": other.drive_offset.value}
+        return set_values(self, values)
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
         return self.respond_to(drive, jnp.zeros((1, drive.size)), grid)[0]
@@ -193,6 +203,7 @@ class Within(AbstractBlock):
             The response (N,) in response units, and the motion at the ports, arrays (p, N).
         """
         ports = list(self.machine.ports().values())
+        drive = drive + self.drive_offset.value
         pushes = jnp.broadcast_to(pushes, (len(ports), drive.size))
         if not self.machine.scales().size:
             return self._follow(drive, pushes, grid)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from pathlib import Path
+from shutil import copyfile
 
 import click
 
@@ -12,6 +13,9 @@ from ._files import Content, folder
 from ._given import models_for
 from ._options import takes_results
 from ._results import Results
+
+_LEFT = {"training": Path("loop.csv"), "heldout": Path("other.csv")}
+"""The recordings in the package, and what they are called where the demo was called."""
 
 
 @click.command("demo")
@@ -25,13 +29,21 @@ from ._results import Results
 )
 @takes_results
 def demo_command(out: Path, results: Results) -> int:
-    """Diagnose a recording in the package, in which an effect is concealed."""
+    """Diagnose a recording in the package, in which an effect is concealed.
+
+    It leaves the recording and its held-out one as loop.csv and other.csv in this folder, unless
+    there are such files, to try the other commands on.
+    """
     from importlib.resources import as_file, files
 
     from .._io import read
 
     with as_file(files("fracjax") / "_demo") as shipped:
-        training, held_out = (read(shipped / f"{name}.csv") for name in ("training", "heldout"))
+        training, held_out = (read(shipped / f"{name}.csv") for name in _LEFT)
+        for name, path in _LEFT.items():
+            if not path.exists():
+                copyfile(shipped / f"{name}.csv", path)
+                results.saved.append(path)
     model = models_for(["foh"], [training])[0]
     start = time.perf_counter()
 

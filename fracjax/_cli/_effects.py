@@ -47,7 +47,7 @@ def effects_command(name: str | None, picture: Path | None, results: Results) ->
         print_table([], _rows(listed[0]))
     elif not results.quiet:
         print_table(
-            ["effect", "inserted at", "equation", "what it is"],
+            ["effect", "acts on the", "equation", "what it is"],
             [[e["name"], e["site"], e["equation"], e["sentence"]] for e in listed],
         )
         print('\nInside a machine, at a port of it: --model "oscillator @ cubic_stiffness"')
@@ -102,7 +102,7 @@ def _rows(effect: dict[str, Any]) -> list[list[str]]:
         ["effect", effect["name"]],
         ["what it is", effect["sentence"]],
         ["equation", effect["equation"]],
-        ["inserted at", effect["site"]],
+        ["acts on the", effect["site"]],
         ["plausible", "\n".join(parameters)],
         ["look-alikes", "\n".join(look_alikes) or "none"],
         ["concealed by", effect["concealed_by"]],

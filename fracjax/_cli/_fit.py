@@ -89,10 +89,11 @@ def fit_command(
 ) -> int:
     """Fit models to recordings, jointly where there are several.
 
-    Writes fit.json (the best model by BIC), report.html and, for several models, fit_MODEL.json for
-    each and comparison.json.  The comparison scores all models on the fitted data and on held-out
-    data: the recordings of --holdout, or stretches of the recordings held out in turn.  Options for
-    a parameter apply to the models that have it; --fix to --mask may be given more than once.
+    Writes fit.json (the best model by BIC that held-out data do not refute), report.html and, for
+    several models, fit_MODEL.json for each and comparison.json.  The comparison scores all models
+    on the fitted data and on held-out data: the recordings of --holdout, or stretches of the
+    recordings held out in turn.  Options for a parameter apply to the models that have it; --fix to
+    --mask may be given more than once.
     """
     if to_table:
         return fit_table(recordings, names, out, given, results, asked)
@@ -142,6 +143,8 @@ def _summary(
     notes.append(". ".join(analyse_residuals(fits[0])[0].findings) + ".")
     warnings = (warning for r in recordings for warning in (*r.warnings, *r.checks()))
     notes += [f"Warning: {warning}" for warning in dict.fromkeys(warnings)]
+    if comparison:
+        notes = [*comparison.refuted, *notes]
     figures = key_figures(comparison or fits)
     return Summary(fit_sentence(fits), figures, notes, parameter_figures(fits[0]))
 

@@ -80,7 +80,12 @@ def info_command(
                 print()
             print_table([], _rows(one))
             if shows:
-                print_table(["effect", "smallest size that would be named"], _shown(one))
+                from .._report import shown_rows
+
+                print_table(
+                    ["effect", "", "smallest size that would be named"],
+                    shown_rows(one["can_show"]),
+                )
             for warning in one["warnings"]:
                 print_text(f"Warning: {warning}")
             for line in one.get("not_used", ()):
@@ -154,21 +159,3 @@ def _period(period: dict[str, float] | None) -> str:
         f"{period['seconds']:.4g} s, {period['repeats']:.4g} repeats from "
         f"{period['from_s']:.4g} to {period['to_s']:.4g} s"
     )
-
-
-def _shown(description: dict[str, Any]) -> list[list[str]]:
-    """Each effect with the smallest size that would be seen, or why none would."""
-    from .._show import quantity
-
-    shown = description["can_show"]
-    if shown is None:
-        return [["–", "not known: the recording shows no noise; record a rest or repeat the drive"]]
-    return [
-        [
-            one["effect"],
-            f"not at any size: {one['reason']}"
-            if one["size"] is None
-            else f"{quantity(one['size'], one['unit'])} peak to peak",
-        ]
-        for one in shown
-    ]

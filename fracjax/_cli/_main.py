@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 import _thread
+import os
 import shlex
 import sys
 import threading
 import warnings
 from collections.abc import Sequence
+from contextlib import suppress
 from pathlib import Path
 
 import click
@@ -25,6 +27,7 @@ from ._info import info_command
 from ._models import models_command
 from ._posterior import posterior_command
 from ._progress import announced
+from ._protocol import protocol_command
 from ._results import Call
 from ._simulate import simulate_command
 from ._statuses import INTERRUPTED, UNUSABLE, fail
@@ -35,6 +38,7 @@ _COMMANDS = (
     batch_command,
     posterior_command,
     diagnose_command,
+    protocol_command,
     demo_command,
     simulate_command,
     compensate_command,
@@ -72,7 +76,16 @@ def main() -> None:
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     sys.unraisablehook = heed_interrupt
-    sys.exit(run())
+    leave(run())
+
+
+def leave(status: int) -> None:
+    """End the process at once: a thread of PyArrow's that still runs while the interpreter is taken
+    down aborts it, and all that was to be written is written."""
+    for stream in (sys.stdout, sys.stderr):
+        with suppress(BrokenPipeError):
+            stream.flush()
+    os._exit(status)
 
 
 def heed_interrupt(unraisable: sys.UnraisableHookArgs) -> None:

@@ -51,6 +51,13 @@ if TYPE_CHECKING:
 @click.option(
     "--steps", type=int, default=10_000, show_default=True, help="Largest number of steps."
 )
+@click.option(
+    "--target-ess",
+    type=click.IntRange(min=1),
+    default=400,
+    show_default=True,
+    help="Effective draws of each parameter, in bulk and tails, with which it ends.",
+)
 @takes_given
 @takes_results
 def posterior_command(
@@ -64,6 +71,7 @@ def posterior_command(
     diagnosis: str | None,
     walkers: int | None,
     steps: int,
+    target_ess: int,
     given: Given,
     results: Results,
 ) -> int:
@@ -94,6 +102,7 @@ def posterior_command(
                     diagnosis=diagnosis,
                     walkers=walkers,
                     steps=steps,
+                    target_ess=target_ess,
                     seed=given.seed,
                     chain=chain,
                     resume=resume,

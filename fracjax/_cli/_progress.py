@@ -90,7 +90,7 @@ class _Lines:
             self.last = now
             began, already = self.first
             rest = (now - began) * (total - done) / max(1, done - already)
-            texts = f"{done} of {total}", f"{rest:.0f} s more at most" if rest else "", estimate
+            texts = f"{done} of {total}", f"about {rest:.0f} s more" if rest else "", estimate
             self.write("; ".join(filter(None, texts)))
 
 
@@ -180,7 +180,7 @@ def bar(quiet: bool) -> Iterator[Count]:
 @contextmanager
 def chain_bar(quiet: bool, steps: int) -> Iterator[Callable[[int, int, str], None]]:
     """A function that counts steps, shown as a bar with the present estimate and the time that the
-    rest takes at most: a chain that converges ends before."""
+    rest takes, once as many steps as the chain is expected to need are known."""
     if quiet:
         yield _silent
         return
@@ -203,7 +203,7 @@ def chain_bar(quiet: bool, steps: int) -> Iterator[Callable[[int, int, str], Non
     from rich.progress import Progress as Bars
 
     text = TextColumn("{task.description}", markup=False)
-    most = TextColumn("at most"), TimeRemainingColumn()
+    most = TextColumn("about"), TimeRemainingColumn()
     columns = BarColumn(20), MofNCompleteColumn(), TimeElapsedColumn(), *most, text
     with Bars(*columns, console=Console(stderr=True)) as bars:
         task = bars.add_task("fitting", total=steps)

@@ -41,7 +41,7 @@ from .._solve import (
     limit_compiled_programs,
     silent,
     solved_at,
-    starts_of,
+    starts_on,
 )
 from ._bounded import bounded_lbfgs, require_jaxopt
 from ._box import SearchResult, dimension, objective, with_bounded_gains, with_bounded_shapes
@@ -214,7 +214,9 @@ def crosscheck(
         results = [_MethodResult("gradient fit", solved, True, time.perf_counter() - start_time)]
         progress("fitting by bounded L-BFGS")
         problems = preparation.problems()
-        results.append(_result_of_bounded(starts_of(block, starts, seed), problems, preparation))
+        results.append(
+            _result_of_bounded(starts_on(block, preparation, starts, seed), problems, preparation)
+        )
         all_free = with_bounded_gains(solved.block, problems)
         spaces = {"gains eliminated": block}
         if layout_of(block).gains:

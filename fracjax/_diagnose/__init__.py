@@ -1,9 +1,6 @@
 """Diagnosis: where model and recording differ, and what physics was left out."""
 
 from ._diagnose import diagnose as diagnose
-from ._next_experiment import Drive as Drive
-from ._next_experiment import Limits as Limits
-from ._next_experiment import parse_limits as parse_limits
 from ._result import Axis as Axis
 from ._result import Candidate as Candidate
 from ._result import Diagnosis as Diagnosis

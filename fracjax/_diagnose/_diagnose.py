@@ -25,22 +25,23 @@ from .._prepare import (
     steady_of,
     take_of,
 )
+from .._protocol import Limits, completed, parse_limits, recorded_limits
 from .._recording import InputError, Recording, require_units_of
 from .._solve import Progress, discretisation_warnings, silent
-from ._drive import shortened, thinned, unrounded, without_spikes, wrong_way
+from ._drive import parted, thinned, unrounded, without_spikes, wrong_way
 from ._extension import ANY_LOOP, extended_by, extended_inside
 from ._findings import Findings
 from ._fitted import fitted
 from ._held_out import predict_recording, predict_stretches
 from ._inquiry import inquire, inquired_inside
-from ._next_experiment import Limits, parse_limits, propose, recorded_limits, survey
+from ._next_experiment import propose
 from ._result import Diagnosis, NextExperiment
 from ._sentence import (
     afterwards,
+    completed_sentence,
     is_incomplete,
     next_experiment,
     sentence_of,
-    survey_sentence,
     where_of,
 )
 from ._views import path_view, signals_of, with_residual_as_noise
@@ -117,12 +118,15 @@ def diagnose(
         raise InputError.at("max_time", "seconds above 0", f"{max_time}", "give more")
     clock = Clock(max_time)
     corrected: list[str] = []
-    corrections = (without_spikes, unrounded)
-    fewer = (thinned, shortened) if not mask and settling is None else ()
-    for correct in (*corrections, *fewer):
+    fewer = not mask and settling is None
+    for correct in (without_spikes, unrounded, *([thinned] if fewer else [])):
         pairs = [correct(recording) for recording in listed]
         listed = [recording for recording, _ in pairs]
         corrected += [warning for _, warning in pairs if warning]
+    if fewer:
+        lists = [parted(recording) for recording in listed]
+        listed = [part for parts, _ in lists for part in parts]
+        corrected += [warning for _, warning in lists if warning]
     with computing(), within(clock):
         progress("estimating the noise floor")
         preparation = prepare(
@@ -153,7 +157,7 @@ def diagnose(
         may_name = not doubts and not clock.is_over
         extension = None
         if may_name and isinstance(law.block, AbstractMachine | Within):
-            inside = inquire_inside(law.block, preparation, progress=progress)
+            inside = inquire_inside(base.solved.block, preparation, progress=progress)
             inquiry = inquired_inside(base, path, inside)
             extension = extended_inside(law, inside, preparation)
         else:
@@ -206,7 +210,7 @@ def _concluded(
         numerics=findings.base.numerics,
         p_value=findings.p_value,
         held_out=findings.held_out,
-        next_experiment=_next_experiment(findings, limits, progress, clock),
+        next_experiment=_next_experiment(findings, shows, limits, progress, clock),
         warnings=(*corrected, *findings.doubts, *_warnings(findings)),
         shape=findings.shape,
         can_show=tuple(shows),
@@ -215,10 +219,14 @@ def _concluded(
 
 
 def _next_experiment(
-    findings: Findings, limits: Limits, progress: Progress, clock: Clock
+    findings: Findings,
+    shows: Sequence[Visible],
+    limits: Limits,
+    progress: Progress,
+    clock: Clock,
 ) -> NextExperiment | None:
     """The drive that distinguishes the effects that this recording does not, or else, where more is
-    missing than is named, one that shows of what kind it is."""
+    missing than is named, one that shows what this recording cannot."""
     preparation, fit = findings.base.preparation, findings.base_fit
     if clock.is_over:
         return None
@@ -229,7 +237,10 @@ def _next_experiment(
     if len(rivals) < 2:
         if not is_incomplete(findings) and split is None:
             return None
-        return afterwards(survey_sentence(survey(preparation, limits)), fit)
+        progress("designing the next experiment")
+        unit = preparation.takes[0].recording.response_unit
+        drive, both = completed(signals_of(preparation), limits, unit)
+        return afterwards(completed_sentence(drive, shows, both), fit)
     blocks = [e.fitted.solved.block for e in rivals]
     proposal = propose(blocks, preparation, limits, progress)
     return afterwards(next_experiment([e.names[0] for e in rivals], proposal), fit)

@@ -12,6 +12,7 @@ from scipy.ndimage import gaussian_filter1d
 from .._blocks import AbstractBlock
 from .._operators import interpolate
 from .._prepare import top_frequency
+from .._protocol import MOST, Reading, readings_of
 from .._recording import Recording, resolution
 
 # All numbers here are chosen by judgement.
@@ -21,9 +22,11 @@ _WITHIN = 0.75
 """How far the smoothed drive may be from the recorded one, in steps between codes."""
 _COARSE = 1e-3
 """The step, over the drive's span, from which a drive counts as rounded."""
-_MOST_SAMPLES, _PER_PERIOD, _LEAST_RATE = 12_000, 32, 1000.0
-"""A recording is thinned to this many samples, but not below this many per period of the drive's
+_PER_PERIOD, _LEAST_RATE = 32, 1000.0
+"""A recording is thinned to `MOST` samples, but not below this many per period of the drive's
 highest frequency, nor below this rate [Hz]."""
+_SLOW = 0.5
+"""The share of samples that must show the drive for the whole of a recording to be used."""
 _MOST_SPIKES, _MOST_TIMES = 0.02, 5
 """The share of samples up to which outliers are spikes, and how many times are listed."""
 _STRONG = 0.3
@@ -85,7 +88,7 @@ def without_spikes(recording: Recording) -> tuple[Recording, str]:
 def thinned(recording: Recording) -> tuple[Recording, str]:
     """A long recording at the rate that the drive's band needs, and a warning."""
     needed = max(_PER_PERIOD * top_frequency(recording), _LEAST_RATE)
-    every = int(min(len(recording) / _MOST_SAMPLES, recording.rate / needed))
+    every = int(min(len(recording) / MOST, recording.rate / needed))
     if every < 2:
         return recording, ""
     warning = (
@@ -103,17 +106,39 @@ def thinned(recording: Recording) -> tuple[Recording, str]:
     return fewer, warning
 
 
-def shortened(recording: Recording) -> tuple[Recording, str]:
-    """The first part of a recording that is long even as `thinned`, and a warning."""
-    used, whole = 2 * _MOST_SAMPLES, len(recording)
-    if whole <= used:
-        return recording, ""
+def parted(recording: Recording) -> tuple[list[Recording], str]:
+    """A recording that is long even as `thinned` by fewer samples: the whole of it, and its longest
+    fast stretch for itself; or, where it is fast all along, its first part; and a warning."""
+    if len(recording) <= 2 * MOST:
+        return [recording], ""
+    whole, *stretches = readings_of(recording.drive, MOST)
+    parts = [] if np.mean(whole.counted) < _SLOW else [_read(recording, whole)]
+    parts += [_read(recording, stretch) for stretch in stretches]
+    times = [
+        f"{'all' if reading.every == 1 else f'every {reading.every}th'} from "
+        f"{reading.start * recording.dt:.4g} to {reading.stop * recording.dt:.4g} s"
+        for reading in (whole, *stretches)[-len(parts) :]
+    ]
     warning = (
-        f"{recording.source}: the first {used * recording.dt:.4g} s of "
-        f"{whole * recording.dt:.4g} s were used, since the drive's band needs every sample; "
-        "diagnose other parts on their own."
+        f"{recording.source}: of {len(recording)} samples {' and '.join(times)} were used, which "
+        "show the drive; diagnose other parts on their own."
     )
-    return recording.window(0, used), warning
+    return parts, warning
+
+
+def _read(recording: Recording, reading: Reading) -> Recording:
+    """The samples of a recording that are read."""
+    own = reading.samples
+    masked = ~reading.counted
+    if recording.masked is not None:
+        masked = masked | recording.masked[own]
+    return replace(
+        recording,
+        masked=masked if masked.any() else None,
+        drive=recording.drive[own],
+        response=recording.response[own],
+        dt=reading.every * recording.dt,
+    )
 
 
 def _explained(response: np.ndarray, curves: np.ndarray) -> float:

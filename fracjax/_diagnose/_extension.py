@@ -10,6 +10,7 @@ from .._computing import Clock
 from .._fit import settle
 from .._inside import Inside
 from .._models import Model
+from .._naming import block_name
 from .._prepare import HistoryOption, Preparation, model_of
 from .._solve import Progress
 from ._fitted import Fitted, fitted
@@ -27,27 +28,30 @@ _STARTS = 4
 
 @dataclass(frozen=True, eq=False)
 class Extension:
-    """A law with effects around it, the first innermost, or inside a machine, `inside` of them
-    before the first; `is_other_law` where the law is not the model that was asked about."""
+    """A law with effects around it, the first innermost, or inside a machine, where each name has
+    a first place among its effects, `inside`; `is_other_law` where the law is not the model that
+    was asked about."""
 
     law: str
     layers: tuple[Layer, ...]
     fitted: Fitted
     is_other_law: bool
-    inside: int = 0
+    inside: tuple[int, ...] = ()
 
     def path_of(self, k: int) -> str:
         """The dotted path of the parameters of the named effect k."""
-        return path_of(self.layers, k) if self.layers else f"effects.{self.inside + k}."
+        return path_of(self.layers, k) if self.layers else f"effects.{self.inside[k]}."
 
 
 def extended_inside(law: Model, inside: Inside, preparation: Preparation) -> Extension | None:
     """A machine with the effects that were found inside it, if any."""
-    if not inside.named:
+    if not inside.names:
         return None
-    name = " @ ".join([law.name, *inside.names])
     before = len(inside.base.block.effects)  # type: ignore[attr-defined]
-    return Extension(name, (), fitted([inside.block], preparation), False, before)
+    every = [block_name(effect) for effect in inside.block.effects]
+    name = " @ ".join([law.name, *every[before:]])
+    places = tuple(every.index(n, before) for n in inside.names)
+    return Extension(name, (), fitted([inside.block], preparation), False, places)
 
 
 def extended_by(

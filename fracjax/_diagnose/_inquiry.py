@@ -149,11 +149,10 @@ def inquire(
 def inquired_inside(base: Fitted, path: PathView, inside: Inside) -> Inquiry:
     """What is known of the effects inside a machine, beside the columns of all others."""
     view = model_view(base)
-    names = []
-    for name, alike, each in zip(inside.names, inside.sets, inside.rounds, strict=False):
-        own = sum(c.probability for c in each.candidates if c.name == name)
-        others = tuple(other for other in dict.fromkeys(alike) if other != name)
-        names.append(Name(name, others, float(own)))
+    names = [
+        Name(name, tuple(alike), float(inside.probability_of(name)))
+        for name, (_, *alike) in zip(inside.names, inside.sets, strict=True)
+    ]
     return Inquiry(base, path, view, view.posterior, is_adequate=True, names=tuple(names))
 
 

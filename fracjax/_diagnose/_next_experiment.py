@@ -15,7 +15,6 @@ Source: Atkinson & Fedorov, Biometrika 62 (1975) 57 (T-optimality).
 
 from __future__ import annotations
 
-import re
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 from itertools import chain, combinations, permutations
@@ -27,13 +26,11 @@ from scipy.stats import norm
 from .._blocks import AbstractBlock
 from .._operators import Grid, refine
 from .._prepare import Noise, Preparation, layout_of
-from .._recording import InputError, Recording, parse_quantity
+from .._protocol import Drive, Limits, corners_rounded
 from .._solve import orthonormal_basis
 
 _SAMPLES = 4096
 """Samples of a drive after its rest; chosen by judgement."""
-_FASTER = 10.0
-"""The default limit of the rate, over the fastest change recorded; chosen by judgement."""
 _LEAST_PER_PERIOD = 16
 """Samples per period of the fastest tone; chosen by judgement."""
 _DELTA_BIC = 10.0
@@ -42,102 +39,13 @@ _REST = 0.2
 """Duration of the rest before a drive [s]; chosen by judgement."""
 _LEAD, _LONGEST_LEAD = 0.05, 0.25
 """The shortest and the longest rest, as shares of the drive; chosen by judgement."""
-_ROUNDING = np.array([1, 4, 6, 4, 1]) / 16
-"""Binomial weights by which corners are rounded."""
 _EXAMINED = 10
 """Drives for which the absorbed changes are computed, those with the largest differences; chosen by
 judgement."""
 _RATES = (1, 1 / 4, 4, 1 / 16, 16)
 """Sampling rates that are tried, over the recording's own, in this order."""
-_LADDER = "in four amplitudes"
 LIKELY = 0.5
 """A drive with a smaller probability of success is more likely to fail."""
-
-
-@dataclass(frozen=True)
-class Limits:
-    """What the hardware allows.
-
-    Attributes:
-        low: the lowest drive [drive unit].
-        high: the highest drive [drive unit].
-        slew: the fastest change of the drive [drive unit/s].
-    """
-
-    low: float
-    high: float
-    slew: float
-
-    @property
-    def centre(self) -> float:
-        """The middle of the range [drive unit]."""
-        return 0.5 * (self.low + self.high)
-
-    @property
-    def reach(self) -> float:
-        """Half the range [drive unit]."""
-        return 0.5 * (self.high - self.low)
-
-
-def recorded_limits(recordings: Sequence[Recording]) -> Limits:
-    """The range that was recorded, and ten times its fastest change."""
-    rates = [float(np.abs(np.diff(r.drive)).max() / r.dt) for r in recordings]
-    return Limits(
-        float(min(r.drive.min() for r in recordings)),
-        float(max(r.drive.max() for r in recordings)),
-        _FASTER * max(rates),
-    )
-
-
-def parse_limits(text: str, recordings: Sequence[Recording]) -> Limits:
-    """Limits from a text.
-
-    Args:
-        text: such as "0..100 V, 50 V/ms"; the rate may be left out.
-        recordings: they give the drive's unit and the default of the rate.
-
-    Returns:
-        The limits, in the drive's unit.
-
-    Raises:
-        InputError: if the text is not of this form, or the limits exclude every drive.
-    """
-    unit, recorded = recordings[0].drive_unit, recorded_limits(recordings)
-    match = re.fullmatch(r"\s*(\S+?)\s*\.\.\s*(\S+?)\s*([A-Za-zµ]*)\s*(?:,\s*(.+))?", text)
-    if match is None:
-        raise InputError.at(
-            "--limits", f'a range and a slew such as "0..100 {unit}, 50 {unit}/ms"', f'"{text}"',
-            "write the limits in this form",
-        )  # fmt: skip
-    low, high, own, slew = match.groups()
-    low, high = (parse_quantity(f"{end} {own or unit}", unit, "--limits") for end in (low, high))
-    fastest = parse_quantity(slew, f"{unit}/s", "--limits") if slew else recorded.slew
-    if not (low < high and fastest > 0):
-        raise InputError.at(
-            "--limits", "a lower end below the upper and a slew above zero", f'"{text}"',
-            "correct the limits",
-        )  # fmt: skip
-    return Limits(low, high, fastest)
-
-
-@dataclass(frozen=True)
-class Drive:
-    """A drive that could be recorded next.
-
-    Attributes:
-        description: in words.
-        values: (N,) [drive unit].
-        step: time between samples [s].
-    """
-
-    description: str
-    values: np.ndarray
-    step: float
-
-    @property
-    def times(self) -> np.ndarray:
-        """Times (N,) [s] of the samples."""
-        return self.step * np.arange(self.values.size)
 
 
 def _spanned(wave: np.ndarray, limits: Limits, share: float = 1.0, bias: float = 0.0) -> np.ndarray:
@@ -185,7 +93,7 @@ def drives(limits: Limits, step: float, unit: str, start: float, rest: int) -> l
         full = f"{2 * limits.reach:.3g} {unit}"
         add(f"a triangle of {f:.3g} Hz over {full}", _spanned(_triangle(angle), limits))
         add(
-            f"sines of {f:.3g} Hz {_LADDER} up to {full}",
+            f"sines of {f:.3g} Hz in four amplitudes up to {full}",
             _spanned(-np.cos(angle) * rising, limits),
         )
         add(
@@ -246,8 +154,7 @@ def _allowed(
         for k, one in enumerate(wanted):
             level += min(max(one - level, -most), most)
             followed[k] = level
-    beyond = _ROUNDING.size // 2
-    return np.convolve(np.pad(followed, beyond, mode="edge"), _ROUNDING, "valid")
+    return corners_rounded(followed)
 
 
 @dataclass(frozen=True)
@@ -295,16 +202,6 @@ def propose(
     own = at(_RATES[0])
     others = map(at, _RATES[1:])
     return next((each for each in chain([own], others) if each.probability >= LIKELY), own)
-
-
-def survey(preparation: Preparation, limits: Limits) -> Drive:
-    """The drive to record where nothing named explains the mismatch: after a rest, sines of the
-    middle rate in four amplitudes."""
-    recording = preparation.takes[0].recording
-    start, rest = float(recording.drive[0]), rest_samples(recording.dt)
-    candidates = drives(limits, recording.dt, recording.drive_unit, start, rest)
-    ladders = [drive for drive in candidates if _LADDER in drive.description]
-    return ladders[len(ladders) // 2]
 
 
 def _proposed(

@@ -14,9 +14,9 @@ from .._models import Model
 from .._operators import History
 from .._path import Visible
 from .._prepare import Noise
+from .._protocol import Drive
 from .._recording import Recording, item
 from .._show import Shown, Table, View, figure, quantity
-from ._next_experiment import Drive
 
 if TYPE_CHECKING:
     import pandas as pd

@@ -11,8 +11,11 @@ from typing import TYPE_CHECKING
 import numpy as np
 
 from .._fit import Fit
+from .._path import Visible
 from .._prepare import Noise
-from ._next_experiment import LIKELY, Drive, Proposal
+from .._protocol import Drive
+from .._show import quantity
+from ._next_experiment import LIKELY, Proposal
 from ._result import Axis, HeldOut, NextExperiment, Verdict
 from ._shape import HYSTERESIS_SHAPE, entry_of
 from ._thresholds import SIGNIFICANCE
@@ -28,6 +31,8 @@ _FAR = 2.0
 _LEFT = 1.3
 """Noise floors that even path curves leave above which the sentence mentions it; chosen by
 judgement."""
+_GAIN = 1.5
+"""How many times as small a size a further drive must show to be mentioned; chosen by judgement."""
 _MOST_LISTED = 4
 """Recordings whose residual is listed at most; chosen by judgement."""
 
@@ -273,13 +278,26 @@ def next_experiment(names: Sequence[str], proposal: Proposal) -> NextExperiment:
     return NextExperiment(sentence, (first, *distinguished), chance, drive)
 
 
-def survey_sentence(drive: Drive) -> NextExperiment:
-    """The proposed drive where no effect of the catalogue explains what remains."""
-    sentence = (
-        f"Record {drive.description}, after a rest: the rest shows the noise, and the amplitudes "
-        "whether the mismatch is in proportion to the drive, as dynamics are, grows faster, as a "
-        "loop's shape or saturation does, or keeps its size, as backlash, drift and hum do."
+def completed_sentence(
+    drive: Drive, shows: Sequence[Visible], both: Sequence[Visible]
+) -> NextExperiment:
+    """The designed drive where no effect of the catalogue explains what remains, with what it shows
+    and these recordings do not."""
+    before = {one.effect: one for one in shows}
+    gains = [
+        (one, before[one.effect].size)
+        for one in both
+        if one.size is not None and one.effect in before
+    ]
+    news = [one for one, own in gains if own is None or own > _GAIN * (one.size or 0.0)]
+    seen = ", ".join(f"{one.effect} from {quantity(one.size or 0.0, one.unit)}" for one in news)
+    shown = (
+        f"it shows {seen}, peak to peak, which this recording does not"
+        if news
+        else "it shows no effect from a much smaller size than this recording, but repeats its path"
     )
+    parts = ", ".join(dict.fromkeys(part.name for part in drive.parts))
+    sentence = f"Record {drive.description} ({parts}), whatever the hysteresis: {shown}."
     return NextExperiment(sentence, (), None, drive)
 
 

@@ -35,6 +35,7 @@ from ._robust import Robust as Robust
 from ._robust import shape_of as shape_of
 from ._rows import combination_row as combination_row
 from ._rows import estimate_row as estimate_row
+from ._rows import listed as listed
 from ._rows import parameter_table as parameter_table
 from ._settle import settle as settle
 from ._settle import settle_finely as settle_finely

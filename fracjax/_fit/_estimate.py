@@ -23,13 +23,14 @@ class Estimate:
         standard_error: in `unit`.
         unit: the parameter's unit.
         identified: false where the standard error exceeds half the plausible range, or, for a gain,
-            5 % of the response.
+            5 % of the response, and for a frequency above half the sampling rate.
         at_bound: whether the fit ended on a bound.
         logarithmic: whether the parameter is searched for on a logarithmic scale: a time constant
             known to half its value is known by a factor, and never negative.
         ends: the 95 % interval from the parameter's profile, in `unit`, None where none was
             requested.
         path: the name by its place in the composition, such as "second.damping".
+        remark: what a table adds, such as the radius of a play.
     """
 
     name: str
@@ -41,6 +42,7 @@ class Estimate:
     logarithmic: bool = False
     ends: tuple[float, float] | None = None
     path: str = ""
+    remark: str = ""
 
     @property
     def interval(self) -> tuple[float, float]:

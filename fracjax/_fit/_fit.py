@@ -91,7 +91,14 @@ def _evidence_of(solved: Solved, robust: Robust | None, inflation: float) -> Evi
     triangle = solved.triangle if is_white else None
     derivative = solved.whitened_derivative() if triangle is None else triangle
     residuals = None if is_white else solved.whitened
-    return Evidence(solved.blocks, preparation.problems(), inflation, derivative, residuals)
+    return Evidence(
+        solved.blocks,
+        preparation.problems(),
+        inflation,
+        derivative,
+        residuals,
+        max(take.recording.rate for take in preparation.takes) / 2,
+    )
 
 
 def _fit_with(model: Model, solved: Solved, uncertainty: Uncertainty, robust: Robust | None) -> Fit:

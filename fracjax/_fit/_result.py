@@ -22,6 +22,7 @@ from ._combinations import Combination, combinations_among
 from ._estimate import Estimate
 from ._grade import shortcomings_of
 from ._linear import LinearSystem, to_control, to_scipy
+from ._pooled import pooled
 from ._robust import Robust
 from ._rows import correlation_table, parameter_table
 from ._whiteness import ResidualAnalysis, analyses_of
@@ -155,6 +156,14 @@ class Fit(Shown):
     def parameters(self) -> ByName[Estimate]:
         """The estimates by name, each in its unit: `fit.parameters["resonance.damping"].value`."""
         return ByName(self.model.block, ((e.name, e) for e in self.estimates))
+
+    @property
+    def shown_estimates(self) -> tuple[Estimate, ...]:
+        """The estimates as tables list them: weights of plays that the data do not tell apart as
+        their sum, in their units."""
+        first = self.preparation.takes[0].recording
+        units = first.drive_unit, first.response_unit
+        return pooled(self.estimates, self.correlation, self.model.block, units)
 
     @cached_property
     def combinations(self) -> tuple[Combination, ...]:
@@ -332,7 +341,7 @@ class Fit(Shown):
         return View(
             f"{self.model.name} fitted to {names}: error {error}{state}.",
             [
-                parameter_table(self.estimates, self.combinations),
+                parameter_table(self.shown_estimates, self.combinations),
                 Table([], statistics, detail=True),
                 correlation_table([e.name for e in self.estimates], self.correlation),
             ],

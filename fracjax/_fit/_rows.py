@@ -13,6 +13,8 @@ from ._estimate import Estimate
 
 _LEAST_CORRELATION = 0.1
 """Smaller correlations are not listed, as in lmfit's report."""
+_MOST_MEMBERS = 3
+"""Parameters of a combination that tables list; fit.json has them all."""
 _MOST_PAIRS = 12
 """Pairs that are listed at most."""
 
@@ -20,11 +22,11 @@ _MOST_PAIRS = 12
 def estimate_row(estimate: Estimate) -> dict[str, str]:
     """Name, value, 95 % interval, unit and remark of a parameter, with significant digits only."""
     if not estimate.identified:
-        value, remark = f"about {estimate.value:.1g}", "not identified by this recording"
+        value, doubt = f"about {estimate.value:.1g}", "not identified"
     else:
-        value, remark = rounded(estimate.value, estimate.standard_error), ""
-    if estimate.at_bound:
-        remark = "; ".join(filter(None, (remark, "ended on its bound")))
+        value, doubt = rounded(estimate.value, estimate.standard_error), ""
+    bound = "ended on its bound" if estimate.at_bound else ""
+    remark = "; ".join(filter(None, (estimate.remark, doubt, bound)))
     low, high = (rounded(end, estimate.standard_error) for end in estimate.interval)
     return {
         "name": estimate.name,
@@ -33,6 +35,11 @@ def estimate_row(estimate: Estimate) -> dict[str, str]:
         "unit": pretty_unit(estimate.unit),
         "remark": remark,
     }
+
+
+def listed(combinations: Sequence[Combination]) -> list[Combination]:
+    """The combinations of few parameters: others are no formula that anyone reads."""
+    return [each for each in combinations if len(each.coefficients) <= _MOST_MEMBERS]
 
 
 def combination_row(combination: Combination) -> dict[str, str]:
@@ -44,7 +51,7 @@ def combination_row(combination: Combination) -> dict[str, str]:
         "value": rounded(value, error),
         "interval": f"{low} to {high}",
         "unit": pretty_unit(combination.unit),
-        "remark": f"combination determined to {combination.percent:.2g} %",
+        "remark": f"combination, known to {combination.percent:.2g} %",
     }
 
 
@@ -56,7 +63,7 @@ def parameter_table(
     rows = []
     for row, error in [
         *((estimate_row(e), e.standard_error) for e in estimates),
-        *((combination_row(c), c.standard_error) for c in combinations),
+        *((combination_row(c), c.standard_error) for c in listed(combinations)),
     ]:
         name, value, *others = row.values()
         rows.append([name, value, figure(error, 2), *others])

@@ -55,6 +55,7 @@ class Evidence(NamedTuple):
         derivative: (ΣL, parameters + own), J; its inner products suffice where there are no
             residuals.
         residuals: per recording (L,) the whitened residual, None where it is white.
+        highest: the highest frequency [Hz] that the recordings show: half the greatest rate.
     """
 
     blocks: tuple[AbstractBlock, ...]
@@ -62,6 +63,7 @@ class Evidence(NamedTuple):
     inflation: float
     derivative: np.ndarray
     residuals: Sequence[np.ndarray] | None = None
+    highest: float = np.inf
 
 
 def uncertainty_of(
@@ -202,6 +204,9 @@ def _estimates(
         identified = errors / values <= 0.5 * np.log(high / low)
     else:
         identified = errors <= 0.5 * (high - low)
+    if first.unit == "Hz":
+        # Beyond it a mode acts as a mere delay, which its frequency makes look well determined.
+        identified &= values <= [fit.highest for fit in fits]
     of_each = (values, errors, identified, at_bound(first, k, values))
     label, unit = free_parameter.label, physical_unit(first.unit, units)
     path = free_parameter.name + suffix_of(label)

@@ -2,10 +2,9 @@
 
 from ._columns import Columns as Columns
 from ._columns import columns_of as columns_of
-from ._evidence import Weighed as Weighed
-from ._evidence import weigh as weigh
 from ._inquire import inquire_inside as inquire_inside
+from ._posterior import About as About
+from ._posterior import Worth as Worth
 from ._predict import error_on as error_on
 from ._result import Candidate as Candidate
 from ._result import Inside as Inside
-from ._result import Round as Round

@@ -58,16 +58,18 @@ class Columns:
             `drive_curve` and `response_curve`, a static curve before or after the machine.
         residual: (ΣL,) whitened.
         tangent: (ΣL, p) the whitened derivative by what is free: what the fit absorbs.
+        size: the norm of the whitened responses about their means.
     """
 
     effects: dict[str, list[Column]]
     others: dict[str, list[Column]]
     residual: np.ndarray
     tangent: np.ndarray
+    size: float
 
 
-def columns_of(solved: Solved) -> Columns:
-    """The columns about a fit of a machine, a `Within` block."""
+def columns_of(solved: Solved, others: dict[str, list[Column]] | None = None) -> Columns:
+    """The columns about a fit of a machine, a `Within` block; `others` where they were made."""
     problems = solved.preparation.problems()
     blocks = cast(tuple[Within, ...], solved.blocks)
     pairs = [
@@ -90,7 +92,11 @@ def columns_of(solved: Solved) -> Columns:
                 for shapes in zip(*single, strict=True)
             ]
     return Columns(
-        effects, _others(pairs), np.concatenate(solved.whitened), solved.whitened_derivative()
+        effects,
+        _others(pairs) if others is None else others,
+        np.concatenate(solved.whitened),
+        solved.whitened_derivative(),
+        float(np.sqrt(sum(problem.size**2 for problem in problems))),
     )
 
 

@@ -2,33 +2,41 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
-from dataclasses import replace
-from typing import NamedTuple
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
 
 import numpy as np
+from scipy.optimize import least_squares
 from scipy.special import softmax
 
 from .._blocks import INSIDE, AbstractMachine, Within
 from .._computing import computing, time_is_over
-from .._parameters import set_values
+from .._naming import block_name
+from .._parameters import named_parameters, set_values
+from .._path import MOST_EFFECTS, Hypothesis, Posterior
 from .._prepare import Preparation
 from .._solve import Descent, Progress, Solved, begin, descend, silent, solve_from
-from ._columns import columns_of
-from ._evidence import Weighed, independent_samples, weigh
-from ._result import DOMINANT, Candidate, Inside, Round
+from ._columns import Column, Columns, columns_of
+from ._posterior import About, Worth
+from ._result import Candidate, Inside
 
-_SHORTLIST = 4
-"""Effects that are fitted in each round; chosen by judgement."""
-_WORTH = 0.1
-"""The share of the residual below which an effect is not fitted, over that of the best."""
-_MOST_ROUNDS, _TENTATIVE = 4, 2
-"""Effects that are sought one after the other at most, and of them beyond those that are named."""
+_ALONE, _TOGETHER = 4, 3
+"""Effects that are fitted alone in each round, and likely sets; chosen by judgement."""
+_HOPELESS = 30.0
+"""The logarithm of the odds against a set, after its first evaluations, from which its fit is not
+brought to its end."""
+_WORTHY = 1e-3
+"""The probability to first order, over that of the best set, below which a set is not fitted."""
+_ROUNDS = 3
+"""How often columns are made about the best fit so far; chosen by judgement."""
 _STARTS = (1.0, 0.3)
 """Starts of an effect's size, over the one that the columns say: a large effect is overstated to
 first order."""
-_EVALUATIONS = 15
-"""Evaluations of each of them, before the best is fitted to its end; chosen by judgement."""
+_HELD, _FREE = 5, 15
+"""Evaluations of a start with its effects held, to which the machine adapts, and with all free,
+before the best is fitted to its end; chosen by judgement."""
+_SMALLEST = 0.01
+"""The coefficient of a trial that one of the other sign starts from: it has only one sign."""
 
 HeldOut = Callable[[Solved], float]
 """The rms error of a fit on data that it has not used [response]."""
@@ -43,9 +51,9 @@ def inquire_inside(
     """Name the effects inside a machine that its model leaves out.
 
     The machine is fitted; every effect that one of its ports admits is a column about the fit, in
-    several shapes; the most probable are fitted with all parameters free, from which follows which
-    it is.  It is named if it explains more than all that it leaves, and the next is sought about
-    the new fit.
+    several shapes, beside static curves and further linear dynamics; the most probable sets of up
+    to three are fitted with all parameters free, again about the best of them, and each effect of
+    the best is taken away once.  What is named is the most probable set of all that were fitted.
 
     Args:
         block: the machine, with the effects that it is believed to have.
@@ -59,12 +67,28 @@ def inquire_inside(
     within = block if isinstance(block, Within) else Within(block)
     # A start far from the recordings may overflow: its χ² is infinite, and it is not taken.
     with computing(), np.errstate(over="ignore", invalid="ignore"):
+        specified = all(take.noise is not None for take in preparation.takes)
         progress("fitting the machine")
         base = solve_from([within], _unweighted(preparation))
-        named, outcomes = _search(base, progress)
-        extended = outcomes[named - 1].solved if named else base
-        errors = [held_out(s) if held_out else None for s in (base, extended)]
-        return Inside(base, extended, tuple(o.round for o in outcomes), named, *errors)
+        columns = columns_of(base)
+        fits = [_Fit.of(base, (), columns.others)]
+        inquiry = _Inquiry(specified, progress, columns, fits)
+        inquiry.search()
+        fits, probabilities = inquiry.ranked()
+        best = fits[0]
+        worth = inquiry.worth
+        needs = best.about.evidence(worth, len(best.names))[1] > 0
+        errors = [held_out(s) if held_out else None for s in (base, best.solved)]
+        return Inside(
+            base,
+            best.solved,
+            tuple(
+                Candidate(f.names, f.block, f.solved.cost / base.cost, float(p))
+                for f, p in zip(fits, probabilities, strict=True)
+            ),
+            best.about.outside(worth) if needs else "",
+            *errors,
+        )
 
 
 def _unweighted(preparation: Preparation) -> Preparation:
@@ -79,103 +103,187 @@ def _unweighted(preparation: Preparation) -> Preparation:
     return preparation.with_noises([noise.uncoloured() for noise in noises if noise])
 
 
-class _Outcome(NamedTuple):
-    """A round, and the fit with its most probable effect, or without where there is none."""
+@dataclass(frozen=True, eq=False)
+class _Fit:
+    """A fitted set of effects beside those that the machine is believed to have.
 
-    round: Round
-    solved: Solved
-
-
-def _search(base: Solved, progress: Progress) -> tuple[int, list[_Outcome]]:
-    """The rounds, and how many of them name their effect.
-
-    A round that explains less than half is kept for the next one: of two effects of equal size
-    neither explains most alone.  All rounds so far name their effects once each effect, taken away,
-    would more than double what is left.
+    Attributes:
+        names: of the effects, in alphabetical order.
+        solved: the fit.
+        about: inner products about it, of what is no effect.
     """
-    named, outcomes = 0, []
-    solved, counts = base, [len(base.block.effects)]  # type: ignore[attr-defined]
-    while len(outcomes) < min(named + _TENTATIVE, _MOST_ROUNDS) and not time_is_over():
-        before, one = solved, _round(solved, progress)
-        outcomes.append(one)
-        solved = one.solved
-        if not one.round.candidates:
-            break
-        counts.append(len(solved.block.effects))  # type: ignore[attr-defined]
-        others = range(named, len(outcomes) - 1)
-        if _dominates(solved.cost, before.cost) and all(
-            _dominates(solved.cost, _cost_without(solved, range(*counts[k : k + 2])))
-            for k in others
-        ):
-            named = len(outcomes)
-    return named, outcomes
+
+    names: tuple[str, ...]
+    solved: Solved
+    about: About
+
+    @classmethod
+    def of(cls, solved: Solved, names: Sequence[str], others: dict[str, list[Column]]) -> _Fit:
+        """A fit beside what is no effect, as it was about the machine without any."""
+        residual, tangent = np.concatenate(solved.whitened), solved.whitened_derivative()
+        size = float(np.sqrt(sum(p.size**2 for p in solved.preparation.problems())))
+        about = About.of(Columns({}, others, residual, tangent, size), frozenset())
+        return cls(tuple(sorted(names)), solved, about)
+
+    @property
+    def block(self) -> Within:
+        """The machine with the effects."""
+        return self.solved.block  # type: ignore[return-value]
 
 
-def _dominates(after: float, before: float) -> bool:
-    """Whether what an effect explains is more than all that it leaves."""
-    return after < (1 - DOMINANT) * before
+@dataclass(eq=False)
+class _Inquiry:
+    """The sets that were fitted so far; the first is the machine as it is believed to be, and
+    `columns` are about it."""
+
+    specified: bool
+    progress: Progress
+    columns: Columns
+    fits: list[_Fit]
+
+    @property
+    def worth(self) -> Worth:
+        """What residuals are judged by: the best fit so far."""
+        least = min(fit.solved.cost for fit in self.fits)
+        return Worth.of(least, self.fits[0].about.samples, specified=self.specified)
+
+    def ranked(self) -> tuple[list[_Fit], np.ndarray]:
+        """The fits and their probabilities, the most probable first."""
+        worth = self.worth
+        logs = np.array([fit.about.evidence(worth, len(fit.names))[0] for fit in self.fits])
+        order = np.argsort(-logs, kind="stable")
+        return [self.fits[k] for k in order], softmax(logs)[order]
+
+    def search(self) -> None:
+        """Fit what may be missing about the best fit, as long as that changes it."""
+        best = self.fits[0]
+        for _ in range(_ROUNDS):
+            self._extend(best)
+            before, best = best, self.ranked()[0][0]
+            if best is before or time_is_over():
+                break
+            self._reduce(best)
+            best = self.ranked()[0][0]
+
+    def _extend(self, fit: _Fit) -> None:
+        """Fit the most probable sets of further effects about a fit."""
+        self.progress("comparing effects")
+        is_first = fit is self.fits[0]
+        columns = self.columns if is_first else columns_of(fit.solved, self.columns.others)
+        one_sided = frozenset(name for name, effect in INSIDE.items() if effect.one_sided)
+        about = About.of(columns, one_sided)
+        posterior, worth = self._judged(about)
+        sets: dict[tuple[str, ...], list[Hypothesis]] = {}
+        for one in posterior.hypotheses:
+            sets.setdefault(tuple(sorted(one.names)), []).append(one)
+        # Far from the fit an effect may explain it although its columns do not, so that the first
+        # few are fitted alone, whatever their probability.
+        alone = [names for names in sets if len(names) == 1][:_ALONE]
+        least = posterior.best.log_posterior + np.log(_WORTHY)
+        likely = [n for n, own in sets.items() if n and own[0].log_posterior > least][:_TOGETHER]
+        for names in dict.fromkeys([*alone, *likely]):
+            whole = tuple(sorted((*fit.names, *names)))
+            if len(whole) > MOST_EFFECTS or any(f.names == whole for f in self.fits):
+                continue
+            if time_is_over():
+                break
+            self.progress(f"fitting {' and '.join(whole)}")
+            shapes = {one.kinds: one for one in reversed(sets[names])}
+            starts = [
+                _started(fit.block, about, hypothesis, worth, factor)
+                for hypothesis in shapes.values()
+                for factor in _STARTS
+            ]
+            self._fit(whole, starts, len(fit.block.effects))
+
+    def _judged(self, about: About) -> tuple[Posterior, Worth]:
+        """The posterior to first order about a fit, and what it judges by: what the best set
+        leaves to first order, or what the best fit leaves."""
+        least, samples = min(f.solved.cost for f in self.fits), about.samples
+        worth = self.worth
+        for _ in range(2):
+            remainder = about.remainder(about.posterior(worth).best, worth)
+            worth = Worth.of(min(least, remainder), samples, specified=self.specified)
+        return about.posterior(worth), worth
+
+    def _reduce(self, fit: _Fit) -> None:
+        """Fit a set without each of its effects."""
+        for name in fit.names if len(fit.names) > 1 else ():
+            fewer = tuple(n for n in fit.names if n != name)
+            if any(f.names == fewer for f in self.fits) or time_is_over():
+                continue
+            block = fit.block
+            believed = len(self.fits[0].block.effects)
+            for k in reversed(range(believed, len(block.effects))):
+                if block_name(block.effects[k]) == name:
+                    block = block.without(k)
+            self.progress(f"fitting {' and '.join(fewer)}")
+            self._fit(fewer, [block], len(block.effects))
+
+    def _fit(self, names: tuple[str, ...], starts: Sequence[Within], held: int) -> None:
+        """Fit a set of effects from starts, first with the effects from `held` on held."""
+        # NumPy's handling of overflow is a thread's own, so that there are no threads here.
+        descents = [self._descent(start, held) for start in starts]
+        best = min(descents, key=lambda each: each.cost)
+        least = min(fit.solved.cost for fit in self.fits)
+        if 0.5 * self.worth.samples * np.log(best.cost / least) > _HOPELESS:
+            return
+        block = best.objective.at(best.position).blocks[0]
+        solved = solve_from([block], self.fits[0].solved.preparation)
+        self.fits.append(_Fit.of(solved, names, self.columns.others))
+
+    def _descent(self, start: Within, held: int) -> Descent:
+        """A few evaluations from a start."""
+        preparation = self.fits[0].solved.preparation
+        descent = begin(start, preparation.problems(), preparation.conditions)
+        return descend(_adapted(descent, start, held), _FREE)
 
 
-def _cost_without(solved: Solved, which: range) -> float:
-    """χ² of the best fit without some of the effects, by their places."""
-    block: Within = solved.block  # type: ignore[assignment]
-    for at in reversed(which):
-        block = block.without(at)
-    descent = begin(block, solved.preparation.problems(), solved.preparation.conditions)
-    return descend(descent, _EVALUATIONS).cost
+def _started(block: Within, about: About, one: Hypothesis, worth: Worth, factor: float) -> Within:
+    """A machine with the effects of a hypothesis about it, at a factor of their sizes."""
+    for kind, values in zip(one.kinds, about.coefficients(one, worth), strict=True):
+        for (site, effect), coefficient in zip(about.shapes[kind].inside, values, strict=True):
+            signed = INSIDE[block_name(effect)].one_sided
+            share = max(coefficient, _SMALLEST) if signed else coefficient
+            value = getattr(effect, effect.size).value * float(share) * factor
+            block = block.at(site, set_values(effect, {effect.size: value}))
+    return block
 
 
-def _round(solved: Solved, progress: Progress) -> _Outcome:
-    """One more effect sought about a fit."""
-    one_sided = frozenset(name for name, effect in INSIDE.items() if effect.one_sided)
-    progress("comparing effects")
-    weighed = tuple(weigh(columns_of(solved), one_sided))
-    inside = [w for w in weighed if w.best.inside]
-    best = max((w.share for w in inside), default=0.0)
-    tried = [w for w in inside if w.log_evidence > 0 and w.share > _WORTH * best][:_SHORTLIST]
-    outside = max((w.share for w in weighed if not w.best.inside), default=0.0)
-    if not tried or (outside > DOMINANT and outside > best):
-        return _Outcome(Round(weighed, ()), solved)
-    fits = []
-    for each in tried:
-        progress(f"fitting {each.name}")
-        fits.append(_descent(solved, each))
-    # After the fits, by the residuals: BIC over the independent samples of the best one.
-    least = min(fits, key=lambda fit: fit.cost)
-    residual = least.objective.residual(least.position)
-    samples = independent_samples(residual, residual != 0)
-    scores = [-0.5 * (samples * np.log(f.cost) + f.position.size * np.log(samples)) for f in fits]
-    probabilities, order = softmax(scores), np.argsort(scores)[::-1]
-    first = order[0]
-    progress(f"fitting {tried[first].name} to its end")
-    extended = solve_from([_block_at(fits[first])], solved.preparation)
-    candidates = tuple(
-        Candidate(
-            tried[k].name,
-            _block_at(fits[k]) if k != first else extended.block,  # type: ignore[arg-type]
-            (fits[k].cost if k != first else extended.cost) / solved.cost,
-            float(probabilities[k]),
-        )
-        for k in order
+def _adapted(descent: Descent, start: Within, held: int) -> Descent:
+    """A descent after a few evaluations in which the effects from `held` on keep their values.
+
+    It is that of all parameters with their columns left out, so that nothing is compiled anew.
+    """
+    objective, position = descent.objective, descent.position
+    parameters = named_parameters(start)
+    nudged = {
+        name: p.from_share(0.9 * p.to_share(p.value) + 0.01)
+        for name, p in parameters.items()
+        if _place(name) >= held and not p.fixed
+    }
+    other = objective.parameters.position_of(set_values(start, nudged))
+    moves = other == position
+    if moves.all() or not moves.any() or not np.isfinite(objective.at(position).cost):
+        return descent
+
+    def whole(part: np.ndarray) -> np.ndarray:
+        moved = position.copy()
+        moved[moves] = part
+        return moved
+
+    result = least_squares(
+        lambda part: objective.residual(whole(part)),
+        position[moves],
+        lambda part: objective.derivative(whole(part))[:, moves],  # type: ignore[arg-type]
+        bounds=tuple(bound[moves] for bound in objective.bounds()),
+        x_scale="jac",
+        max_nfev=_HELD,
     )
-    return _Outcome(Round(weighed, candidates), extended)
+    return descent._replace(position=whole(result.x))
 
 
-def _descent(solved: Solved, weighed: Weighed) -> Descent:
-    """The better descent, from several sizes, of the model with one more effect, all free."""
-    problems = solved.preparation.problems()
-
-    def descent(factor: float) -> Descent:
-        more: Within = solved.block  # type: ignore[assignment]
-        for (site, effect), column in zip(weighed.best.inside, weighed.coefficients, strict=True):
-            value = getattr(effect, effect.size).value * float(column) * factor
-            more = more.at(site, set_values(effect, {effect.size: value}))
-        return descend(begin(more, problems, solved.preparation.conditions), _EVALUATIONS)
-
-    # NumPy's handling of overflow is a thread's own, so that there are no threads here.
-    return min(map(descent, _STARTS), key=lambda each: each.cost)
-
-
-def _block_at(descent: Descent) -> Within:
-    """The block where a descent is."""
-    return descent.objective.at(descent.position).blocks[0]  # type: ignore[return-value]
+def _place(name: str) -> int:
+    """The place of the effect that a parameter belongs to; -1 for the machine's own."""
+    first, _, rest = name.partition(".")
+    return int(rest.partition(".")[0]) if first == "effects" else -1

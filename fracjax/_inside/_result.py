@@ -6,38 +6,23 @@ from dataclasses import dataclass
 
 from .._blocks import Within
 from .._solve import Solved
-from ._evidence import Weighed
 
 
 @dataclass(frozen=True)
 class Candidate:
-    """An effect that was fitted with all parameters free.
+    """A set of effects that was fitted with all parameters free.
 
     Attributes:
-        name: the effect's name.
-        block: the machine with it; of the first recording.
-        ratio: the residual's sum of squares, over that before.
-        probability: among the candidates of its round, after their fits.
+        names: the effects' names, in alphabetical order.
+        block: the machine with them; of the first recording.
+        ratio: the residual's sum of squares, over that without effects.
+        probability: among all sets that were fitted, none among them.
     """
 
-    name: str
+    names: tuple[str, ...]
     block: Within
     ratio: float
     probability: float
-
-
-@dataclass(frozen=True)
-class Round:
-    """One effect sought beside those that were named before.
-
-    Attributes:
-        weighed: every hypothesis about the residual to first order, the most probable first.
-        candidates: those that were fitted, the most probable first; empty where what is not inside
-            was more probable than all effects, or none was probable.
-    """
-
-    weighed: tuple[Weighed, ...]
-    candidates: tuple[Candidate, ...]
 
 
 @dataclass(frozen=True)
@@ -47,39 +32,45 @@ class Inside:
     Attributes:
         base: the fit without it.
         extended: the fit with all effects that are named; the base where none is.
-        rounds: how they were sought, in order.
-        named: how many of the first rounds name their effect.
+        candidates: all sets of effects that were fitted, the most probable first.
+        outside: what explains most of what the fit leaves where that is no effect inside:
+            "linear_dynamics", "drive_curve" or "response_curve"; "" where it needs none of them.
         base_error: the rms error of the base on the held-out recording [response], None without.
         extended_error: that of the extended model.
     """
 
     base: Solved
     extended: Solved
-    rounds: tuple[Round, ...]
-    named: int
+    candidates: tuple[Candidate, ...]
+    outside: str
     base_error: float | None
     extended_error: float | None
 
     @property
     def names(self) -> tuple[str, ...]:
-        """The effects that are named, in the order of their finding."""
-        return tuple(dict.fromkeys(r.candidates[0].name for r in self.rounds[: self.named]))
+        """The effects that are named, the most probable first."""
+        names = dict.fromkeys(self.candidates[0].names)  # one may act at several ports
+        return tuple(sorted(names, key=lambda name: -self.probability_of(name)))
+
+    def probability_of(self, name: str) -> float:
+        """The probability that an effect is present."""
+        return sum(c.probability for c in self.candidates if name in c.names)
 
     @property
     def sets(self) -> tuple[tuple[str, ...], ...]:
-        """Of each round that names an effect, those that it may be instead, itself first."""
-        return tuple(
-            tuple(c.name for c in r.candidates if c.probability >= ALTERNATIVE)
-            for r in self.rounds[: self.named]
-        )
+        """Of each effect that is named, those that it may be instead, itself first."""
+        return tuple((name, *self._instead_of(name)) for name in self.names)
 
-    @property
-    def outside(self) -> str:
-        """What explains most of what is left where that is no effect inside; "" otherwise."""
-        if self.named == len(self.rounds):
-            return ""
-        best = max(self.rounds[self.named].weighed, key=lambda w: w.share)
-        return best.name if not best.best.inside and best.share >= DOMINANT else ""
+    def _instead_of(self, name: str) -> tuple[str, ...]:
+        """The effects in whose place a named one may stand, the rest of the set being equal."""
+        others = {*self.candidates[0].names} - {name}
+        alike: dict[str, float] = {}
+        for candidate in self.candidates[1:]:
+            rest = {*candidate.names} - others
+            if others <= {*candidate.names} and len(rest) == 1 and name not in rest:
+                alike.setdefault(rest.pop(), candidate.probability)
+        own = self.candidates[0].probability
+        return tuple(n for n, p in alike.items() if p >= ALTERNATIVE * own)
 
     @property
     def block(self) -> Within:
@@ -88,7 +79,5 @@ class Inside:
 
 
 ALTERNATIVE = 0.05
-"""The probability from which an effect belongs to the set that the recording cannot tell apart."""
-DOMINANT = 0.5
-"""The share of the residual that an effect must explain to be named: more than all that is left
-unexplained.  A smaller share may be that of a look-alike of what is not in the catalogue."""
+"""The probability, over that of the most probable, from which an effect belongs to the set that the
+recording cannot tell apart."""

@@ -70,11 +70,16 @@ class Facts:
         """Values at an array's place in a list of units, the first of which may be the step's."""
         for key, value in self.values.items():
             if isinstance(value, tuple) and kind_of(key.rpartition("/")[2]) == "unit":
-                scope = key.rpartition("/")[0]
-                beside = [each for each in self.order if each.rpartition("/")[0] == scope]
+                beside = self._within(key.rpartition("/")[0])
                 extra = len(value) - len(beside)
                 if path in beside and extra in (0, 1):
                     yield key, value[beside.index(path) + extra]
+
+    def _within(self, scope: str) -> list[str]:
+        """The arrays in a group: in itself, else in the one group below it."""
+        own = [each for each in self.order if each.rpartition("/")[0] == scope]
+        below = {each.rpartition("/")[0] for each in self.order}
+        return own or ([*self.order] if len(below) == 1 and scope in _scopes(*below) else [])
 
     def unused(self) -> tuple[Stated, ...]:
         """What speaks of a unit, a factor, a rate or a start and was not understood."""
@@ -164,11 +169,14 @@ class Facts:
             beside = self._by_element.get((group, element), ())
         prefix = f"{group}/" if group else ""
         stem = (_DATA.sub("", last).rstrip("_") or last).casefold()
-        if stem:
-            for _, key, value in beside:
+        named = [(prefix, beside)]
+        if path in self._within(""):
+            named.append(("", self._by_scope.get("", ())))
+        for before, stated in named if stem else ():
+            for _, key, value in stated:
                 rest = key.casefold()
                 if rest.startswith(stem) and kind_of(rest[len(stem) :]) == kind:
-                    yield prefix + key, value
+                    yield before + key, value
         if (group or self._is_alone(group, path)) and (
             _DATA.fullmatch(last) or self._is_alone(group, path)
         ):
@@ -196,11 +204,10 @@ class Facts:
             if stem != name.casefold() and stem and (key.casefold().startswith(stem) or time):
                 own.append((f"{scope}/{name}" if scope else name, text))
         for name, listed in self.values.items():
-            beside = [each for each in self.order if each.rpartition("/")[0] == scope]
             if (
                 isinstance(listed, tuple)
                 and kind_of(name.rpartition("/")[2]) == "unit"
-                and len(listed) == len(beside) + 1 > 1
+                and len(listed) == len(self._within(scope)) + 1 > 1
             ):
                 own.append((name, listed[0]))
         units = [(name, str(text)) for name, text in own if text and _is_of_time(str(text))]

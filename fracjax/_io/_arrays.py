@@ -3,7 +3,6 @@
 import json
 from collections.abc import Callable, Iterable, Iterator, Mapping
 from contextlib import suppress
-from functools import cache
 from math import prod
 from typing import NamedTuple
 
@@ -101,7 +100,6 @@ def _column(
     is_stamp = array.dtype.kind in "Mm" and not what
     scale, offset = facts.scaling(path)
 
-    @cache
     def raw() -> np.ndarray:
         samples = np.moveaxis(array.load(), axis, 0)
         return samples[(slice(None), *index)]

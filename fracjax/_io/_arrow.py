@@ -1,7 +1,9 @@
 """Parquet, Feather and lines of JSON, by PyArrow."""
 
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
+from functools import partial
 from os import PathLike, fspath
+from typing import Any
 
 import numpy as np
 
@@ -21,10 +23,16 @@ def read_parquet(path: str | PathLike[str]) -> Table:
     with reading(source, _PARQUET):
         from pyarrow import parquet
 
-        with open(source, "rb") as file:
-            # Arrow's threads may still run when the process ends, which aborts it.
-            content = parquet.read_table(file, use_threads=False, pre_buffer=False)
-        return _table(source, content)
+        file = parquet.ParquetFile(source, pre_buffer=False)
+
+        def column(at: int):
+            """A column, read when it is needed: a file may be larger than two of them."""
+            with reading(source, _PARQUET):
+                # Arrow's threads may still run when the process ends, which aborts it.
+                return file.read([names[at]], use_threads=False).column(0)
+
+        names = file.schema_arrow.names
+        return _table(source, file.schema_arrow, file.metadata.num_rows, column)
 
 
 def read_feather(path: str | PathLike[str]) -> Table:
@@ -36,7 +44,8 @@ def read_feather(path: str | PathLike[str]) -> Table:
     with reading(source, _FEATHER):
         from pyarrow import feather
 
-        return _table(source, feather.read_table(source, memory_map=False, use_threads=False))
+        content = feather.read_table(source, memory_map=False, use_threads=False)
+        return _table(source, content.schema, len(content), content.column)
 
 
 def read_json_lines(path: str | PathLike[str]) -> Table:
@@ -49,7 +58,8 @@ def read_json_lines(path: str | PathLike[str]) -> Table:
         from pyarrow import json
 
         options = json.ReadOptions(use_threads=False)
-        return _table(source, json.read_json(source, options).flatten())
+        content = json.read_json(source, options).flatten()
+        return _table(source, content.schema, len(content), content.column)
 
 
 def write_parquet(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
@@ -76,9 +86,8 @@ def write_feather(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) 
         feather.write_feather(pyarrow.table(dict(columns)), str(part), compression="uncompressed")
 
 
-def _table(source: str, content) -> Table:
+def _table(source: str, schema, rows: int, column_of: Callable[[int], Any]) -> Table:
     """The columns of a table of Arrow's; an absent number reads as no number."""
-    schema = content.schema
     facts: dict[str, object] = {
         key.decode("utf-8", "replace"): value
         for key, value in (schema.metadata or {}).items()
@@ -88,31 +97,39 @@ def _table(source: str, content) -> Table:
     facts |= {f"pandas/{key}": each for key, each in (described.get("attributes") or {}).items()}
     index = [name for name in described.get("index_columns", ()) if isinstance(name, str)]
     arrays = {}
-    for field, column in zip(schema, content.columns, strict=True):
+    for at, field in enumerate(schema):
         nameless = field.name in index and field.name.startswith("__")
         # Of whole numbers an index counts, of others it is a time.
         name = ("index" if "int" in f"{field.type}" else "time index") if nameless else field.name
-        arrays[name] = _array(column)
+        arrays[name] = _array(field.type, rows, partial(column_of, at))
         for key, value in (field.metadata or {}).items():
             facts[f"{name}/{key.decode('utf-8', 'replace')}"] = value
     return array_table(source, arrays, facts)
 
 
-def _array(column) -> Array:
+def _array(kind, rows: int, column: Callable[[], Any]) -> Array:
     """A column as NumPy's type that holds it: moments without their zone, decimals as numbers."""
+    import pyarrow
     from pyarrow import types
 
-    kind = column.type
+    steps = []
     if types.is_timestamp(kind) or types.is_date(kind):
-        column = column.cast("timestamp[ns]")
+        steps = [pyarrow.timestamp("ns")]
     elif types.is_time(kind):
-        column = column.cast("time64[ns]").cast("int64").cast("duration[ns]")
+        steps = [pyarrow.time64("ns"), pyarrow.int64(), pyarrow.duration("ns")]
     elif types.is_decimal(kind):
-        column = column.cast("float64")
+        steps = [pyarrow.float64()]
     elif types.is_dictionary(kind):
-        column = column.cast(kind.value_type)
+        steps = [kind.value_type]
     try:
-        dtype = np.dtype(column.type.to_pandas_dtype())
+        dtype = np.dtype([kind, *steps][-1].to_pandas_dtype())
     except (NotImplementedError, TypeError):
         dtype = np.dtype(object)
-    return Array((len(column),), dtype, column.to_numpy)
+
+    def load() -> np.ndarray:
+        cast = column()
+        for step in steps:
+            cast = cast.cast(step)
+        return cast.to_numpy()
+
+    return Array((rows,), dtype, load)

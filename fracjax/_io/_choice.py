@@ -189,12 +189,15 @@ def _recognised(table: Table, wanted: str, chosen: Mapping[str, int]) -> int | N
     candidates = candidates or [c for c in free if _speaks_of(table, c, wanted)]
     candidates = candidates or [c for c in free if _letter(table, c) == wanted]
     if len(candidates) > 1:
+        first, *others = (table.numbers(c) for c in candidates)
+        alike = all(np.array_equal(first, each, equal_nan=True) for each in others)
         raise InputError.at(
             table.source,
             f"one column for {wanted}",
             enumerated(
                 [f"{quoted(table.names[c])} {_thumbnail(table.numbers(c))}" for c in candidates]
-            ),
+            )
+            + (", the same sample by sample" if alike else ""),
             " or ".join(f"give --{wanted} {shlex.quote(table.names[c])}" for c in candidates[:2]),
         )
     return candidates[0] if candidates else None
@@ -306,6 +309,8 @@ def _nothing_for(table: Table, missing: list[str], chosen: Mapping[str, int]) ->
     cures = [cure for c in range(table.width) if (cure := table.about(c).remedy)]
     alone = [c for c in usable if role(table, c) not in ("time", "counter", "other")]
     both = {"input": "--drive", "output": "--response"}
+    if len(alone) == len(missing):
+        remedy = f"give {_each_way(table, missing, alone)}"
     if cures and len(usable) < len(missing):
         remedy = cures[0]
     elif table.width < len(missing):
@@ -332,6 +337,16 @@ def _nothing_for(table: Table, missing: list[str], chosen: Mapping[str, int]) ->
         remedy += ", or the files of both as --drive and --response"
     return InputError.at(
         table.source, f"columns for {' and '.join(missing)}", listing(table), remedy
+    )
+
+
+def _each_way(table: Table, missing: list[str], columns: list[int]) -> str:
+    """The options that take as many columns as signals are missing, in either order."""
+    names = [shlex.quote(table.names[c]) if table.names else f"{c}" for c in columns]
+    orders = [names] if len(names) == 1 else [names, names[::-1]]
+    return ", or ".join(
+        " and ".join(f"--{role} {name}" for role, name in zip(missing, order, strict=True))
+        for order in orders
     )
 
 

@@ -267,8 +267,12 @@ def _by_arrow(
     if layout.separator == " " or "stamp" in layout.kinds:
         return None
     names = [str(at) for at in range(layout.width)]
+    # As many rows as there are lines, or fewer: batches are copied into columns of that length, so
+    # that no more than one stands in memory twice.
+    columns = {at: np.empty(text.raw.count(b"\n", start) + 1) for at in read}
+    count = 0
     try:
-        table = arrow.open_csv(
+        with arrow.open_csv(
             pa.py_buffer(text.raw)[start:],
             arrow.ReadOptions(use_threads=False, column_names=names),
             arrow.ParseOptions(delimiter=layout.separator, quote_char=False),
@@ -278,14 +282,15 @@ def _by_arrow(
                 null_values=[],
                 decimal_point=layout.decimal,
             ),
-        ).read_all()
+        ) as batches:
+            for batch in batches:
+                for at, part in zip(read, batch.columns, strict=True):
+                    # `to_numpy` would import pandas, which takes longer than all else.
+                    columns[at][count : count + len(part)] = np.from_dlpack(part)
+                count += len(batch)
     except pa.ArrowInvalid:
         return None
-    # `to_numpy` would import pandas, which takes longer than all else.
-    return {
-        at: np.concatenate([np.from_dlpack(chunk) for chunk in column.chunks])
-        for at, column in zip(read, table.columns, strict=True)
-    }
+    return {at: column[:count] for at, column in columns.items()}
 
 
 def _by_pandas(

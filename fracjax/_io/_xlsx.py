@@ -13,7 +13,7 @@ import numpy as np
 from fracjax._io._files import plain, reading, writing
 from fracjax._io._header import header_of
 from fracjax._io._layout import layout_of
-from fracjax._io._numbers import numbers_of
+from fracjax._io._numbers import Parsed, numbers_of
 from fracjax._io._stamps import seconds_of
 from fracjax._io._table import NO_HINTS, Column, Fact, Hints, Stated, Table, column_label
 from fracjax._io._unit_columns import with_units_of_rows
@@ -47,24 +47,25 @@ class _Cells(NamedTuple):
         """Whether numbers are stored as text."""
         return self.kind == "number" and any(isinstance(value, str) for value in self.values[:50])
 
-    def numbers(self) -> np.ndarray:
-        """The values as numbers."""
+    def parsed(self) -> Parsed:
+        """The values as numbers, with the unit that stands behind each."""
         if all(map(_is_number, self.values)):
             values = np.array(self.values, dtype=np.float64)
             values[np.abs(values) >= LARGEST] *= np.inf
-            return values
+            return Parsed(values, "")
         decimal = self.decimal if self.holds_text else "."
-        return numbers_of([_as_text(value) for value in self.values], decimal).values
+        return numbers_of([_as_text(value) for value in self.values], decimal)
 
     def column(self, source: str, label: str) -> Column:
         """The column of a table; a column without a name is called by its letter."""
         is_stamp = self.kind == "stamp"
         fault = {"text": "text", "empty": "next to no numbers"}.get(self.kind, "")
-        start, read, texts = None, self.numbers, [_as_text(value) for value in self.values]
+        texts = [_as_text(value) for value in self.values]
+        start, (numbers, unit) = None, self.parsed()
+        behind = (Stated(unit, "its cells"),) if unit else ()
         if is_stamp:
-            seconds, start = seconds_of(texts)
-            read = partial(np.copy, seconds)
-            fault = "" if np.any(np.diff(seconds)) else "the same date in every row"
+            numbers, start = seconds_of(texts)
+            fault = "" if np.any(np.diff(numbers)) else "the same date in every row"
 
         def shown(row: int) -> str:
             value = self.values[row]
@@ -73,11 +74,11 @@ class _Cells(NamedTuple):
         place = f'{source}, sheet "{self.sheet}", cell {self.letter}'
         return Column(
             len(self.values),
-            read,
+            partial(np.copy, numbers),
             place=lambda row: f"{place}{self.first + row}",
             shown=shown,
             title=self.name,
-            units=(Stated("s", "its dates"),) if is_stamp else self.units,
+            units=(Stated("s", "its dates"),) if is_stamp else (*behind, *self.units),
             scales=self.scales,
             clocks=self.clocks,
             start=start,

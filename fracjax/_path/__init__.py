@@ -9,6 +9,8 @@ from ._law import Prior as Prior
 from ._law import Whitening as Whitening
 from ._law import log_likelihood as log_likelihood
 from ._posterior import DIRECTIONS as DIRECTIONS
+from ._posterior import EACH as EACH
+from ._posterior import MOST_EFFECTS as MOST_EFFECTS
 from ._posterior import Hypothesis as Hypothesis
 from ._posterior import Kind as Kind
 from ._posterior import Law as Law
@@ -17,11 +19,15 @@ from ._posterior import evidence as evidence
 from ._posterior import misfit as misfit
 from ._posterior import search as search
 from ._posterior import select as select
+from ._show import LARGEST as LARGEST
+from ._show import SHOWN as SHOWN
 from ._show import Visible as Visible
 from ._show import can_show as can_show
+from ._show import detectabilities as detectabilities
 from ._signal import Signal as Signal
 from ._view import MISFIT as MISFIT
 from ._view import PATH as PATH
+from ._view import UNKNOWN as UNKNOWN
 from ._view import PathView as PathView
 from ._view import apart as apart
 from ._view import family_of as family_of

@@ -15,7 +15,7 @@ from scipy.signal import lfilter
 from .._computing import compiled, computing
 from .._fit import Fit
 from .._naming import shown_names
-from .._prepare import free_parameters_of, layout_of, values_by_name
+from .._prepare import free_parameters_of, layout_of, require_whole_number, values_by_name
 from .._recording import InputError, require_kind
 from ._discrepancy import discrepancy_of
 from ._doubt import doubt_of, misfit_of
@@ -27,7 +27,7 @@ from ._prediction import CENTRAL, Predictor
 from ._prior import AbstractPrior
 from ._result import Posterior, strongly_correlated_pairs, summary_of
 from ._rows import Band, Row
-from ._sample import Chain, ChainFile, run_ensemble, split_r_hat
+from ._sample import TARGET_ESS, Chain, ChainFile, run_ensemble, split_r_hat
 
 _FARTHEST_START = 4.0
 """Largest standard coordinate at which the search for the mode begins; chosen by judgement."""
@@ -57,6 +57,7 @@ def sample_posterior(
     priors: Mapping[str, AbstractPrior] | None = None,
     walkers: int | None = None,
     steps: int = 10_000,
+    target_ess: int = TARGET_ESS,
     seed: int = 0,
     chain: str | Path | None = None,
     resume: bool = False,
@@ -66,8 +67,8 @@ def sample_posterior(
 
     Under normal noise and priors the gains are integrated out exactly and drawn given the other
     parameters, so the walkers move over the shapes and the noise's parameters only.  The chain
-    starts from the Laplace approximation and runs in its coordinates until it has 50
-    autocorrelation times after burn-in and a split R-hat below 1.01, or has `steps` steps.
+    starts from the Laplace approximation and runs in its coordinates until it has `target_ess`
+    effective draws after burn-in and a split R-hat below 1.01, or has `steps` steps.
 
     Args:
         fit: The fit.
@@ -79,10 +80,12 @@ def sample_posterior(
         walkers: Number of walkers: even, at least twice the number of parameters that they move
             over, and at least 6; by default four times that number, and at least 32.
         steps: Largest number of steps, at least 40.
+        target_ess: Effective draws of every parameter, in the bulk and in the tails, with which the
+            chain ends; 400 is ArviZ' recommendation, and intervals take more to have two digits.
         seed: Seed of all random numbers.
         chain: HDF5 file that grows with the run.
         resume: Whether to continue from the steps in that file.
-        progress: Called with the steps done, the largest number of steps, and the estimate so far.
+        progress: Called with the steps done, the number expected, and the estimate so far.
 
     Returns:
         Draws, their summary and bands of the response.  `converged` is false if the chain reached
@@ -131,7 +134,7 @@ def sample_posterior(
             """Log posteriors (K,) at the approximation's coordinates (K, D')."""
             return log_posteriors(approximation.at(coordinates))
 
-        estimates = [""]
+        estimates, expected = [""], [steps]
 
         def report(partial_chain: Chain) -> None:
             """Report the chain's estimates so far."""
@@ -139,7 +142,9 @@ def sample_posterior(
             recent = partial_chain.kept[-min(len(partial_chain.kept), 500) :].reshape(-1, size)
             values = physical_values(density, approximation.at(recent))
             estimates.append(_estimate(sampled_names, values, partial_chain))
-            progress(len(partial_chain.coordinates), steps, estimates[-1])
+            done = len(partial_chain.coordinates)
+            expected.append(min(max(partial_chain.forecast, done), steps))
+            progress(done, expected[-1], estimates[-1])
 
         samples = run_ensemble(
             log_density,
@@ -151,7 +156,8 @@ def sample_posterior(
             resume=resume,
             settings=_settings(fit, noise, terms, sampled_names, count, seed),
             watch=report,
-            step=lambda done: progress(done, steps, estimates[-1]),
+            step=lambda done: progress(done, max(done, expected[-1]), estimates[-1]),
+            target=require_whole_number(target_ess, "target_ess", 1),
         )
         return _posterior_of(fit, target, terms, density, approximation, samples, seed, doubt)
 
@@ -174,13 +180,13 @@ def _starts(terms: Sequence[Term]) -> np.ndarray:
 
 
 def _estimate(names: Sequence[str], values: np.ndarray, chain: Chain) -> str:
-    """The first three parameters with their standard deviations, and the length of the chain."""
+    """The first three parameters with their standard deviations, and what the chain holds."""
     estimates = [
         f"{name} {column.mean():.4g} ± {column.std():.1g}"
         for name, column in zip(names, values.T[:3], strict=False)
     ]
-    times = len(chain.kept) / chain.autocorrelation.max()
-    return f"{times:.0f} autocorrelation times; {', '.join(estimates)}"
+    draws = f"{chain.ess.min():.0f} of {chain.target} effective draws"
+    return f"{draws}, R-hat {chain.r_hat.max():.3f}; {', '.join(estimates)}"
 
 
 def _settings(

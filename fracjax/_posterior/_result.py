@@ -60,8 +60,7 @@ class Posterior(Shown):
         autocorrelation: Autocorrelation time of the slowest parameter, in steps.
         acceptance: Share of accepted proposals.
         seed: Seed of all random numbers.
-        converged: Whether the chain is at least 50 autocorrelation times long, with R-hat below
-            1.01.
+        converged: Whether the chain holds as many effective draws as wanted, with R-hat below 1.01.
         predictor: What `predict` needs; None of a posterior that was saved without it.
     """
 

@@ -29,10 +29,9 @@ _BLOCK = 100
 """Fewest steps between two checks of convergence; chosen by judgement."""
 _BURN_IN = 5.0
 """Length of the burn-in, in autocorrelation times; chosen by judgement."""
-_LENGTH = 50.0
-"""Length of a converged chain, in autocorrelation times: emcee's recommendation."""
+TARGET_ESS = 400
 _LARGEST_R_HAT = 1.01
-"""Largest R-hat of a converged chain: the recommendation of Vehtari et al. (2021)."""
+"""Effective draws, and largest R-hat, of a converged chain: ArviZ' and Vehtari et al.'s (2021)."""
 _CHUNKS = 4
 """Parts of the run that R-hat compares; chosen by judgement."""
 _SETTINGS = "fracjax.settings"
@@ -46,8 +45,9 @@ class Chain:
 
     `coordinates` (n, walkers, D) and `log_density` (n, walkers) are those of all n steps,
     `acceptance` the share of accepted proposals, `autocorrelation` (D,) the autocorrelation times
-    in steps, `burn_in` the number of steps at the start to leave out, and `r_hat` (D,) the R-hat of
-    the other steps, split into quarters.
+    in steps, `burn_in` the number of steps at the start to leave out, `r_hat` (D,) the R-hat of
+    the other steps, split into quarters, and `ess` (D,) the effective draws in their bulk or tails,
+    whichever are fewer, of which `target` are wanted.
     """
 
     coordinates: np.ndarray
@@ -56,6 +56,8 @@ class Chain:
     autocorrelation: np.ndarray
     burn_in: int
     r_hat: np.ndarray
+    ess: np.ndarray
+    target: int
 
     @property
     def kept(self) -> np.ndarray:
@@ -64,9 +66,13 @@ class Chain:
 
     @property
     def converged(self) -> bool:
-        """Whether these are at least 50 autocorrelation times, with each R-hat below 1.01."""
-        long_enough = len(self.kept) >= _LENGTH * self.autocorrelation.max()
-        return bool(long_enough and self.r_hat.max() < _LARGEST_R_HAT)
+        """Whether these hold as many effective draws as wanted, with each R-hat below 1.01."""
+        return bool(self.ess.min() >= self.target and self.r_hat.max() < _LARGEST_R_HAT)
+
+    @property
+    def forecast(self) -> int:
+        """The steps that the chain will have once it holds as many effective draws as wanted."""
+        return self.burn_in + int(np.ceil(len(self.kept) * self.target / max(self.ess.min(), 1.0)))
 
 
 def split_r_hat(steps: np.ndarray) -> np.ndarray:
@@ -83,8 +89,24 @@ def split_r_hat(steps: np.ndarray) -> np.ndarray:
     return np.array([float(arviz.rhat(column.reshape(_CHUNKS, -1))) for column in columns])
 
 
-def chain_of(backend: Backend) -> Chain:
-    """The chain with its autocorrelation times, burn-in (five such times) and R-hat."""
+def effective_draws(steps: np.ndarray) -> np.ndarray:
+    """Effective draws (D,) in the bulk or the tails, whichever are fewer, of steps (n, walkers, D).
+
+    Source: Vehtari et al., Bayesian Anal. 16 (2021) 667, through ArviZ.
+    """
+    import arviz
+
+    columns = np.moveaxis(steps, 1, 0)
+    return np.array(
+        [
+            min(float(np.asarray(arviz.ess(column, method=kind))) for kind in ("bulk", "tail"))
+            for column in np.moveaxis(columns, 2, 0)
+        ]
+    )
+
+
+def chain_of(backend: Backend, target: int) -> Chain:
+    """The chain with its autocorrelation times, burn-in (five such times), R-hat and draws."""
     steps = np.asarray(backend.get_chain())
 
     def times_of(part: np.ndarray) -> np.ndarray:
@@ -104,6 +126,8 @@ def chain_of(backend: Backend) -> Chain:
         autocorrelation=times_of(after_burn_in),
         burn_in=burn_in,
         r_hat=split_r_hat(after_burn_in),
+        ess=effective_draws(after_burn_in),
+        target=target,
     )
 
 
@@ -211,6 +235,7 @@ def run_ensemble(
     settings: Mapping[str, str],
     watch: Callable[[Chain], None],
     step: Callable[[int], None],
+    target: int = TARGET_ESS,
 ) -> Chain:
     """Run blocks of steps until the chain has converged, or has `steps` steps.
 
@@ -245,7 +270,7 @@ def run_ensemble(
             generator_state = np.random.RandomState(seed).get_state()
             state = emcee.State(points, log_prob=log_densities, random_state=generator_state)
         else:
-            chain = chain_of(backend)
+            chain = chain_of(backend, target)
             if chain.converged or backend.iteration >= steps:
                 return chain
             state = backend.get_last_sample()
@@ -261,7 +286,7 @@ def run_ensemble(
                 step(count)
             if file is not None:
                 file.checkpoint(settings)
-            chain = chain_of(backend)
+            chain = chain_of(backend, target)
             watch(chain)
             if chain.converged or len(chain.coordinates) >= steps:
                 return chain

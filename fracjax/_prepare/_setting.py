@@ -3,13 +3,11 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from functools import lru_cache
 from typing import TYPE_CHECKING
 
 import numpy as np
-from scipy.fft import prev_fast_len
 
-from .._recording import Recording, kept, varying
+from .._recording import Recording, fastest, kept, varying
 
 if TYPE_CHECKING:
     from .._blocks import Setting
@@ -57,16 +55,4 @@ def top_frequency(recording: Recording) -> float:
 @kept
 def _top_frequency(drive: np.ndarray, step: float) -> float:
     """The frequency [Hz] of `top_frequency`, of a drive (N,) in steps of time [s]."""
-    # Of a length that transforms fast.
-    rate = np.diff(drive)[: prev_fast_len(drive.size - 1)]
-    transform = np.fft.rfft((rate - rate.mean()) * _window(rate.size))
-    power = transform.real**2 + transform.imag**2
-    frequencies = np.fft.rfftfreq(rate.size, step)
-    share = np.cumsum(power) / power.sum()
-    return float(max(frequencies[np.searchsorted(share, 0.99)], frequencies[1]))
-
-
-@lru_cache(maxsize=4)
-def _window(size: int) -> np.ndarray:
-    """Hann's window, kept because recordings alike share it."""
-    return np.hanning(size)
+    return fastest(np.diff(drive)) / step

@@ -19,6 +19,7 @@ from fracjax._recording._signals import (
     spikes,
     varying,
 )
+from fracjax._recording._spectrum import fastest, hann, thinned
 from fracjax._recording._units import UNSTATED, conversion, parse_quantity, unit
 
 __all__ = [
@@ -31,7 +32,9 @@ __all__ = [
     "bridged",
     "closest",
     "conversion",
+    "fastest",
     "found_in",
+    "hann",
     "in_rows",
     "inspect_together",
     "item",
@@ -47,6 +50,7 @@ __all__ = [
     "resolution",
     "runs_of",
     "spikes",
+    "thinned",
     "unit",
     "unit_range",
     "varying",

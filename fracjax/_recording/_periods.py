@@ -27,6 +27,9 @@ _POINT = 3e-3
 _PATTERN = 2e-3
 """Largest rms departure from the mean pattern, in the pattern's own standard deviations."""
 _CANDIDATES = 32
+_LONG = 2**20
+"""Samples from which a drive is looked at in steps first: the transform of all of them would take
+more time and memory than all else that is asked of a recording."""
 
 
 def unit_range(signal: np.ndarray) -> np.ndarray:
@@ -50,17 +53,19 @@ def mismatch(u: np.ndarray) -> np.ndarray:
     spectrum = np.fft.rfft(centred, size)
     products = np.fft.irfft(spectrum.real**2 + spectrum.imag**2, size)[: lag.size]
     squares = np.concatenate(([0.0], np.cumsum(centred**2)))
-    return (squares[count - lag] + squares[count] - squares[lag] - 2 * products) / (count - lag)
+    later = squares[count - lag.size + 1 :][::-1]
+    return (later + squares[count] - squares[: lag.size] - 2 * products) / (count - lag)
 
 
-def _likely_periods(u: np.ndarray) -> np.ndarray:
-    """Local minima of the mismatch of u, shape (N,), the deepest first.
+def _likely_periods(u: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
+    """Local minima of the mismatch of u, shape (N,), the deepest first, and the mismatch there.
 
     Lags beyond N/3 cannot repeat three times.
     """
     values = mismatch(u)[: len(u) // 3 + 2]
     lags = _minima(values)
-    return lags[np.argsort(values[lags], kind="stable")]
+    order = np.argsort(values[lags], kind="stable")
+    return lags[order], values[lags[order]]
 
 
 def _minima(values: np.ndarray) -> np.ndarray:
@@ -98,16 +103,46 @@ def _stretch(u: np.ndarray, period: int) -> Repeats | None:
 
 @kept
 def repeats_in(u: np.ndarray) -> Repeats | None:
-    """Locate the longest periodic stretch of u, shape (N,), then reduce it to its fundamental."""
-    deepest = _likely_periods(u)[:_CANDIDATES]
-    candidates = [repeats for lag in deepest if (repeats := _stretch(u, int(lag)))]
-    if not candidates:
+    """The longest periodic stretch of u, shape (N,), and its fundamental period.
+
+    Every so many-th sample of a long drive repeats where the drive does, perhaps in several of its
+    periods, the fundamental one of which three such repeats show.
+    """
+    every = len(u) // _LONG
+    if every < 2:
+        return _located(u)
+    coarse = _located(u[::every])
+    if coarse is None:
         return None
-    longest = max(candidates, key=lambda repeats: repeats.stop - repeats.start)
+    start = coarse.start * every
+    fine = _located(u[start : start + 3 * (coarse.period + 1) * every])
+    return None if fine is None else _stretch(u, fine.period)
+
+
+def _located(u: np.ndarray) -> Repeats | None:
+    """Locate the longest periodic stretch of u, shape (N,), then reduce it to its fundamental."""
+    lags, depths = _likely_periods(u)
+    longest: Repeats | None = None
+    for lag in lags[:_CANDIDATES]:
+        repeats = _stretch(u, int(lag))
+        if repeats and (longest is None or _length(repeats) > _length(longest)):
+            longest = repeats
+        if longest and _length(longest) == len(u):
+            break
+    if longest is None:
+        return None
     steady = u[longest.start : longest.stop]
-    whole = (_stretch(steady, int(lag)) for lag in np.sort(_likely_periods(steady)))
+    if len(steady) < len(u):
+        lags, depths = _likely_periods(steady)
+    # Where no step from one repeat to the next is larger, their mean square is no larger either.
+    near = np.sort(lags[depths <= _POINT**2])
+    whole = (_stretch(steady, int(lag)) for lag in near)
     kept = (repeats.period for repeats in whole if repeats and repeats.stop == len(steady))
     return longest._replace(period=next(kept, longest.period))
+
+
+def _length(repeats: Repeats) -> int:
+    return repeats.stop - repeats.start
 
 
 @kept

@@ -149,7 +149,14 @@ class Recording(Shown):
         [s], 64 samples (which give a noise level to 9 %) and a hundredth of the recording.
         """
         minimum = max(64, len(self) // 100, math.ceil(minimum_seconds * self.rate))
-        return list(stretches_at_rest(unit_range(self.drive), minimum))
+        if minimum not in self._rests:
+            self._rests[minimum] = stretches_at_rest(unit_range(self.drive), minimum)
+        return list(self._rests[minimum])
+
+    @cached_property
+    def _rests(self) -> dict[int, list[tuple[int, int]]]:
+        """The stretches of `static_stretches` by their least number of samples."""
+        return {}
 
     def _view(self) -> View:
         def span(signal: np.ndarray, unit_: str) -> str:

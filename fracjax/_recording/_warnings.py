@@ -2,12 +2,13 @@
 
 from __future__ import annotations
 
+from functools import cached_property
 from typing import Protocol
 
 import numpy as np
 
 from fracjax._recording._periods import Repeats, runs_of, unit_range
-from fracjax._recording._signals import spikes
+from fracjax._recording._spectrum import fastest
 
 
 class Sampled(Protocol):
@@ -48,6 +49,9 @@ class Sampled(Protocol):
         """The sampling rate [Hz]."""
         ...
 
+    spikes: cached_property[np.ndarray]
+    """The samples of the response that stand alone, shape (N,)."""
+
     def __len__(self) -> int: ...
 
     def drive_period(self) -> Repeats | None:
@@ -57,11 +61,13 @@ class Sampled(Protocol):
 
 def warnings_about(recording: Sampled) -> tuple[str, ...]:
     """All of them, in plain sentences."""
+    overflow = _overflow(recording)
     warnings = (
         *(_clipping(recording), _quantisation(recording), _quantised_drive(recording)),
         *(_undersampling(recording), _unresolved_edges(recording)),
-        *(_spikes(recording), _leading(recording)),
-        *(_duplicate(recording), _overflow(recording)),
+        # What overflows and returns within few samples looks like a spike.
+        *(overflow or _spikes(recording), _leading(recording)),
+        _duplicate(recording),
     )
     return tuple(warning for warning in warnings if warning)
 
@@ -89,10 +95,22 @@ def _clipping(recording: Sampled) -> str | None:
     return None
 
 
+def _few_levels(signal: np.ndarray) -> np.ndarray | None:
+    """The distinct values of a signal (N,) in order; None where they are many.
+
+    Where a hundredth of the samples has many, all have, and need not be sorted.
+    """
+    for part in (signal[:: max(1, len(signal) // 9_973)], signal):
+        levels = np.unique(part)
+        if len(levels) >= min(200, len(signal) / 4):
+            return None
+    return levels
+
+
 def _quantisation(recording: Sampled) -> str | None:
     """A response that takes few distinct values."""
-    levels = np.unique(recording.response)
-    if len(levels) >= min(200, len(recording) / 4):
+    levels = _few_levels(recording.response)
+    if levels is None:
         return None
     return (
         f"The response takes only {len(levels)} distinct values, about "
@@ -103,8 +121,8 @@ def _quantisation(recording: Sampled) -> str | None:
 
 def _quantised_drive(recording: Sampled) -> str | None:
     """A drive that moves, and was recorded on few evenly spaced levels."""
-    levels = np.unique(recording.drive)
-    if not 16 <= len(levels) < min(200, len(recording) / 4):
+    levels = _few_levels(recording.drive)
+    if levels is None or len(levels) < 16:
         return None
     level = np.searchsorted(levels, recording.drive)
     apart, moves = np.diff(levels), np.diff(level)
@@ -125,7 +143,7 @@ def _quantised_drive(recording: Sampled) -> str | None:
 
 def _spikes(recording: Sampled) -> str | None:
     """Samples of the response that stand alone."""
-    alone = spikes(recording.response)
+    alone = recording.spikes
     if recording.masked is not None:
         alone = alone & ~recording.masked
     if not 0 < np.count_nonzero(alone) <= 0.02 * len(recording):
@@ -191,7 +209,8 @@ def _overflow(recording: Sampled) -> str | None:
     # Counted on, the jumps are gone: what remains of each is no larger than elsewhere.
     size = float(np.median(np.abs(jumps[beyond])))
     rest = np.abs(np.diff(y - size * turns))
-    if rest[beyond].max() > 0.1 or spikes(recording.response).any():
+    # A spike jumps twice within few samples, whereas what overflows stays there for a while.
+    if rest[beyond].max() > 0.1 or ups + downs <= 2 * np.count_nonzero(recording.spikes):
         return None
     at = recording.dt * int(beyond.argmax() + 1)
     return (
@@ -225,10 +244,7 @@ def _unresolved_edges(recording: Sampled) -> str | None:
 
 def _undersampling(recording: Sampled) -> str | None:
     """A drive whose fastest part (99 % of the power lies below) has few samples per period."""
-    u = unit_range(recording.drive)
-    power = np.abs(np.fft.rfft((u - u.mean()) * np.hanning(len(u)))) ** 2
-    fastest = max(1, int(np.searchsorted(np.cumsum(power), 0.99 * power.sum())))
-    samples = len(u) / fastest
+    samples = 1 / fastest(recording.drive)
     if samples >= 10:
         return None
     return (

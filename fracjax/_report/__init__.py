@@ -13,6 +13,7 @@ if TYPE_CHECKING:
     from ._compensation_page import compensation_warnings as compensation_warnings
     from ._description import describe as describe
     from ._description import shown_by as shown_by
+    from ._description import shown_rows as shown_rows
     from ._effect_picture import draw_effect as draw_effect
     from ._linked import Curve as Curve
     from ._linked import link as link

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+import math
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
 
 from .._prepare import Noise, measured_noise, top_frequency
 from .._recording import Recording
+from .._show import quantity
 from ._doubts import doubts_about
 from ._drive_kind import kind_of_drive
 
@@ -16,6 +18,8 @@ _LEVELS = 64
 _ENOUGH = 100_000
 """Samples that tell a noise level."""
 _PERIODS = 4
+_BAR = 20
+"""Characters of the longest bar."""
 
 
 def describe(
@@ -76,23 +80,30 @@ def shown_by(recording: Recording) -> list[dict[str, Any]] | None:
     noise = _noise_of(recording)
     if noise is None or kind_of_drive(recording) == "rest":
         return None
-    from .._path import Signal, can_show, denoised  # takes as long to import as all else of `info`
+    from .._path import can_show  # takes as long to import as all else of `info`
+    from .._protocol import MOST, as_read, recorded_signal
 
-    drive, error = denoised(recording.drive)
-    weights = np.ones(len(recording))
-    if recording.masked is not None:
-        weights[recording.masked] = 0.0
-    weights[: noise.filter.size - 1] = 0.0
-    signal = Signal(
-        drive=drive,
-        response=recording.response,
-        step=recording.dt,
-        periodic=False,
-        taps=noise.whitening,
-        weights=weights,
-        drive_error=error,
-    )
-    return [vars(shown) for shown in can_show([signal], recording.response_unit)]
+    signals = as_read(recorded_signal(recording, noise), MOST)
+    shown = can_show(signals, recording.response_unit)
+    return [vars(one) for one in shown]
+
+
+def shown_rows(shown: Sequence[dict[str, Any]] | None) -> list[list[str]]:
+    """What a recording can show: each effect with a bar, as long as the logarithm of the smallest
+    size that would be seen, and that size or why none would be."""
+    if shown is None:
+        return [["–", "", "not known: no noise is seen; record a rest, or repeat the drive"]]
+    sizes = [one["size"] for one in shown if one["size"] is not None]
+    ends = (0.5 * min(sizes), max(sizes)) if sizes else (1.0, 2.0)
+    rows = []
+    for one in shown:
+        if one["size"] is None:
+            rows.append([one["effect"], _BAR * "░", f"not at any size: {one['reason']}"])
+            continue
+        share = math.log(one["size"] / ends[0]) / math.log(ends[1] / ends[0])
+        text = f"{quantity(one['size'], one['unit'])} peak to peak"
+        rows.append([one["effect"], max(round(share * _BAR), 1) * "█", text])
+    return rows
 
 
 def _noise_of(recording: Recording) -> Noise | None:

@@ -8,7 +8,9 @@ from markupsafe import Markup
 
 from .._diagnose import Candidate, Diagnosis, entry_of
 from .._fit import estimate_row
+from .._protocol import draw_shown
 from .._show import figure, p_value
+from .._show.drawing import svg
 from . import _figures
 from ._fit_page import common_content
 from ._text import diagnosis_figures, download, file_name, noise_text, sources
@@ -46,6 +48,7 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
             for effect in diagnosis.effects
         ],
         "hidden": _figures.hidden(diagnosis.candidates, diagnosis.noise, span),
+        "shown": svg(draw_shown(diagnosis.can_show, span)) if diagnosis.can_show else "",
         "span": span,
         "held_out": _figures.held_out(diagnosis.held_out, names, diagnosis.noise),
         "next_drive": _next_drive(diagnosis),

@@ -70,8 +70,7 @@ def _paces(signal: np.ndarray) -> np.ndarray:
     by less than 0.3 of their mean, and this mean exceeds 4 standard deviations of the noise.
     """
     steps = np.diff(signal)
-    sums = np.concatenate(([0.0], np.cumsum(steps)))
-    means = (sums[_SIDE:] - sums[:-_SIDE]) / _SIDE
+    means = (signal[_SIDE:] - signal[:-_SIDE]) / _SIDE
     before, after = means[: -_SIDE - 1], means[_SIDE + 1 :]
     inner = steps[_SIDE:-_SIDE]
     around = (before + after) / 2

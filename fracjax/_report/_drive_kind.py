@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from .._recording import Recording
+from .._recording import Recording, hann, thinned
 
 KINDS = ("rest", "steps", "sine", "triangle", "chirp", "multisine", "other")
 
@@ -32,7 +32,8 @@ def kind_of_drive(recording: Recording) -> str:
     drive = drive - drive.mean()
     if _is_steps(drive):
         return "steps"
-    power = np.abs(np.fft.rfft(drive * np.hanning(drive.size))) ** 2
+    drive = thinned(drive)
+    power = np.abs(np.fft.rfft(drive * hann(drive.size))) ** 2
     peak = int(np.argmax(power))
     # With little more than one period, any curve would pass as a sine.
     if peak > 1:

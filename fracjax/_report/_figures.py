@@ -8,8 +8,9 @@ import matplotlib as mpl
 import numpy as np
 from markupsafe import Markup
 
-from .._diagnose import Candidate, Drive, HeldOut
+from .._diagnose import Candidate, HeldOut
 from .._prepare import Noise
+from .._protocol import Drive
 from .._show import percent, pretty_unit
 from .._show.drawing import COLOURS, MEASURED, STYLE, canvas, svg, thinned
 

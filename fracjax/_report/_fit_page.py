@@ -34,14 +34,18 @@ _MOST_MODELS = 4
 
 def fit_content(fits: Sequence[Fit]) -> dict[str, Any]:
     """The content of the report of fits to the same recordings."""
-    best_first = [fit for fit, _ in rank_fits(fits)]
+    return _content([fit for fit, _ in rank_fits(fits)])
+
+
+def _content(best_first: Sequence[Fit]) -> dict[str, Any]:
+    """The same of fits that are in order."""
     downloads = [
         download(f"fit_{file_name(fit.model.name)}.json", fit.to_dict()) for fit in best_first
     ]
     badge, verdict = fit_badge(best_first)
     return {
         **common_content(best_first, key_figures(best_first), tests=_tests(best_first[0])),
-        "title": f"Fit of {sources(fits[0])}",
+        "title": f"Fit of {sources(best_first[0])}",
         "sentence": fit_sentence(best_first),
         "badge": badge,
         "verdict": verdict,
@@ -54,7 +58,7 @@ def fit_content(fits: Sequence[Fit]) -> dict[str, Any]:
 
 def comparison_content(comparison: Comparison) -> dict[str, Any]:
     """The content of the report of fits, with the scores on held-out data."""
-    content = fit_content(comparison.fits)
+    content = _content(comparison.fits)
     headers, rows = key_figures(comparison)
     held_out = ("Held out", comparison.method)
     attached = download("comparison.json", comparison.to_dict())
@@ -62,6 +66,7 @@ def comparison_content(comparison: Comparison) -> dict[str, Any]:
         "headers": headers,
         "rows": rows,
         "facts": [*content["facts"], held_out],
+        "warnings": [*comparison.refuted, *content["warnings"]],
         "downloads": [attached, *content["downloads"]],
     }
 

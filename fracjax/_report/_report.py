@@ -18,11 +18,12 @@ if TYPE_CHECKING:
     from .._fit import Comparison, Fit
     from .._frequency import FrequencyFit
     from .._posterior import Posterior
+    from .._protocol import Protocol
     from .._streaming import Promise
 
     Reported = (
         Fit | FrequencyFit | Comparison | Diagnosis | Crosscheck | Posterior | Compensation
-        | Promise
+        | Promise | Protocol
         | Sequence[Fit] | Sequence[FrequencyFit]
     )  # fmt: skip
 
@@ -49,6 +50,7 @@ _KINDS = {
     "Crosscheck": _Kind("_crosscheck_page", "crosscheck_content"),
     "Diagnosis": _Kind("_diagnosis_page", "diagnosis_content"),
     "Posterior": _Kind("_posterior_page", "posterior_content", "posterior.html.jinja"),
+    "Protocol": _Kind("_protocol_page", "protocol_content", "protocol.html.jinja"),
     "Compensation": _Kind("_compensation_page", "compensation_content", "compensation.html.jinja"),
     "Promise": _Kind("_promise_page", "promise_content", "promise.html.jinja"),
 }
@@ -61,8 +63,8 @@ def write_report(
     """Write a result as one self-contained HTML file.
 
     Args:
-        result: A fit, a cross-check, a comparison, a diagnosis, a posterior, a compensation or
-            the promise of an inverse in a loop, or a sequence of fits to the same data.
+        result: A fit, a cross-check, a comparison, a diagnosis, a posterior, a compensation, a
+            protocol or the promise of an inverse in a loop, or a sequence of fits to the same data.
         path: The file to write.
         command: What was called to get the result, which the report states.
         seed: The seed of its random numbers, likewise.
@@ -95,6 +97,8 @@ def _sources(name: str, result: Any) -> list[str]:
             return [take.recording.source for take in result.preparation.takes]
         case "FrequencyFit":
             return [result.table.source]
+        case "Protocol":
+            return [*result.after]
         case "Posterior":
             return [band.source for band in result.bands]
         case "Promise":

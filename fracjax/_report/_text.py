@@ -17,6 +17,7 @@ from .._fit import (
     combination_row,
     estimate_row,
     is_useless,
+    listed,
     rank_fits,
     shortcomings_of,
 )
@@ -67,7 +68,7 @@ def fit_sentence(fits: Sequence[Fit]) -> str:
     fit, noise = fits[0], noise_of(fits[0])
     recording = fit.preparation.takes[0].recording
     scores, files = fit.scores, sources(fit)
-    best = "" if len(fits) == 1 else f" best of {len(fits)} models by BIC"
+    best = _best_of(fits)
     error = f"error of {quantity(scores.rmse, recording.response_unit)} rms"
     error += f" (fit {scores.nrmse_percent:.4g} %)"
     if noise.method == "residual":
@@ -76,7 +77,9 @@ def fit_sentence(fits: Sequence[Fit]) -> str:
         error += f"; no repeat and {rests} how much of the error is noise"
         error += most if fit.shortcomings else ""
     else:
-        error += f", {scores.rmse / noise.sigma:.2f} times the noise floor of {noise_text(noise)}"
+        error += (
+            f", {figure(scores.rmse / noise.sigma)} times the noise floor of {noise_text(noise)}"
+        )
     if not fit.shortcomings:
         return f"{fit.model.name} describes {files}{best}, with an {error}."
     others = shortcomings_of(scores.rmse, np.inf, scores.r_squared, fit.at_bound)
@@ -86,6 +89,14 @@ def fit_sentence(fits: Sequence[Fit]) -> str:
             f"{fit.model.name} does not describe {files}{best and ','}{best}{why}, with an {error}."
         )
     return f"{fit.model.name} describes {files}{best} only in part{why}, with an {error}."
+
+
+def _best_of(fits: Sequence[Fit]) -> str:
+    """By what the first of several fits is the best."""
+    if len(fits) == 1:
+        return ""
+    by = "by BIC" if rank_fits(fits)[0][0] is fits[0] else "on data held out"
+    return f" best of {len(fits)} models {by}"
 
 
 def fit_badge(fits: Sequence[Fit]) -> tuple[str, str]:
@@ -105,9 +116,10 @@ def file_name(model: str) -> str:
 
 def parameter_rows(fit: Fit | FrequencyFit) -> list[dict[str, str]]:
     """Rows of the table of parameters and of the combinations that the data determine."""
+    estimates = fit.shown_estimates if isinstance(fit, Fit) else fit.estimates
     return [
-        *(estimate_row(estimate) for estimate in fit.estimates),
-        *(combination_row(combination) for combination in fit.combinations),
+        *(estimate_row(estimate) for estimate in estimates),
+        *(combination_row(combination) for combination in listed(fit.combinations)),
     ]
 
 
@@ -145,12 +157,12 @@ def _scores(
         e_r = [None if errors is None else errors.e_r for errors in held_out_scores]
         nrmse = [None if errors is None else errors.nrmse_percent for errors in held_out_scores]
         rows.append(["e_r, held-out data", *(figure(value) for value in e_r)])
-        rows.append(["NRMSE fit, held-out data [%]", *(figure(value, 5) for value in nrmse)])
+        rows.append(["NRMSE fit, held-out data [%]", *(figure(value, 4) for value in nrmse)])
     if noise.method != "residual":
         rows.append(["RMSE over noise floor", *(figure(s.rmse / noise.sigma) for s in scores)])
     rows += [
         ["e_r", *(figure(s.e_r) for s in scores)],
-        ["NRMSE fit", *(f"{s.nrmse_percent:.5g} %" for s in scores)],
+        ["NRMSE fit", *(f"{s.nrmse_percent:.4g} %" for s in scores)],
         ["R²", *(f"{s.r_squared:.7g}" for s in scores)],
         ["BIC", *(f"{bic:.1f}" for bic in bics)],
         ["free parameters and offsets", *counts],

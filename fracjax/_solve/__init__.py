@@ -31,4 +31,5 @@ from ._solve import solve_again as solve_again
 from ._solve import solve_from as solve_from
 from ._solve import solved_at as solved_at
 from ._solve import starts_of as starts_of
+from ._solve import starts_on as starts_on
 from ._stack import can_stack as can_stack

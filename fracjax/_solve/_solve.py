@@ -13,6 +13,7 @@ from .._computing import map_in_threads, time_is_over
 from .._parameters import named_parameters, set_values
 from .._prepare import Preparation, Problem, layout_of, position_of
 from ._least_squares import Descent, Objective, begin, descend, simulate
+from ._modes import measured_starts
 from ._programs import limit_compiled_programs
 from ._result import Solved
 from ._search import LEAST_STARTS, search
@@ -171,6 +172,14 @@ def _counted_samples(problems: tuple[Problem, ...]) -> int:
     return int(sum(np.count_nonzero(p.weights) for p in problems))
 
 
+def starts_on(
+    block: AbstractBlock, preparation: Preparation, count: int, seed: int
+) -> list[AbstractBlock]:
+    """`starts_of`, the last ones at the modes that the recordings show, where there are any."""
+    measured = measured_starts(block, preparation)[: count - 1]
+    return [*starts_of(block, count - len(measured), seed), *measured]
+
+
 def fit_blocks(
     blocks: Sequence[AbstractBlock], preparations: Sequence[Preparation], starts: int, seed: int
 ) -> list[Solved]:
@@ -188,7 +197,7 @@ def fit_blocks(
     }
     alike = [id(block) in positions and is_alone(preparation) for block, preparation in pairs]
     rows = [
-        Row(preparation, block, positions[id(block)])
+        Row(preparation, block, _with_measured(positions[id(block)], block, preparation))
         for (block, preparation), stackable in zip(pairs, alike, strict=True)
         if stackable
     ]
@@ -224,6 +233,15 @@ def start_positions(block: AbstractBlock, count: int, seed: int) -> np.ndarray:
     return np.clip([position_of(block), *draws], 0.0, 1.0)
 
 
+def _with_measured(
+    positions: np.ndarray, block: AbstractBlock, preparation: Preparation
+) -> np.ndarray:
+    """Positions (S, n) of starts, the last ones as in `starts_on`."""
+    measured = measured_starts(block, preparation)[: len(positions) - 1]
+    kept = positions[: len(positions) - len(measured)]
+    return np.clip([*kept, *(position_of(start) for start in measured)], 0.0, 1.0)
+
+
 def fit_block(block: AbstractBlock, preparation: Preparation, starts: int, seed: int) -> Solved:
     """The optimum of a block from several starts.
 
@@ -231,7 +249,7 @@ def fit_block(block: AbstractBlock, preparation: Preparation, starts: int, seed:
     confirms its optimum.  Otherwise, or where the two disagree, the full model is fitted from every
     start.
     """
-    blocks = starts_of(block, starts, seed)
+    blocks = starts_on(block, preparation, starts, seed)
     searched = None if preparation.conditions else search(blocks, preparation.problems())
     if searched is not None:
         solved = solve_from([searched.best], preparation)

@@ -101,4 +101,7 @@ def test_the_python_does_what_was_chosen(workspace, monkeypatch):
     assert calls["mask"] == [(0.1, 0.2)]
     assert calls["noise"] == "3 nm"
     assert calls["holdout"].source == "b.csv"
+    monkeypatch.setattr(fracjax, "compare", lambda *given, **options: calls.update(given=given))
+    exec(python_code(chosen(workspace), "fit"), {})
+    assert calls["given"][0] == ["foh"]
     assert calls["repeat"].response == pytest.approx(read("c.csv", output_unit="nm").response)

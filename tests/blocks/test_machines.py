@@ -306,3 +306,25 @@ def test_trials_are_of_the_size_that_the_motion_has(name):
         assert trial.kind == effect.kind
         assert trial.size in named_parameters(trial)
     assert effect.separated_by.keys() <= INSIDE.keys() - {name}
+
+
+def test_the_drives_offset_is_free_where_it_is_none_of_the_response():
+    """Without physics inside it is one of the response, unless nothing holds the machine."""
+
+    def is_free(block):
+        return not block.drive_offset.fixed
+
+    assert not is_free(Within(OSCILLATOR))
+    assert is_free(OSCILLATOR @ CubicStiffness(0.7))
+    assert is_free(Within(Mass(2.0, 0.7)))
+    assert not is_free(Impedance(1.0) @ DryFriction(0.3, 0.05))
+    moved = set_values(OSCILLATOR @ CubicStiffness(0.7), {"drive_offset": 0.4, "start": [0.1, 0.2]})
+    drive = np.sin(np.arange(200) / 20)
+    shifted = set_values(moved, {"drive_offset": 0.0})
+    np.testing.assert_allclose(
+        respond(moved, drive, Grid(0.01)), respond(shifted, drive + 0.4, Grid(0.01))
+    )
+    # It stays where an effect comes or goes.
+    for other in (moved @ EndStop(40.0, 0.5), moved.without(0)):
+        assert float(other.drive_offset.value) == 0.4
+        np.testing.assert_array_equal(other.start.value, [0.1, 0.2])

@@ -13,6 +13,10 @@ from fracjax._fit import Fit
 from fracjax._io import read, write_text
 from fracjax._operators import Grid
 from tests.cli.helpers import STEP, diagnosis_of
+from tests.remedies import remedies_work as remedies_work
+from tests.remedies import watch
+
+watch()
 
 
 @pytest.fixture(scope="session")

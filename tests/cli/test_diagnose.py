@@ -1,8 +1,12 @@
 """The commands diagnose and demo."""
 
 import json
+from pathlib import Path
+
+import pytest
 
 from fracjax._cli import run
+from fracjax._io import read
 from tests.cli.helpers import FOLDER, written
 from tests.helpers import without_progress
 
@@ -40,7 +44,10 @@ def test_diagnose_without_a_model(loop, quick, capsys):
 
 
 def test_demo(quick, capsys):
+    Path("other.csv").write_text("mine")
     assert run(["demo"]) == 0
+    assert read("loop.csv").rate == pytest.approx(150)
+    assert Path("other.csv").read_text() == "mine"
     (told,) = quick
     assert told["model"].name == "foh"
     assert len(told["recordings"][0]) == 3900

@@ -52,3 +52,12 @@ def test_effects_tells_all_about_one(name, capsys):
     told = json.loads(capsys.readouterr().out)
     assert told["sentence"] == effect.sentence
     assert told["parameters"]
+
+
+def test_info_shows_what_a_recording_would_show_as_bars(loop, capsys):
+    assert run(["info", loop, "--shows"]) == 0
+    lines = [line for line in capsys.readouterr().out.splitlines() if "peak to peak" in line]
+    bars = {line.split()[0]: line.count("█") for line in lines}
+    assert bars
+    assert max(bars.values()) == 20
+    assert min(bars.values()) >= 1

@@ -226,8 +226,8 @@ def test_a_count_is_a_line_now_and_then_with_the_time_for_the_rest(capsys, monke
             count(done, 100, "k = 1")
     # 4 s each from the first on; lines at 12 and at 24 s.
     assert capsys.readouterr().err.splitlines() == [
-        "  12.0 s  3 of 100; 388 s more at most; k = 1",
-        "  24.0 s  6 of 100; 376 s more at most; k = 1",
+        "  12.0 s  3 of 100; about 388 s more; k = 1",
+        "  24.0 s  6 of 100; about 376 s more; k = 1",
     ]
 
 

@@ -11,19 +11,15 @@ from fracjax._blocks.delay import Delay
 from fracjax._blocks.thermal_drift import ThermalDrift
 from fracjax._diagnose._next_experiment import (
     LIKELY,
-    Drive,
-    Limits,
     _most_distinguishing,
     _Trial,
     drives,
-    parse_limits,
     propose,
-    recorded_limits,
     rest_samples,
-    survey,
 )
 from fracjax._parameters import set_values
 from fracjax._prepare import Noise, prepare
+from fracjax._protocol import Drive, Limits
 from fracjax._solve import silent
 from tests.helpers import specified
 
@@ -34,38 +30,6 @@ TIMES = STEP * np.arange(4000)
 def recording(frequency: float = 1.0) -> fj.Recording:
     drive = 50 - 40 * np.cos(2 * np.pi * frequency * TIMES)
     return fj.Recording(drive, 0.1 * drive, STEP, "V", "um")
-
-
-@pytest.mark.parametrize(
-    ("text", "expected"),
-    [
-        ("0..100 V, 50 V/ms", (0, 100, 5e4)),
-        ("-20..120V,3 kV/s", (-20, 120, 3e3)),
-        ("0..0.1 kV, 50 V/s", (0, 100, 50)),
-        ("5..60, 1 V/ms", (5, 60, 1e3)),
-    ],
-)
-def test_limits_are_read_with_their_units(text, expected):
-    limits = parse_limits(text, [recording()])
-    assert (limits.low, limits.high, limits.slew) == pytest.approx(expected)
-
-
-def test_without_a_slew_ten_times_the_fastest_recorded_change():
-    limits = parse_limits("0..100 V", [recording()])
-    assert limits.slew == pytest.approx(10 * 2 * np.pi * 40, rel=1e-3)
-    recorded = recorded_limits([recording()])
-    assert (recorded.low, recorded.high) == pytest.approx((10, 90), abs=1e-3)
-    assert recorded.slew == limits.slew
-
-
-@pytest.mark.parametrize(
-    "text", ["", "100 V", "100..0 V", "0..100 m", "0..100 V, 0 V/s", "0..100 V, 5 V", "a..b V"]
-)
-def test_limits_that_are_none_are_refused_in_a_sentence(text):
-    with pytest.raises(fj.InputError) as refused:
-        parse_limits(text, [recording()])
-    assert "--limits" in str(refused.value)
-    assert "\n" not in str(refused.value)
 
 
 @pytest.mark.parametrize("slew", [50.0, 5e3, 1e6])
@@ -232,17 +196,6 @@ def test_the_fastest_full_tone_takes_the_slew_that_there_is():
     assert len(rates) == 6
     steps = np.diff(np.log(rates))
     assert steps == pytest.approx(np.full(5, steps.mean()), rel=0.05)
-
-
-def test_a_survey_has_a_rest_and_four_amplitudes_at_the_recorded_rate():
-    preparation = prepare([recording()])
-    drive = survey(preparation, Limits(0.0, 100.0, 1e6))
-    assert drive.step == STEP
-    lead = rest_samples(STEP)
-    assert np.ptp(drive.values[: lead - 4]) == 0
-    quarters = np.array_split(drive.values[lead:], 4)
-    spans = [np.ptp(quarter[len(quarter) // 4 :]) for quarter in quarters]
-    np.testing.assert_allclose(spans, [25, 50, 75, 100], rtol=0.05)
 
 
 def test_a_proposal_states_by_how_much_the_responses_differ():

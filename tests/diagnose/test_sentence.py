@@ -9,17 +9,19 @@ import pytest
 from scipy.signal import lfilter
 
 import fracjax as fj
-from fracjax._diagnose._next_experiment import Drive, Proposal
+from fracjax._diagnose._next_experiment import Proposal
 from fracjax._diagnose._result import Axis, Candidate, HeldOut, NamedEffect, Shape
 from fracjax._diagnose._sentence import (
     advice,
     afterwards,
+    completed_sentence,
     is_incomplete,
     next_experiment,
     sentence_of,
-    survey_sentence,
     where_of,
 )
+from fracjax._path import Visible
+from fracjax._protocol import Drive, Part
 
 STEP = 0.01
 KNOWN = fj.Noise(1.0, "um", "specification", np.ones(1), 1.0)
@@ -284,9 +286,17 @@ def test_more_is_missing_where_nothing_is_named_or_far_more_than_the_noise_remai
 
 def test_a_proposal_ends_in_the_command_for_both_recordings(tmp_path, monkeypatch):
     monkeypatch.chdir(tmp_path)
-    experiment = survey_sentence(Drive("sines of 3 Hz in four amplitudes", np.zeros(2), STEP))
-    assert experiment.sentence.startswith("Record sines of 3 Hz in four amplitudes, after a rest: ")
+    parts = Part("rest", 0.0, 1.0, "the noise"), Part("slow path", 1.0, 2.0, "the hysteresis")
+    drive = Drive("a designed drive of 2 s", np.zeros(2), STEP, parts)
+    before = [Visible("creep", None, "um", "met once"), Visible("delay", 0.1, "um", "")]
+    both = [Visible("creep", 0.02, "um", ""), Visible("delay", 0.09, "um", "")]
+    experiment = completed_sentence(drive, before, both)
+    assert experiment.sentence == (
+        "Record a designed drive of 2 s (rest, slow path), whatever the hysteresis: it shows creep "
+        "from 0.02 µm, peak to peak, which this recording does not."
+    )
     assert (experiment.separates, experiment.probability) == ((), None)
+    assert "no effect from a much smaller" in completed_sentence(drive, both, both).sentence
 
     def command(*sources: str) -> str:
         takes = [SimpleNamespace(recording=SimpleNamespace(source=name)) for name in sources]

@@ -62,6 +62,20 @@ def test_weights_and_curve_are_recovered_within_their_standard_errors():
     assert 0.8 < np.std(deviations) < 1.2
 
 
+def test_tables_show_the_radii_and_sum_what_the_recording_does_not_tell_apart():
+    fit = fitted(0)
+    shown = [each for each in fit.shown_estimates if each.path.startswith("weights")]
+    assert len(shown) < len(WEIGHTS)
+    assert all(each.value > 2 * each.standard_error for each in shown)
+    assert sum(each.value for each in shown) == pytest.approx(
+        sum(each.value for name, each in by_name(fit).items() if name != "q")
+    )
+    assert f"radius {RADII[1]:.3g} V" in f"{fit.summary()}"
+    # The eighth weight is below zero: it is part of a sum, whose error is that of the sum.
+    (pool,) = (each for each in shown if "…8]" in each.name or "[8…" in each.name)
+    assert pool.standard_error < by_name(fit)["weights[8]"].standard_error * 2
+
+
 def test_a_saved_fit_keeps_the_radii_of_its_own_block(tmp_path):
     own = blocks.PrandtlIshlinskii(WEIGHTS, low=-20.0, high=160.0)
     fit = fj.fit(fj.Model(own), recording(0), noise=specified(SIGMA), starts=1)

@@ -6,19 +6,22 @@ from dataclasses import replace
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.signal import lfilter
+from scipy.ndimage import gaussian_filter1d
+from scipy.signal import lfilter, lsim
 
 import fracjax as fj
-from fracjax._fit import with_profiled_intervals
+from fracjax._fit import estimate_row, with_profiled_intervals
 from fracjax._fit._compare import HeldOutScores, _correlation_length, _folds
 from fracjax._parameters import replace_parameters
 from fracjax._prepare import prepare
+from fracjax._report import fit_sentence
 from tests.helpers import by_name, specified
 
 STEP, SAMPLES, SIGMA = 2e-3, 600, 0.01
 TIMES = STEP * np.arange(SAMPLES)
 DRIVE = 40 + 15 * np.sin(2 * np.pi * 1.3 * TIMES) + 10 * np.sin(2 * np.pi * 4.1 * TIMES + 1)
 KNOWN = specified(SIGMA)
+NOISE = np.random.default_rng(8).standard_normal(2000)
 OPTIONS = {"noise": KNOWN, "starts": 1, "history": "constant", "settling": 0}
 
 
@@ -304,6 +307,37 @@ def test_another_recording_may_be_held_out(creep):
     nm = fj.Recording(DRIVE, CREEP.response, STEP, "V", response_unit="nm", source="other")
     with pytest.raises(fj.InputError, match="other: expected the units of"):
         fj.compare([fj.parse_model("creep")], CREEP, holdout=nm, **OPTIONS)
+
+
+def test_data_held_out_refute_the_least_bic():
+    """On a recording without creep, creep predicts worse than a gain, whatever the fit says."""
+    mean_gain = np.polyfit(DRIVE, CREEP.response, 1)[0]
+    response = mean_gain * DRIVE + SIGMA * NOISE[:SAMPLES]
+    other = fj.Recording(DRIVE, response, STEP, "V", "um", "gain.csv")
+    found = fj.compare(["gain", "creep"], CREEP, holdout=other, **OPTIONS)
+    assert found.best == found.best_unseen == "gain"
+    assert found.rows[0].bic > found.rows[1].bic
+    (sentence,) = found.refuted
+    assert sentence.startswith("creep has a smaller BIC, and predicts data held out with an error")
+    assert fit_sentence(found.fits).startswith("gain")
+    assert "best of 2 models on data held out" in fit_sentence(found.fits)
+    assert found.summary().startswith("2 models compared: best on data held out is gain.")
+    assert sentence in f"{found.summary()}".replace("\n", " ")
+
+
+def test_a_mode_beyond_half_the_rate_has_no_interval():
+    """It is a delay to the recording, which gives its frequency a small error all the same."""
+    times = np.arange(40_000) / 20_000
+    drive = np.cumsum(np.random.default_rng(3).normal(size=400)).repeat(100)
+    drive = gaussian_filter1d(drive, 30.0)
+    turn = 2 * np.pi * 900
+    response = lsim(([turn**2], [1, 0.3 * turn, turn**2]), drive, times)[1]
+    recording = fj.Recording(drive[::20], response[::20] + 1e-4 * NOISE[:2000], 1e-3, "V", "um")
+    found = fj.fit("gain >> resonance", recording).parameters["resonance.frequency"]
+    assert found.value > 500
+    assert found.standard_error < 0.5 * found.value
+    assert not found.identified
+    assert estimate_row(found)["interval"] == "–"
 
 
 def test_a_stretch_is_predicted_without_having_been_seen():

@@ -30,6 +30,7 @@ LAYERS = [
     {"_simulate"},
     {"_io"},
     {"_prepare"},
+    {"_protocol"},
     {"_solve"},
     {"_fit"},
     {"_frequency", "_crosscheck", "_batch"},

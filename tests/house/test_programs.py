@@ -163,10 +163,14 @@ def test_several_at_once_agree(folder):
     assert len(list(folder.iterdir())) == 1
 
 
-def test_two_processes_at_once_agree(folder):
+# The second solves two equations in each step, by LAPACK, which a program that is read has to load.
+@pytest.mark.parametrize(
+    "model", ["bouc_wen", "two_lags @ outflow.root_outflow @ last.internal_saturation"]
+)
+def test_two_processes_at_once_agree(folder, model):
     script = (
         "import numpy as np, fracjax as fj; "
-        "block = fj.parse_model('bouc_wen').block; "
+        f"block = fj.parse_model('{model}').block; "
         "u = np.sin(np.arange(60) / 10); "
         "from fracjax._computing import computing; "
         "c = computing(); c.__enter__(); "

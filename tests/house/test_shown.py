@@ -7,7 +7,7 @@ import pytest
 
 import fracjax as fj
 from fracjax._show import Shown
-from tests.results import diagnosis_of, small_fit
+from tests.results import diagnosis_of, small_fit, small_protocol
 
 STEP = 0.01
 RATIOS = np.geomspace(1, 100, 20), np.linspace(1.0, 0.9, 20)
@@ -30,6 +30,7 @@ def shown() -> dict[str, object]:
         posterior,
         posterior.predict(recording),
         diagnosis_of(fit),
+        small_protocol(),
         fj.compare(["gain", "creep"], recording, starts=1),
         fj.profile(fit, "alpha"),
         fj.analyse_residuals(fit)[0],

@@ -14,10 +14,13 @@ from fracjax._recording import (
     Recording,
     Repeats,
     conversion,
+    fastest,
     inspect_together,
     parse_quantity,
+    thinned,
     unit,
 )
+from fracjax._recording._periods import repeats_in, unit_range
 from fracjax._recording._units import _SIMPLE, _by_pint
 
 SAMPLES = np.arange(8000)
@@ -219,6 +222,26 @@ def test_a_long_period_is_found_to_the_sample():
     assert found == Repeats(20_011, 0, 100_000)
 
 
+@pytest.mark.parametrize("period", [53, 30_011])
+def test_a_period_of_millions_of_samples_is_found_to_the_sample(period):
+    count = 2_200_000  # so that every second sample is looked at first
+    rest = np.zeros(period)
+    drive = np.concatenate([rest, np.sin(2 * np.pi * np.arange(count - period) / period)])
+    found = repeats_in(unit_range(drive))
+    assert found is not None
+    assert (found.period, found.stop) == (period, count)
+    # The sine leaves the rest slowly.
+    assert abs(found.start - period) <= 2 + period / 500
+
+
+@pytest.mark.parametrize("frequency", [1e-6, 2e-5, 0.01, 0.2])
+def test_how_fast_a_long_signal_moves_is_what_its_whole_spectrum_tells(frequency):
+    phase = 2 * np.pi * frequency * np.arange(2_100_000)
+    assert fastest(np.sin(phase)) == pytest.approx(frequency, rel=0.05, abs=1e-6)
+    means = thinned(np.sin(phase))
+    assert len(means) == (700_000 if frequency < 1e-4 else len(phase))
+
+
 @pytest.mark.parametrize("noise", [0.0, 3e-4])
 @pytest.mark.parametrize(
     "drive",
@@ -350,6 +373,11 @@ def test_a_response_that_overflowed_is_said():
     wrapped = (moved + 1) % 2 - 1
     (warning,) = [check for check in record(SINE, wrapped).checks() if "overflowed" in check]
     assert "jumps through its range" in warning
+    # It overflows for two samples only where it turns: two jumps that are no spike.
+    brief = (moved + 2 - np.sort(moved)[-400]) % 2
+    checks = record(SINE, brief).checks()
+    assert [check for check in checks if "overflowed" in check]
+    assert not [check for check in checks if "spikes" in check]
     assert not any("overflowed" in check for check in record(SINE, moved).checks())
     square = np.sign(SINE) + 0.001 * NOISE[: len(SAMPLES)]
     assert not any("overflowed" in check for check in record(np.sign(SINE), square).checks())

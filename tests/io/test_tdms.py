@@ -46,3 +46,19 @@ def test_a_tdms_file_beside_an_outdated_index(tmp_path):
     write(tmp_path / "loop.tdms", LOOP)
     (tmp_path / "loop.tdms_index").write_bytes(b"TDSh and nothing of use")
     is_the_loop(read(tmp_path / "loop.tdms"))
+
+
+@pytest.mark.parametrize(
+    "properties",
+    [{"time_unit": "min", "u_unit": "kV", "y_unit": "nm"}, {"units": '["min", "kV", "nm"]'}],
+)
+def test_units_among_the_properties_of_the_file(tmp_path, properties):
+    channels = [
+        ChannelObject("run", name, values)
+        for name, values in (("time", TIME / 60), ("u", DRIVE), ("y", RESPONSE))
+    ]
+    path = tmp_path / "loop.tdms"
+    tdms(path, RootObject(properties), *channels)
+    recording = read(path)
+    assert recording.rate == pytest.approx(200, rel=1e-6)
+    assert (recording.drive_unit, recording.response_unit) == ("kV", "nm")

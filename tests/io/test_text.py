@@ -194,8 +194,8 @@ def test_a_short_file_with_wrong_columns_is_told_both(put):
         read(put(short))
     assert str(refused.value).endswith(
         'expected columns for input and output, found 3 column(s): "time_s", "foo", "bar"; give '
-        "--input and --output as a name or an index from 0; and give a longer recording: it has 10 "
-        "samples, and at least 32 are needed."
+        "--input foo and --output bar, or --input bar and --output foo; and give a longer "
+        "recording: it has 10 samples, and at least 32 are needed."
     )
     with pytest.raises(InputError) as alone:
         read(put(lines_of()[:11]))

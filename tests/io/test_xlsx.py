@@ -7,7 +7,10 @@ import pytest
 from fracjax._io import read
 from fracjax._recording import InputError
 from tests.io.layouts import (
+    DRIVE,
     LOOP,
+    RESPONSE,
+    TIME,
     is_the_loop,
     rows_of,
     workbook,
@@ -39,3 +42,16 @@ def test_a_sheet_with_a_wrong_extent(tmp_path):
         for name, content in members.items():
             archive.writestr(name, content.replace(b'ref="A1:C65"', b'ref="A1"'))
     is_the_loop(read(path))
+
+
+def test_units_behind_the_numbers_of_cells(tmp_path):
+    """As text of a sheet they count as they do in a file of text: minutes are not seconds."""
+    cells = [
+        [f"{t / 60:.12g} min", f"{u:.12g} kV", f"{y:.12g} nm"]
+        for t, u, y in zip(TIME, DRIVE, RESPONSE, strict=True)
+    ]
+    book = workbook(tmp_path / "loop.xlsx", {"run": [["time", "voltage", "position"], *cells]})
+    recording = read(book)
+    assert recording.rate == pytest.approx(200, rel=1e-6)
+    assert (recording.drive_unit, recording.response_unit) == ("kV", "nm")
+    assert recording.drive == pytest.approx(DRIVE)

@@ -4,15 +4,17 @@ import signal
 import subprocess
 import sys
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import h5py
 import numpy as np
 import pytest
+from scipy.signal import lfilter
 
 import fracjax as fj
 from fracjax._posterior import split_r_hat
-from fracjax._posterior._sample import ChainFile, run_ensemble
+from fracjax._posterior._sample import ChainFile, effective_draws, run_ensemble
 
 SETTINGS = {"model": "bowl"}
 
@@ -29,6 +31,7 @@ def run_bowl(
     settings=SETTINGS,
     density=bowl,
     counts: list[int] | None = None,
+    target: int = 400,
 ):
     return run_ensemble(
         density,
@@ -41,6 +44,7 @@ def run_bowl(
         settings=settings,
         watch=lambda chain: None,
         step=(lambda done: None) if counts is None else counts.append,
+        target=target,
     )
 
 
@@ -64,7 +68,7 @@ KILLED = """
 import sys, time
 from pathlib import Path
 import numpy as np
-from fracjax._posterior._sample import ChainFile, run_ensemble
+from fracjax._posterior._sample import ChainFile, effective_draws, run_ensemble
 
 def slowly(points):
     time.sleep(0.002)
@@ -155,3 +159,24 @@ def test_r_hat_sees_a_drift():
     draws[:, :, 1] += np.linspace(0, 1, 400)[:, None]
     still, drifting = split_r_hat(draws)
     assert still < 1.01 < drifting
+
+
+def test_effective_draws_are_those_of_independent_ones():
+    """Of an autoregression of coefficient a the mean is known as from n (1 - a)/(1 + a) draws."""
+    generator = np.random.default_rng(4)
+    shocks = generator.standard_normal((2000, 8, 1))
+    correlated = lfilter([1.0], [1.0, -0.8], shocks, axis=0)[200:]
+    assert effective_draws(shocks)[0] == pytest.approx(16_000, rel=0.15)
+    assert effective_draws(correlated)[0] == pytest.approx(14_400 / 9, rel=0.25)
+
+
+def test_a_chain_ends_with_the_draws_that_are_wanted(tmp_path):
+    few, many = (run_bowl(tmp_path / f"{target}.h5", 3000, target=target) for target in (100, 1000))
+    for chain, target in ((few, 100), (many, 1000)):
+        assert chain.converged
+        assert chain.ess.min() >= target
+        assert chain.r_hat.max() < 1.01
+    assert len(few.coordinates) < len(many.coordinates) < 3000
+    # What the short chain foretells of the long one, whose ESS it knows to a third.
+    longer = replace(few, target=1000).forecast
+    assert longer == pytest.approx(len(many.coordinates), rel=0.5)

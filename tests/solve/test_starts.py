@@ -7,11 +7,14 @@ from typing import NamedTuple
 import jax
 import jax.numpy as jnp
 import numpy as np
+import pytest
+from scipy.signal import lsim
 
 import fracjax as fj
 from fracjax._computing import Clock, within
 from fracjax._prepare import prepare
 from fracjax._solve import _solve, solve_from
+from fracjax._solve._modes import measured_modes
 from fracjax._solve._solve import starts_of
 from tests.fit.helpers import DRIVE, KNOWN, SIGMA, STEP, record, white
 
@@ -113,3 +116,34 @@ def test_there_are_as_many_starts_as_are_asked_for():
     assert len(starts) == 4
     assert starts[0] is block
     assert len({float(start.alpha.value) for start in starts}) == 4  # type: ignore[attr-defined]
+
+
+@pytest.mark.parametrize(
+    ("frequency", "damping", "rate"), [(1.3, 0.003, 100.0), (151_000.0, 0.003, 1e6)]
+)
+def test_a_light_mode_is_found_wherever_it_is(frequency, damping, rate):
+    generator = np.random.default_rng(1)
+    count, turn = 8000, 2 * np.pi * frequency
+    drive = generator.normal(size=count)
+    times = np.arange(count) / rate
+    law = ([turn**2], [1, 2 * damping * turn, turn**2])
+    response = 0.1 * lsim(law, drive, times)[1]
+    noise = 1e-3 * response.std() * generator.normal(size=count)
+    found = fj.fit("gain >> resonance", fj.Recording(drive, response + noise, 1 / rate))
+    assert found.parameters["resonance.frequency"].value == pytest.approx(frequency, rel=1e-3)
+    assert found.scores.r_squared > 0.9
+
+
+def test_measured_modes_are_those_of_the_response():
+    times = np.arange(4000) / 1000
+    generator = np.random.default_rng(2)
+    drive = generator.normal(size=4000)
+    poles = [(40.0, 0.01), (170.0, 0.02)]
+    response = sum(
+        lsim(([(6 * f) ** 2], [1, 4 * np.pi * z * f, (2 * np.pi * f) ** 2]), drive, times)[1]
+        for f, z in poles
+    )
+    frequencies, dampings = measured_modes(fj.Recording(drive, response, 1e-3))
+    strongest = np.argsort(frequencies[:2])
+    assert frequencies[strongest] == pytest.approx([40, 170], rel=0.02)
+    assert dampings[strongest] == pytest.approx([0.01, 0.02], rel=0.7)

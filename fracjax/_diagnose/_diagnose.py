@@ -156,8 +156,9 @@ def diagnose(
         # The misfit of a fit that had to end early is not that of its model.
         may_name = not doubts and not clock.is_over
         extension = None
-        if may_name and isinstance(law.block, AbstractMachine | Within):
-            inside = inquire_inside(base.solved.block, preparation, progress=progress)
+        machine = base.solved.block
+        if may_name and isinstance(machine, AbstractMachine | Within):
+            inside = inquire_inside(machine, preparation, progress=progress)
             inquiry = inquired_inside(base, path, inside)
             extension = extended_inside(law, inside, preparation)
         else:

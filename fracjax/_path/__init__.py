@@ -4,6 +4,12 @@ from ._chain import Stage as Stage
 from ._drive import denoised as denoised
 from ._dynamics import Columns as Columns
 from ._dynamics import Motion as Motion
+from ._expansion import PATH as PATH
+from ._expansion import UNKNOWN as UNKNOWN
+from ._expansion import apart as apart
+from ._expansion import family_of as family_of
+from ._expansion import kinds_of as kinds_of
+from ._expansion import scanned_modes as scanned_modes
 from ._law import Inner as Inner
 from ._law import Prior as Prior
 from ._law import Whitening as Whitening
@@ -26,11 +32,5 @@ from ._show import can_show as can_show
 from ._show import detectabilities as detectabilities
 from ._signal import Signal as Signal
 from ._view import MISFIT as MISFIT
-from ._view import PATH as PATH
-from ._view import UNKNOWN as UNKNOWN
 from ._view import PathView as PathView
-from ._view import apart as apart
-from ._view import family_of as family_of
-from ._view import kinds_of as kinds_of
-from ._view import scanned_modes as scanned_modes
 from ._view import view_of as view_of

@@ -104,7 +104,7 @@ def _filter(signals: Sequence[Signal], chain: Chain) -> Filter | None:
     if not after:
         return None
     departures = [[f for one in after for f in filters_of(*one, s.step)] for s in signals]
-    smooth = [kernels.smoothness(s.drive) for s in signals]
+    smooth = [kernels.smoothness(s.drive, periodic=s.periodic) for s in signals]
     return Filter(smooth, departures, [s.periodic for s in signals])
 
 
@@ -221,12 +221,12 @@ def _quadratic(
     settled: Settled, response: np.ndarray, beside: np.ndarray, columns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The curvature (k, k) of the log likelihood, negative, and its gradient (k,) along columns."""
-    whitening, known = settled.law.whitening, beside.shape[1]
+    whitening, others = settled.law.whitening, beside.shape[1]
     inner = settled.prior.inner(whitening(np.column_stack([beside, columns])), whitening(response))
-    if known:
-        inner = inner.given(np.arange(known), np.ones(known))
+    if others:
+        inner = inner.given(np.arange(others), np.ones(others))
     excess = max(1.0, inner.square / whitening.count)
-    return inner.columns[known:, known:] / excess, inner.along[known:] / excess
+    return inner.columns[others:, others:] / excess, inner.along[others:] / excess
 
 
 def _changes(

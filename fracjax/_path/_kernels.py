@@ -61,13 +61,18 @@ def _recursion(
     return Recursion(straight, bent, denominator)
 
 
-def smoothness(signal: np.ndarray) -> np.ndarray:
+def smoothness(signal: np.ndarray, *, periodic: bool) -> np.ndarray:
     """The share (N,) of each sample's bend that counts: 1 where a signal (N,) is smooth, 0 at its
-    corners, between which it is straight."""
+    corners, between which it is straight, and at its end, beyond which nothing is known."""
+    around = np.pad(signal, 2, mode="wrap" if periodic else "edge")
     second, fourth = (
-        maximum_filter1d(np.abs(np.convolve(signal, taps, "same")), 5) ** 4
-        for taps in ([1.0, -2.0, 1.0], [1.0, -4.0, 6.0, -4.0, 1.0])
+        maximum_filter1d(np.abs(np.convolve(around, taps, "valid")), 5, mode="nearest") ** 4
+        for taps in ([0.0, 1.0, -2.0, 1.0, 0.0], [1.0, -4.0, 6.0, -4.0, 1.0])
     )
+    if not periodic:
+        # The corners there are those of the edge.
+        second[-4:], fourth[-4:] = 1.0, 0.0
+        second[-1] = 0.0
     return second / np.maximum(second + fourth, 1e-300)
 
 
@@ -149,7 +154,11 @@ class Convolution:
         # The mean second difference at both ends of each step.
         edge = "wrap" if periodic else "edge"
         around = np.pad(signal, (2, 1), mode=edge)
-        bends = 0.5 * np.convolve(around, [1.0, -1.0, -1.0, 1.0], "valid") * smoothness(signal)
+        bends = (
+            0.5
+            * np.convolve(around, [1.0, -1.0, -1.0, 1.0], "valid")
+            * smoothness(signal, periodic=periodic)
+        )
         self._bends = np.tile(bends, self._passes)
         increments = np.diff(signal, prepend=signal[-1] if periodic else signal[0])
         self._increments = np.tile(increments, self._passes)

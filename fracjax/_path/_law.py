@@ -147,7 +147,9 @@ class PathLaw:
         noise = whitening.innovation
         curves, drive = curves_of(drives, error), np.concatenate(drives)
         own = span * own
-        return cls(drive, curves, fading, own, whitening, span, noise, filter, loose)
+        return cls(
+            drive, curves, fading, own, whitening, span, noise=noise, filter=filter, loose=loose
+        )
 
     @property
     def columns(self) -> int:

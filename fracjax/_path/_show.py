@@ -26,10 +26,10 @@ from ._dynamics import (
     Motion,
     Scale,
 )
+from ._expansion import UNKNOWN, kinds_of, motions_of, prior_of
 from ._filters import Shape
 from ._law import FADINGS, ROUGHNESSES, Curve, PathLaw, Settled
 from ._signal import Signal
-from ._view import UNKNOWN, kinds_of, motions_of, prior_of
 
 LEVEL = 6.0
 """The detectability from which an effect is named: with its prior odds of .02 and Occam's factor of

@@ -318,7 +318,10 @@ def test_the_drives_offset_is_free_where_it_is_none_of_the_response():
     assert is_free(OSCILLATOR @ CubicStiffness(0.7))
     assert is_free(Within(Mass(2.0, 0.7)))
     assert not is_free(Impedance(1.0) @ DryFriction(0.3, 0.05))
-    moved = set_values(OSCILLATOR @ CubicStiffness(0.7), {"drive_offset": 0.4, "start": [0.1, 0.2]})
+    moved = set_values(
+        OSCILLATOR @ CubicStiffness(0.7),
+        {"drive_offset": np.array(0.4), "start": np.array([0.1, 0.2])},
+    )
     drive = np.sin(np.arange(200) / 20)
     shifted = set_values(moved, {"drive_offset": 0.0})
     np.testing.assert_allclose(

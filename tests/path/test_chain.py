@@ -30,7 +30,7 @@ def test_a_filter_is_what_its_recursions_add(periodic):
     exact = signal
     for one in departures:
         exact = exact + kernels.Convolution(exact, STEP, periodic=periodic).with_departure(one)
-    filtered = Filter([kernels.smoothness(signal)], [departures], [periodic])
+    filtered = Filter([kernels.smoothness(signal, periodic=periodic)], [departures], [periodic])
     # The last sample of steady cycles is the first one's neighbour, which a convolution lacks.
     np.testing.assert_allclose(filtered(signal)[:-1], exact[:-1], atol=1e-4)
     determinants = [np.linalg.slogdet(one.after.toarray())[1] for one in filtered.sections]
@@ -45,7 +45,9 @@ def test_inner_products_behind_filters_are_those_of_the_covariance():
         [np.array([1.0, -0.6]) / 0.02, np.array([1 / 0.03])], [np.ones(n) for n in sizes]
     )
     departures = [[kernels.lag(0.002, STEP), kernels.mode(40.0, 0.05, STEP)]] * 2
-    filtered = Filter([kernels.smoothness(d) for d in drives], departures, [False, False])
+    filtered = Filter(
+        [kernels.smoothness(d, periodic=False) for d in drives], departures, [False, False]
+    )
     law = PathLaw.of(drives, whitening, 1.2, filter=filtered)
     settled = Settled(law, 0.3, 0.03)
     normal = law.bends.toarray() / 0.3**2 + np.eye(law.columns) / law.span**2

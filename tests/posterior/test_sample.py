@@ -165,7 +165,7 @@ def test_effective_draws_are_those_of_independent_ones():
     """Of an autoregression of coefficient a the mean is known as from n (1 - a)/(1 + a) draws."""
     generator = np.random.default_rng(4)
     shocks = generator.standard_normal((2000, 8, 1))
-    correlated = lfilter([1.0], [1.0, -0.8], shocks, axis=0)[200:]
+    correlated = np.asarray(lfilter([1.0], [1.0, -0.8], shocks, axis=0))[200:]
     assert effective_draws(shocks)[0] == pytest.approx(16_000, rel=0.15)
     assert effective_draws(correlated)[0] == pytest.approx(14_400 / 9, rel=0.25)
 

@@ -139,10 +139,11 @@ def test_measured_modes_are_those_of_the_response():
     generator = np.random.default_rng(2)
     drive = generator.normal(size=4000)
     poles = [(40.0, 0.01), (170.0, 0.02)]
-    response = sum(
+    responses = [
         lsim(([(6 * f) ** 2], [1, 4 * np.pi * z * f, (2 * np.pi * f) ** 2]), drive, times)[1]
         for f, z in poles
-    )
+    ]
+    response = np.sum(responses, axis=0)
     frequencies, dampings = measured_modes(fj.Recording(drive, response, 1e-3))
     strongest = np.argsort(frequencies[:2])
     assert frequencies[strongest] == pytest.approx([40, 170], rel=0.02)

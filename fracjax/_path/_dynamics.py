@@ -145,13 +145,14 @@ class Family(NamedTuple):
 
 
 def dynamics_of(motions: Sequence[Motion]) -> list[Columns]:
-    """The shapes of all effects but modes, whose frequencies are scanned (`modes_of`)."""
-    scale = Scale.of(motions)
-    return [
-        family.columns(motions, shape, scale)
-        for family in FAMILIES.values()
-        for shape in family.shapes(scale)
-    ]
+    """The shapes of all effects but modes and lines, whose frequencies are scanned."""
+    return [c for name in FAMILIES if name != MAINS for c in columns_of(name, motions)]
+
+
+def columns_of(name: str, motions: Sequence[Motion]) -> list[Columns]:
+    """All shapes of an effect."""
+    family, scale = FAMILIES[name], Scale.of(motions)
+    return [family.columns(motions, shape, scale) for shape in family.shapes(scale)]
 
 
 def modes_of(motions: Sequence[Motion]) -> Iterator[list[Columns]]:
@@ -316,6 +317,7 @@ _SHARES = (0.1, 0.3, 1.0)
 _LATE = 30
 """The longest delay, in steps: a longer one is a clock's, or two files'."""
 
+MAINS = "mains_interference"
 MODE = Family("resonance", lambda scale: [], _ringing, True, _peaks_apart)
 """A mode, whose shapes are scanned."""
 FAMILIES: dict[str, Family] = {
@@ -375,7 +377,7 @@ FAMILIES: dict[str, Family] = {
             _apart(path=3.0),
         ),
         Family(
-            "mains_interference",
+            MAINS,
             _each_of("frequency", _frequencies),
             _humming,
             False,

@@ -11,7 +11,18 @@ from numpy.polynomial import chebyshev
 from scipy.signal import find_peaks
 
 from ._chain import IN_SERIES, Chain, Fitted, Line, Stage, adequacy
-from ._dynamics import MODE, SENSOR_ORDERS, Columns, Motion, again, dynamics_of, modes_of, refined
+from ._dynamics import (
+    MAINS,
+    MODE,
+    SENSOR_ORDERS,
+    Columns,
+    Motion,
+    again,
+    columns_of,
+    dynamics_of,
+    modes_of,
+    refined,
+)
 from ._law import Curve, Inner, PathLaw, Prior, Settled
 from ._posterior import MOST_EFFECTS, Hypothesis, Kind, Law, search
 from ._signal import Signal, ends_of, response_of
@@ -36,8 +47,8 @@ in its fit, over the largest."""
 _CLOSE = 1.5
 """χ² per sample that free curves leave beside the effects so far up to which columns are made from
 them."""
-_PEAKS = 6
-"""Peaks of a scan for modes that become columns, of each damping."""
+_PEAKS, _LINES = 6, 3
+"""Peaks of a scan for modes that become columns, of each damping, and lines of the mains."""
 _FINER = (1.0, 3.0, 9.0)
 """The shapes that fit best are tried again this many times as near to each other."""
 _AGAIN = 4
@@ -107,6 +118,7 @@ class Expansion:
         columns = [
             *dynamics_of(motions),
             *scanned_modes(motions, whitening, settled.prior, whitening(without_effect)),
+            *scanned_lines(motions, whitening, settled.prior, whitening(without_effect)),
             *(again(motions, one) for one in shapes),
         ]
         columns = [c for c in columns if c.effect not in barred]
@@ -329,13 +341,37 @@ def scanned_modes(
     """The modes that explain most of a whitened response (ΣN,) beside a prior's own."""
     scanned, chosen = prior.weighted(white), []
     for modes in modes_of(motions):
-        # Exact are the peaks alone: what the curves absorb hardly depends on the frequency.
-        columns = whitened(np.concatenate([m.values for m in modes], axis=1))
-        along, squares = columns.T @ scanned, np.einsum("nk,nk->k", columns, columns)
-        falls = np.where(along > 0, along**2 / np.maximum(squares, 1e-12), 0.0)
+        falls = _falls(modes, whitened, scanned)
         peaks = find_peaks(np.pad(falls, 1))[0] - 1
         chosen += [modes[k] for k in peaks[np.argsort(-falls[peaks])[:_PEAKS]]]
     return chosen
+
+
+def scanned_lines(
+    motions: Sequence[Motion],
+    whitened: Callable[[np.ndarray], np.ndarray],
+    prior: Prior,
+    white: np.ndarray,
+) -> list[Columns]:
+    """The lines of the mains that explain most of a whitened response (ΣN,), as modes are."""
+    lines = columns_of(MAINS, motions)
+    falls = _falls(lines, whitened, prior.weighted(white)) if lines else np.zeros(0)
+    return [lines[k] for k in np.argsort(-falls)[:_LINES]]
+
+
+def _falls(
+    shapes: Sequence[Columns], whitened: Callable[[np.ndarray], np.ndarray], scanned: np.ndarray
+) -> np.ndarray:
+    """About how much of χ² each shape explains: what curves absorb of it, which hardly depends on
+    its frequency, is not computed but for the few that are chosen."""
+    falls = np.zeros(len(shapes))
+    for k, one in enumerate(shapes):
+        columns = whitened(one.values)
+        along, squares = columns.T @ scanned, np.einsum("nk,nk->k", columns, columns)
+        if one.one_sided:
+            along = np.maximum(along, 0.0)
+        falls[k] = float(np.sum(along**2 / np.maximum(squares, 1e-12)))
+    return falls
 
 
 def _coefficients(inner: Inner, chosen: np.ndarray, sizes: np.ndarray) -> np.ndarray:

@@ -39,7 +39,7 @@ def filters_of(effect: str, shape: Shape, step: float) -> list[Recursion]:
     """The departures of an effect of a shape, in series."""
     if effect == "sensor_lag":
         order = int(shape["order"])
-        return [kernels.lag(time_constant_of(shape["corner"], order), step)] * order
+        return [kernels.lag(time_constant_of(shape["corner"], order), step, order)]
     first = kernels.mode(shape["frequency"], shape["damping"], step)
     if effect == "resonance":
         return [first]

@@ -207,9 +207,15 @@ class Prior:
     """A covariance 1 + D Dᵀ of whitened signals beside what `reduced` takes out of them: D are
     dense columns (ΣN, k) of unit prior sd, `log_determinant` is that of the rest."""
 
-    def __init__(self, dense: np.ndarray, reduced: Reduced, log_determinant: float):
+    def __init__(
+        self,
+        dense: np.ndarray,
+        reduced: Reduced,
+        log_determinant: float,
+        beside: np.ndarray | None = None,
+    ):
         self._dense, self._reduced = dense, reduced
-        self._beside = reduced(dense)
+        self._beside = reduced(dense) if beside is None else beside
         self._normal = np.eye(dense.shape[1]) + dense.T @ self._beside
         extra = float(np.linalg.slogdet(self._normal)[1]) if dense.size else 0.0
         self._log_determinant = log_determinant + extra
@@ -244,7 +250,10 @@ class Settled:
         self._clear = sizes > 0
         self._sizes = sizes[self._clear]
         self.prior = Prior(
-            law.dense[:, self._clear] * self._sizes, rough.reduced, rough.log_determinant
+            law.dense[:, self._clear] * self._sizes,
+            rough.reduced,
+            rough.log_determinant,
+            rough.dense[:, self._clear] * self._sizes,
         )
 
     def with_fading(self, fading: float) -> Settled:
@@ -316,6 +325,11 @@ class _Rough:
         """Whitened signals (ΣN, k) times the inverse covariance."""
         return white - self._law.basis @ self.coefficients(white) if white.size else white
 
+    @cached_property
+    def dense(self) -> np.ndarray:
+        """The law's dense columns, reduced: the same for all fadings."""
+        return self.reduced(self._law.dense)
+
 
 class _Filtered:
     """The same behind filters A z = B x: the responses z are unknowns beside the coefficients, and
@@ -340,7 +354,7 @@ class _Filtered:
         weak = sp.eye_array(size) * (_WEAK / law.span**2)
         between = [weak for _ in sections[1:]]
         beside = sp.block_diag([whitening.T @ whitening, *between, prior])
-        self._whitening, self._size = whitening, size
+        self._law, self._whitening, self._size = law, whitening, size
         self._splines = slice(size * len(sections), size * len(sections) + law.columns)
         self._factor = _factor(
             sp.csc_array(sp.block_array([[beside, within.T], [within, -sp.diags_array(variances)]]))
@@ -362,6 +376,11 @@ class _Filtered:
         if not white.size:
             return white
         return white - self._whitening @ self._solved(white)[: self._size]
+
+    @cached_property
+    def dense(self) -> np.ndarray:
+        """The law's dense columns, reduced: the same for all fadings."""
+        return self.reduced(self._law.dense)
 
 
 def _precision(law: PathLaw, roughness: float) -> sp.csc_array:

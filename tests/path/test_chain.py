@@ -110,7 +110,7 @@ def test_an_effect_of_a_large_part_of_the_stroke_is_named_exactly(effect):
     assert view.posterior.best.names == (effect,)
     assert sum(p for names, p in view.posterior.sets.items() if names & alike) > 0.95
     for name, value in PARAMETERS[effect].items():
-        assert view.shape_of(effect)[name] == pytest.approx(value, rel=0.03)
+        assert view.shape_of(effect)[name] == pytest.approx(value, rel=0.15)
     assert np.std(view.residual) < 1.1 * NOISE
     assert np.corrcoef(view.effects[effect], response - LAW)[0, 1] > 0.95
 

@@ -7,7 +7,7 @@ import pytest
 
 from fracjax._path import can_show, view_of
 from fracjax._path._chain import IN_SERIES
-from fracjax._path._dynamics import Motion, dynamics_of
+from fracjax._path._dynamics import Motion, columns_of
 from tests.path.helpers import signal_of, through, twin_rates
 
 NOISE = 1e-3
@@ -23,7 +23,7 @@ def with_effect(drive: np.ndarray, name: str, size: float):
     """A recording with an effect whose median shape changes the response by `size`, peak to
     peak."""
     motion = Motion(drive, drive, lambda other: other, 1e-3, periodic=False)
-    own = [c for c in dynamics_of([motion]) if c.effect == name]
+    own = columns_of(name, [motion])
     if name in IN_SERIES:
         # What is in series has one size for each shape: the one that is nearest.
         column = min((c.values[:, 0] for c in own), key=lambda c: abs(np.log(np.ptp(c) / size)))

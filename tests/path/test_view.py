@@ -35,7 +35,7 @@ def lagging(law: np.ndarray) -> np.ndarray:
 
 
 def drifting(law: np.ndarray) -> np.ndarray:
-    return law + 0.15 * -np.expm1(-TIMES)
+    return law + 0.25 * -np.expm1(-TIMES)
 
 
 def named(view) -> set:

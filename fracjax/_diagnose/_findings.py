@@ -341,10 +341,12 @@ class Findings:
 
     @property
     def is_refuted(self) -> bool:
-        """Whether held-out data are clearly further from the extended model than from the base:
-        then the named effects have followed something else."""
+        """Whether held-out data are clearly further from the extended model than from the base, or,
+        where that follows nothing, not clearly nearer: then the named effects have followed
+        something else."""
         before, after = self.predicted
-        return after is not None and after.rmse > REFUTED * before.rmse
+        worse = 1 / REFUTED if self.follows_nothing else REFUTED
+        return after is not None and after.rmse > worse * before.rmse
 
     @property
     def held_out(self) -> HeldOut:

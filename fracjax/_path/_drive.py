@@ -64,8 +64,8 @@ def delayed(drive: np.ndarray, steps: float, *, periodic: bool) -> np.ndarray:
     """A drive (N,) some steps later; before its first sample it was constant, or of steady
     cycles."""
     margin = int(steps) + 8
-    before = drive[-margin:] if periodic else np.full(margin, drive[0])
     times = np.arange(-margin, drive.size)
+    before = drive[times[:margin] % drive.size] if periodic else np.full(margin, drive[0])
     return np.asarray(
         Akima1DInterpolator(times, np.concatenate([before, drive]))(np.arange(drive.size) - steps)
     )

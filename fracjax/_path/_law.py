@@ -38,6 +38,8 @@ FADINGS = np.array([0.003, 0.0, 0.03, 0.3, 1.0])
 """Sizes τ of fading memory that are tried, over the response's span."""
 _LOOSE = 0.02
 """How far the path behind a filter may be from its curve, over the noise."""
+_LEAST = 1e-9
+"""The same at least, where a filter is so slow that its equations had no digits left."""
 _WEAK = 1e-6
 """The precision of what is between two filters, over that of its range: no pivot is zero."""
 _PROBES = 8
@@ -343,7 +345,7 @@ class _Filtered:
         before, equations, deviations = -law.curves.basis, [], []
         for k, one in enumerate(sections):
             loose = np.hypot(_LOOSE * law.noise, law.loose if k == 0 else 0.0)
-            deviations.append(loose * np.abs(one.gain))
+            deviations.append(np.maximum(loose * np.abs(one.gain), _LEAST * law.noise))
             # The unknowns are the responses of all sections, the last first, and coefficients.
             row: list[Any] = [None] * (len(sections) + 1)
             row[-2 - k], row[-1 - k] = one.after, one.before @ before

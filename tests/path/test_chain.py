@@ -7,7 +7,7 @@ from scipy.signal import lsim
 from fracjax._path import Stage, Whitening, view_of
 from fracjax._path import _kernels as kernels
 from fracjax._path import _law as law_module
-from fracjax._path._chain import fitted
+from fracjax._path._chain import Line, adequacy, fitted
 from fracjax._path._drive import delayed, limited
 from fracjax._path._filters import Filter, corner_of
 from fracjax._path._law import PathLaw, Settled
@@ -77,6 +77,7 @@ def test_a_drive_is_late_by_any_time_and_its_rate_limited():
     sine = np.sin(2 * np.pi * t / 100)
     late = delayed(sine, 7.4, periodic=True)
     np.testing.assert_allclose(late, np.sin(2 * np.pi * (t - 7.4) / 100), atol=2e-4)
+    np.testing.assert_allclose(delayed(sine, 807.4, periodic=True), late, atol=1e-9)
     assert delayed(sine + 3, 7.4, periodic=False)[:7] == pytest.approx(3.0)
     slow = limited(sine, 0.04)
     assert np.abs(np.diff(slow)).max() <= 0.04 + 1e-12
@@ -135,3 +136,13 @@ def test_newtons_method_finds_parameters_from_far():
     found = fitted(signals, start, np.zeros((DRIVE.size, 0)))
     assert found.line.chain[0].shape["corner"] == pytest.approx(corner_of(0.02, 1), rel=0.02)
     assert found.volume(1.0) < found.volume(0.1) < 0.0
+
+
+def test_a_filter_that_is_far_too_slow_has_a_likelihood_too():
+    """Newton's method may try any time constant."""
+    signals = [signal_of(DRIVE, LAW, NOISE)]
+    for corner in (1e-3, 1e-5):
+        line = Line.of(signals, (Stage("sensor_lag", {"corner": corner, "order": 4.0}),))
+        settled = line.prior.settled(signals[0].response)
+        value = adequacy(settled, signals[0].response, np.zeros((DRIVE.size, 0)))
+        assert np.isfinite(value)

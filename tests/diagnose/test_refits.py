@@ -35,7 +35,17 @@ def ringing(first_share: float) -> Recording:
 
 @pytest.mark.parametrize(
     ("share", "name"),
-    [pytest.param(0.6, "second_mode", marks=pytest.mark.slow), (1.0, "resonance")],
+    [
+        pytest.param(
+            0.6,
+            "second_mode",
+            marks=[
+                pytest.mark.slow,
+                pytest.mark.xfail(reason="two modes under a model are called one: issue 56"),
+            ],
+        ),
+        (1.0, "resonance"),
+    ],
 )
 def test_a_mode_that_rings_is_refitted_to_the_noise_and_two_are_two(share, name):
     diagnosis = fj.diagnose("creep", ringing(share), noise=SIGMA)

@@ -222,15 +222,6 @@ class Parameter:
         arrays, (unit, logarithmic, _, *others) = self.tree_flatten()
         return self.tree_unflatten((unit, logarithmic, False, *others), arrays)
 
-    def kept(self) -> Parameter:
-        """The same parameter, which keeps its value in a fit.
-
-        Returns:
-            A new parameter, all else as in this one.
-        """
-        arrays, (unit, logarithmic, gain, _, *others) = self.tree_flatten()
-        return self.tree_unflatten((unit, logarithmic, gain, True, *others), arrays)
-
     def freed(self) -> Parameter:
         """The same parameter, which a fit moves.
 

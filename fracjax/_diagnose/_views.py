@@ -93,7 +93,7 @@ def model_view(fitted: Fitted) -> ModelView:
         for t, s in steps
     ]
     groups, setting = groups_of(fitted), fitted.preparation.setting
-    for mode in scanned_modes(motions, fitted.whitened, prior, white):
+    for mode in scanned_modes(motions, fitted.whitened, prior.weighted(white)):
         effect = EFFECTS[mode.effect]
         groups.append(Group(effect, (block_of(effect, mode.shape, setting),), mode.values))
     kinds, at = [], 0

@@ -20,7 +20,7 @@ import numpy as np
 from . import _kernels as kernels
 from ._drive import delayed, limited
 from ._filters import RESPONSE_SIDE, Filter, Shape, filters_of
-from ._law import PathLaw, Settled, Whitening, log_likelihood
+from ._law import Inner, PathLaw, Settled, Whitening, log_likelihood
 from ._posterior import EACH
 from ._signal import Signal, response_of, span_of
 
@@ -210,44 +210,46 @@ def adequacy(settled: Settled, response: np.ndarray, beside: np.ndarray) -> floa
     may make any loop smoother, and with the determinant of the evidence did so on drives of which
     it was no part.
     """
-    whitening = settled.law.whitening
-    inner = settled.prior.inner(whitening(beside), whitening(response))
-    if beside.shape[1]:
-        inner = inner.given(np.arange(beside.shape[1]), np.ones(beside.shape[1]))
-    return float(log_likelihood(inner.square + settled.freedom, 0.0, whitening.count))
+    inner = _inner_beside(settled, response, beside, beside[:, :0])
+    count = settled.law.whitening.count
+    return float(log_likelihood(inner.square + settled.freedom, 0.0, count))
+
+
+def _inner_beside(
+    settled: Settled, response: np.ndarray, beside: np.ndarray, columns: np.ndarray
+) -> Inner:
+    """Inner products of columns (ΣN, K) and of a response (ΣN,) with columns `beside` (ΣN, k) in
+    the covariance."""
+    whitening, others = settled.law.whitening, beside.shape[1]
+    whole = whitening(np.column_stack([beside, columns]))
+    inner = settled.prior.inner(whole, whitening(response))
+    inner = inner.given(np.arange(others), np.ones(others))
+    return inner._replace(columns=inner.columns[others:, others:], along=inner.along[others:])
 
 
 def _quadratic(
     settled: Settled, response: np.ndarray, beside: np.ndarray, columns: np.ndarray
 ) -> tuple[np.ndarray, np.ndarray]:
     """The curvature (k, k) of the log likelihood, negative, and its gradient (k,) along columns."""
-    whitening, others = settled.law.whitening, beside.shape[1]
-    inner = settled.prior.inner(whitening(np.column_stack([beside, columns])), whitening(response))
-    if others:
-        inner = inner.given(np.arange(others), np.ones(others))
-    excess = max(1.0, inner.square / whitening.count)
-    return inner.columns[others:, others:] / excess, inner.along[others:] / excess
+    inner = _inner_beside(settled, response, beside, columns)
+    excess = max(1.0, inner.square / settled.law.whitening.count)
+    return inner.columns / excess, inner.along / excess
 
 
 def _changes(
     signals: Sequence[Signal], settled: Settled, line: Line, beside: np.ndarray, free: Free
 ) -> np.ndarray:
     """What a change of each parameter's logarithm adds to the response (ΣN, k)."""
-    response = response_of(signals)
-    path = settled.path(response - beside @ _coefficients(settled, response, beside))
+    response, whitening = response_of(signals), settled.law.whitening
+    inner = settled.prior.inner(whitening(beside), whitening(response))
+    every = np.arange(beside.shape[1])
+    path = settled.path(response - beside @ inner.coefficients(every, np.ones(every.size)))
     now, columns = path.through(line.prior), []
     for k, name in free:
         stage = line.chain[k].changed(name, _CHANGE)
         changed = Line.of(signals, (*line.chain[:k], stage, *line.chain[k + 1 :]), line)
         columns.append((path.through(changed.prior) - now) / _CHANGE)
     return np.column_stack(columns)
-
-
-def _coefficients(settled: Settled, response: np.ndarray, beside: np.ndarray) -> np.ndarray:
-    """The most probable coefficients (k,) of columns (ΣN, k) of unit prior standard deviation."""
-    whitening = settled.law.whitening
-    inner = settled.prior.inner(whitening(beside), whitening(response))
-    return np.linalg.solve(np.eye(beside.shape[1]) + inner.columns, inner.along)
 
 
 def _ranges(signals: Sequence[Signal], chain: Chain) -> np.ndarray:

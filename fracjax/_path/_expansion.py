@@ -23,7 +23,7 @@ from ._dynamics import (
     modes_of,
     refined,
 )
-from ._law import Curve, Inner, PathLaw, Prior, Settled
+from ._law import Curve, PathLaw, Settled
 from ._posterior import MOST_EFFECTS, Hypothesis, Kind, Law, search
 from ._signal import Signal, ends_of, response_of
 
@@ -115,10 +115,11 @@ class Expansion:
         motions = motions_of(line.signals, free if is_free else crude)
         barred = {n for one in line.chain for n in (one.effect, *family_of(one.effect))}
         barred -= {MODE.effect}
+        scanned = settled.prior.weighted(whitening(without_effect))
         columns = [
             *dynamics_of(motions),
-            *scanned_modes(motions, whitening, settled.prior, whitening(without_effect)),
-            *scanned_lines(motions, whitening, settled.prior, whitening(without_effect)),
+            *scanned_modes(motions, whitening, scanned),
+            *_scanned_lines(motions, whitening, scanned),
             *(again(motions, one) for one in shapes),
         ]
         columns = [c for c in columns if c.effect not in barred]
@@ -167,9 +168,14 @@ class Expansion:
         return one
 
     @cached_property
+    def _untempered(self) -> Sequence[Hypothesis]:
+        """The hypotheses untempered by a misfit, what fits best first."""
+        return search(self.law, 0.0).hypotheses
+
+    @property
     def best(self) -> Hypothesis:
-        """What fits best, likely or not: untempered by a misfit."""
-        return search(self.law, 0.0).best
+        """What fits best, likely or not."""
+        return self._untempered[0]
 
     @cached_property
     def log_posterior(self) -> float:
@@ -201,9 +207,8 @@ class Expansion:
 
     def proposed(self) -> Iterator[tuple[Chain, Hypothesis]]:
         """The chain longer by each effect whose columns explain much, and what is beside it."""
-        listed = search(self.law, 0.0).hypotheses
-        most = listed[0].log_posterior - self.law_alone
-        chain = self.line.chain
+        listed, chain = self._untempered, self.line.chain
+        none = next(h.log_posterior for h in listed if not h.names)
         beside = _but(listed[0], [n for n in listed[0].names if n in IN_SERIES])
         if len(chain) == MOST_EFFECTS:
             return
@@ -212,7 +217,7 @@ class Expansion:
         alone = {h.names[0]: h for h in listed if len(h.names) == 1}
         for name in sorted(leading, key=lambda name: -leading[name].log_posterior):
             own, is_second = leading[name], name == MODE.effect and _has_mode(chain)
-            enough = own.log_posterior - self.law_alone >= max(_PART * most, 0.0)
+            enough = own.log_posterior - none >= _PART * (listed[0].log_posterior - none)
             # What two modes leave beside one looks like neither.
             if not enough and not is_second:
                 continue
@@ -220,11 +225,6 @@ class Expansion:
             for start, companions in {own: beside, alone[name]: nothing}.items():
                 shape = self.columns[start.kinds[start.names.index(name)]].shape
                 yield from ((c, companions) for c in _longer(chain, Stage(name, shape)))
-
-    @cached_property
-    def law_alone(self) -> float:
-        """The log posterior of no column."""
-        return next(h.log_posterior for h in search(self.law, 0.0).hypotheses if not h.names)
 
     def sized(self, hypothesis: Hypothesis) -> np.ndarray:
         """The columns (ΣN, k) of a hypothesis, of unit prior standard deviation."""
@@ -234,7 +234,7 @@ class Expansion:
     def parts(self, hypothesis: Hypothesis) -> np.ndarray:
         """What each column (ΣN, k) of a hypothesis adds [response unit]."""
         chosen, sizes = hypothesis.columns(self.law.kinds)
-        return self.matrix[:, chosen] * _coefficients(self.law.inner, chosen, sizes)
+        return self.matrix[:, chosen] * self.law.inner.coefficients(chosen, sizes)
 
     def added(self, hypothesis: Hypothesis) -> np.ndarray:
         """What a hypothesis adds (ΣN,) [response unit]."""
@@ -332,14 +332,16 @@ def motions_of(signals: Sequence[Signal], curve: Curve) -> list[Motion]:
     return motions
 
 
+Whitened = Callable[[np.ndarray], np.ndarray]
+"""Signals (ΣN, …) of unit variance."""
+
+
 def scanned_modes(
-    motions: Sequence[Motion],
-    whitened: Callable[[np.ndarray], np.ndarray],
-    prior: Prior,
-    white: np.ndarray,
+    motions: Sequence[Motion], whitened: Whitened, scanned: np.ndarray
 ) -> list[Columns]:
-    """The modes that explain most of a whitened response (ΣN,) beside a prior's own."""
-    scanned, chosen = prior.weighted(white), []
+    """The modes that explain most of a whitened response times the inverse covariance of all that
+    is beside them (ΣN,)."""
+    chosen = []
     for modes in modes_of(motions):
         falls = _falls(modes, whitened, scanned)
         peaks = find_peaks(np.pad(falls, 1))[0] - 1
@@ -347,21 +349,15 @@ def scanned_modes(
     return chosen
 
 
-def scanned_lines(
-    motions: Sequence[Motion],
-    whitened: Callable[[np.ndarray], np.ndarray],
-    prior: Prior,
-    white: np.ndarray,
+def _scanned_lines(
+    motions: Sequence[Motion], whitened: Whitened, scanned: np.ndarray
 ) -> list[Columns]:
-    """The lines of the mains that explain most of a whitened response (ΣN,), as modes are."""
+    """The lines of the mains that explain most of it."""
     lines = columns_of(MAINS, motions)
-    falls = _falls(lines, whitened, prior.weighted(white)) if lines else np.zeros(0)
-    return [lines[k] for k in np.argsort(-falls)[:_LINES]]
+    return [lines[k] for k in np.argsort(-_falls(lines, whitened, scanned))[:_LINES]]
 
 
-def _falls(
-    shapes: Sequence[Columns], whitened: Callable[[np.ndarray], np.ndarray], scanned: np.ndarray
-) -> np.ndarray:
+def _falls(shapes: Sequence[Columns], whitened: Whitened, scanned: np.ndarray) -> np.ndarray:
     """About how much of χ² each shape explains: what curves absorb of it, which hardly depends on
     its frequency, is not computed but for the few that are chosen."""
     falls = np.zeros(len(shapes))
@@ -372,9 +368,3 @@ def _falls(
             along = np.maximum(along, 0.0)
         falls[k] = float(np.sum(along**2 / np.maximum(squares, 1e-12)))
     return falls
-
-
-def _coefficients(inner: Inner, chosen: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-    """The most probable coefficients (k,) of columns with these prior sizes (k,)."""
-    own = inner.columns[chosen][:, chosen]
-    return np.linalg.solve(np.diag(sizes**-2) + own, inner.along[chosen])

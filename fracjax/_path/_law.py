@@ -55,6 +55,12 @@ class Inner(NamedTuple):
     square: float
     log_determinant: float
 
+    def coefficients(self, chosen: np.ndarray, sizes: np.ndarray) -> np.ndarray:
+        """The most probable coefficients (k,) of the columns `chosen` (k,), of these prior standard
+        deviations (k,)."""
+        own = self.columns[chosen][:, chosen]
+        return np.linalg.solve(np.diag(sizes**-2) + own, self.along[chosen])
+
     def given(self, chosen: np.ndarray, sizes: np.ndarray) -> Inner:
         """The same with the columns `chosen` (k,) in the covariance too, with coefficients of these
         standard deviations (k,)."""

@@ -27,6 +27,9 @@ class AbstractInside(eqx.Module):
         size: the parameter that it is proportional to.
         sticks: whether it can stop the motion, as dry friction does; it is then integrated by the
             implicit Euler rule, of first order, under which a stuck motion stays at rest.
+        is_placed: whether it changes where the machine is displaced as a whole, unlike what follows
+            from velocities and steps alone; only then an offset of the drive differs from one of
+            the response.
     """
 
     __getattribute__ = object.__getattribute__  # as in a block
@@ -34,6 +37,7 @@ class AbstractInside(eqx.Module):
     kind: ClassVar[PortKind] = "force"
     size: ClassVar[str]
     sticks: ClassVar[bool] = False
+    is_placed: ClassVar[bool] = True
 
     def memory(self) -> Any:
         """What it remembers before the first sample: a tree of numbers, () for nothing."""

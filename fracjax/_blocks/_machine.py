@@ -138,7 +138,8 @@ class Within(AbstractBlock):
         self.effects, self.sites = effects, sites
         states = np.zeros(np.shape(machine.scales()))
         self.start = Parameter(states, "response", per_recording=True)
-        differs = states.size > 0 and bool(effects or not machine.settles)
+        is_placed = any(effect.is_placed for effect in effects)
+        differs = states.size > 0 and (is_placed or not machine.settles)
         self.drive_offset = Parameter(0.0, "drive", fixed=not differs)
 
     @property

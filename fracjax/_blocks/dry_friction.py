@@ -40,6 +40,7 @@ class DryFriction(AbstractForce):
     excess: Parameter
     stribeck: Parameter
     size = "coulomb"
+    is_placed = False
     sticks = True
 
     def __init__(
@@ -88,6 +89,7 @@ class LuGre(AbstractInside):
     excess: Parameter
     stribeck: Parameter
     size = "coulomb"
+    is_placed = False
 
     def __init__(
         self,

@@ -40,6 +40,7 @@ class HystereticSpring(AbstractInside):
     deflection: Parameter
     release: Parameter
     size = "stiffness"
+    is_placed = False
 
     def __init__(self, stiffness: float = 1.0, deflection: float = 1.0, release: float = 0.0):
         self.stiffness = positive(stiffness, "drive/response")

@@ -25,6 +25,7 @@ class QuadraticDamping(AbstractForce):
 
     drag: Parameter
     size = "drag"
+    is_placed = False
 
     def __init__(self, drag: float = 1.0):
         self.drag = positive(drag, "drive/response*response^-1*s^2")

@@ -308,6 +308,26 @@ def test_trials_are_of_the_size_that_the_motion_has(name):
     assert effect.separated_by.keys() <= INSIDE.keys() - {name}
 
 
+@pytest.mark.parametrize("name", INSIDE)
+def test_what_is_placed_changes_where_the_machine_is_displaced(name):
+    effect, rng = INSIDE[name], np.random.default_rng(5)
+    motion = Motion(*(k * rng.standard_normal(300) for k in (1.0, 3.0, 2.0)))
+
+    def acted(effect, displaced):
+        memory, values = effect.memory(), []
+        steps = zip(*(np.asarray(part) for part in motion), strict=True)
+        for (x0, v0, u0), (x1, v1, u1) in pairwise(steps):
+            before = Motion(jnp.array(x0 + displaced), jnp.array(v0), jnp.array(u0))
+            now = Motion(jnp.array(x1 + displaced), jnp.array(v1), jnp.array(u1))
+            value, memory = effect.act(now, before, memory, 0.01)
+            values.append(float(value))
+        return np.array(values)
+
+    for trial in effect.trials(motion)[:2]:
+        still, moved = acted(trial, 0.0), acted(trial, 0.5)
+        assert np.allclose(still, moved, atol=1e-9) != trial.is_placed
+
+
 def test_the_drives_offset_is_free_where_it_is_none_of_the_response():
     """Without physics inside it is one of the response, unless nothing holds the machine."""
 
@@ -318,6 +338,8 @@ def test_the_drives_offset_is_free_where_it_is_none_of_the_response():
     assert is_free(OSCILLATOR @ CubicStiffness(0.7))
     assert is_free(Within(Mass(2.0, 0.7)))
     assert not is_free(Impedance(1.0) @ DryFriction(0.3, 0.05))
+    assert not is_free(OSCILLATOR @ DryFriction(0.3, 0.05))
+    assert is_free(OSCILLATOR @ DryFriction(0.3, 0.05) @ CubicStiffness(0.7))
     moved = set_values(
         OSCILLATOR @ CubicStiffness(0.7),
         {"drive_offset": np.array(0.4), "start": np.array([0.1, 0.2])},

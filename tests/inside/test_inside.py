@@ -80,20 +80,7 @@ def test_a_cubic_spring_is_named_and_predicts(few):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize(
-    "law",
-    [
-        pytest.param(
-            law,
-            marks=pytest.mark.xfail(
-                law in ("dry_friction", "quadratic_damping"),
-                reason="named, but the refit does not predict a larger drive: issue 59",
-            ),
-        )
-        for law in FORCES
-        if law
-    ],
-)
+@pytest.mark.parametrize("law", [law for law in FORCES if law])
 def test_effects_are_named_and_no_others(law):
     is_named_and_predicts(law)
 

@@ -20,6 +20,7 @@ from scipy.signal import cont2discrete, lfilter, ss2tf
 
 from .._blocks import INSIDE, AbstractForce, AbstractInside, InsideEffect, Motion, Within
 from .._computing import compiled
+from .._naming import block_name
 from .._operators import Grid
 from .._prepare import Problem
 from .._solve import Solved
@@ -69,17 +70,26 @@ class Columns:
 
 
 def columns_of(solved: Solved, others: dict[str, list[Column]] | None = None) -> Columns:
-    """The columns about a fit of a machine, a `Within` block; `others` where they were made."""
+    """The columns about a fit of a machine, a `Within` block; `others` where they were made.
+
+    What the machine has at a port is free in its fit, and has no column there.
+    """
     problems = solved.preparation.problems()
     blocks = cast(tuple[Within, ...], solved.blocks)
     pairs = [
         (_recorded(block, problem), block, problem)
         for block, problem in zip(blocks, problems, strict=True)
     ]
+    within = pairs[0][1]
+    has = {(site, block_name(e)) for site, e in zip(within.sites, within.effects, strict=True)}
     effects = {}
     for name, effect in INSIDE.items():
-        ports = pairs[0][1].machine.ports().items()
-        places = [k for k, (_, port) in enumerate(ports) if port.kind == effect.kind]
+        ports = within.machine.ports().items()
+        places = [
+            k
+            for k, (site, port) in enumerate(ports)
+            if port.kind == effect.kind and (site, name) not in has
+        ]
         single = [_shapes(effect, place, pairs) for place in places]
         if places:
             effects[name] = [shape for shapes in single for shape in shapes]

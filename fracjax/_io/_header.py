@@ -341,7 +341,7 @@ def _check_units(source: str, lines: Sequence[str], layout: Layout) -> None:
             f"{source}, line {at + 1}",
             f"{layout.width} units, one for each column",
             f"{len(given)}",
-            "complete that line, or give --names-row, --unit drive=V and --unit response=um",
+            f"complete that line, or give --skip-rows {at + 1}, --unit drive=V and --unit response=um",
         )
 
 

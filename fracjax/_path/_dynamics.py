@@ -59,6 +59,10 @@ class Motion:
         self.step, self.periodic = step, periodic
         self.times = np.arange(drive.size) * step
 
+    def with_response(self, response: np.ndarray) -> Motion:
+        """The same drive with another response (N,)."""
+        return Motion(self.drive, response, self.moved, self.step, periodic=self.periodic)
+
     @cached_property
     def of_response(self) -> kernels.Convolution:
         """The response, ready to be convolved."""
@@ -155,14 +159,14 @@ def columns_of(name: str, motions: Sequence[Motion]) -> list[Columns]:
     return [family.columns(motions, shape, scale) for shape in family.shapes(scale)]
 
 
-def modes_of(motions: Sequence[Motion]) -> Iterator[list[Columns]]:
+def modes_of(motions: Sequence[Motion], family: Family) -> Iterator[list[Columns]]:
     """Modes at frequencies that are half the width of a peak apart, the list of each damping."""
     scale = Scale.of(motions)
     lowest, highest = _LEAST_PERIODS / scale.duration, 0.5 * _HIGHEST / scale.step
     for damping in MODE_DAMPINGS:
         count = 1 + int(np.log(highest / lowest) / damping)
         yield [
-            MODE.columns(motions, {"frequency": float(f), "damping": damping}, scale)
+            family.columns(motions, {"frequency": float(f), "damping": damping}, scale)
             for f in np.geomspace(lowest, highest, count)
         ]
 
@@ -260,6 +264,16 @@ def _yielding(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
 def _ringing(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
     mode = kernels.mode(shape["frequency"], shape["damping"], m.step)
     return m.of_response.with_departure(mode)
+
+
+def beside_mode(first: Shape) -> Family:
+    """Modes in parallel to a first one, about what both answer to: what a share of each adds that
+    the first one has less."""
+
+    def column(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+        return _ringing(m, shape, scale) - _ringing(m, first, scale)
+
+    return MODE._replace(column=column)
 
 
 def _drifting(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:

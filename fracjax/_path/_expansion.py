@@ -16,8 +16,10 @@ from ._dynamics import (
     MODE,
     SENSOR_ORDERS,
     Columns,
+    Family,
     Motion,
     again,
+    beside_mode,
     columns_of,
     dynamics_of,
     modes_of,
@@ -112,13 +114,14 @@ class Expansion:
             whitening(without_effect - crude.values),
         )
         is_free = float(rest @ rest) < _CLOSE * whitening.count and far @ far > rest @ rest
-        motions = motions_of(line.signals, free if is_free else crude)
+        curve = free if is_free else crude
+        motions = motions_of(line.signals, curve)
         barred = {n for one in line.chain for n in (one.effect, *family_of(one.effect))}
         barred -= {MODE.effect}
         scanned = settled.prior.weighted(whitening(without_effect))
         columns = [
             *dynamics_of(motions),
-            *scanned_modes(motions, whitening, scanned),
+            *_modes_behind(line, motions, curve, scanned),
             *_scanned_lines(motions, whitening, scanned),
             *(again(motions, one) for one in shapes),
         ]
@@ -284,17 +287,15 @@ def _crude_curve(line: Line, response: np.ndarray) -> Curve:
     branches, which would take up the ringing whose column is made from it."""
     prior, drive = line.prior, np.concatenate([s.drive for s in line.signals])
     scaled = 2 * (drive - drive.min()) / np.ptp(drive) - 1
-    columns = np.concatenate(
-        [
-            prior.filtered(np.concatenate([chebyshev.chebvander(scaled, _CRUDE), prior.fading], 1)),
-            prior.own / prior.span,
-        ],
-        axis=1,
+    before = np.concatenate(
+        [chebyshev.chebvander(scaled, _CRUDE), prior.fading, prior.own / prior.span], axis=1
     )
+    columns = prior.filtered(before)
     coefficients = np.linalg.lstsq(columns, response, rcond=_CLEAR)[0]
     values, slope = columns @ coefficients, np.ptp(response) / np.ptp(drive)
     return Curve(
         values,
+        before @ coefficients,
         np.full(drive.size, slope),
         lambda other: values + prior.filtered(slope * (other - drive)),
     )
@@ -337,16 +338,29 @@ Whitened = Callable[[np.ndarray], np.ndarray]
 
 
 def scanned_modes(
-    motions: Sequence[Motion], whitened: Whitened, scanned: np.ndarray
+    motions: Sequence[Motion], whitened: Whitened, scanned: np.ndarray, family: Family = MODE
 ) -> list[Columns]:
     """The modes that explain most of a whitened response times the inverse covariance of all that
     is beside them (ΣN,)."""
     chosen = []
-    for modes in modes_of(motions):
+    for modes in modes_of(motions, family):
         falls = _falls(modes, whitened, scanned)
         peaks = find_peaks(np.pad(falls, 1))[0] - 1
         chosen += [modes[k] for k in peaks[np.argsort(-falls[peaks])[:_PEAKS]]]
     return chosen
+
+
+def _modes_behind(
+    line: Line, motions: Sequence[Motion], curve: Curve, scanned: np.ndarray
+) -> list[Columns]:
+    """The modes that explain most behind a chain: behind one mode, another in parallel to it."""
+    family = MODE
+    for effect, shape in line.chain:
+        if effect == MODE.effect:
+            before = np.split(curve.before, ends_of(line.signals))
+            motions = [m.with_response(own) for m, own in zip(motions, before, strict=True)]
+            family = beside_mode(shape)
+    return scanned_modes(motions, line.prior.whitening, scanned, family)
 
 
 def _scanned_lines(

@@ -290,8 +290,10 @@ class Settled:
         """The most probable curve behind a response (ΣN,), as the filter answers it."""
         path, law = self.path(response), self.law
         dense = path.beside(law)
+        before = law.curves.basis @ path.coefficients + dense
         return Curve(
-            law.filtered(law.curves.basis @ path.coefficients + dense),
+            law.filtered(before),
+            before,
             law.curves.slope @ path.coefficients,
             lambda drive: law.filtered(law.curves.at(drive) @ path.coefficients + dense),
         )
@@ -397,11 +399,12 @@ def _precision(law: PathLaw, roughness: float) -> sp.csc_array:
 
 
 class Curve(NamedTuple):
-    """A curve behind a response: its values (ΣN,) [response unit] after the filter, its slope by
-    the drive (ΣN,) before it, and its values where the drive (ΣN,) is another on the same
-    branches."""
+    """A curve behind a response: its values (ΣN,) [response unit] after the filter and before it,
+    its slope by the drive (ΣN,) before it, and its values where the drive (ΣN,) is another on the
+    same branches."""
 
     values: np.ndarray
+    before: np.ndarray
     slope: np.ndarray
     at: Callable[[np.ndarray], np.ndarray]
 

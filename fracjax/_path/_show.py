@@ -105,7 +105,9 @@ def _seen(
     ideal = [replace(s, response=slope * (s.drive - low)) for s in signals]
     settled = Settled(prior, float(ROUGHNESSES[0]) * prior.noise, float(FADINGS.max()))
     response = np.concatenate([s.response for s in ideal])
-    curve = Curve(response, np.full(response.size, slope), lambda drive: slope * (drive - low))
+    curve = Curve(
+        response, response, np.full(response.size, slope), lambda drive: slope * (drive - low)
+    )
     columns = list(_columns(motions_of(signals, curve), effects))
     whitening = prior.whitening
     whitened = whitening(np.concatenate([c.values for c in columns], axis=1))

@@ -39,10 +39,7 @@ def ringing(first_share: float) -> Recording:
         pytest.param(
             0.6,
             "second_mode",
-            marks=[
-                pytest.mark.slow,
-                pytest.mark.xfail(reason="two modes under a model are called one: issue 56"),
-            ],
+            marks=pytest.mark.slow,
         ),
         (1.0, "resonance"),
     ],

@@ -19,7 +19,14 @@ import numpy as np
 
 from . import _kernels as kernels
 from ._drive import delayed, limited
-from ._filters import RESPONSE_SIDE, Filter, Shape, filters_of
+from ._filters import (
+    RESPONSE_SIDE,
+    Filter,
+    Shape,
+    corner_of,
+    filters_of,
+    time_constant_of,
+)
 from ._law import Inner, PathLaw, Settled, Whitening, log_likelihood
 from ._posterior import EACH
 from ._signal import Signal, response_of, span_of
@@ -63,6 +70,24 @@ class Stage(NamedTuple):
         return Stage(self.effect, self.shape | {name: float(other)})
 
 
+def lags_like(effect: str, shape: Shape) -> list[Stage]:
+    """The other effects that are as late as a lag or a dead time of a shape, if it is one."""
+    lates = {
+        "sensor_lag": lambda s: s["order"] * time_constant_of(s["corner"], s["order"]),
+        "drive_lag": lambda s: s["time_constant"],
+        "delay": lambda s: s["delay"],
+    }
+    if effect not in lates:
+        return []
+    late = lates[effect](shape)
+    every = [
+        Stage("sensor_lag", {"corner": corner_of(late, 1.0), "order": 1.0}),
+        Stage("drive_lag", {"time_constant": late}),
+        Stage("delay", {"delay": late}),
+    ]
+    return [one for one in every if one.effect != effect]
+
+
 _SIGNED = "participation"
 _DAMPED, _DAMPING = ("damping", "second_damping"), (1e-3, 0.9)
 Chain = tuple[Stage, ...]
@@ -104,8 +129,7 @@ def _filter(signals: Sequence[Signal], chain: Chain) -> Filter | None:
     if not after:
         return None
     departures = [[f for one in after for f in filters_of(*one, s.step)] for s in signals]
-    smooth = [kernels.smoothness(s.drive, periodic=s.periodic) for s in signals]
-    return Filter(smooth, departures, [s.periodic for s in signals])
+    return Filter([s.drive.size for s in signals], departures, [s.periodic for s in signals])
 
 
 def _driven(signal: Signal, chain: Chain) -> np.ndarray:
@@ -158,15 +182,19 @@ class Fitted:
 
 
 def fitted(
-    signals: Sequence[Signal], chain: Chain, beside: np.ndarray, least: float = -np.inf
+    signals: Sequence[Signal],
+    chain: Chain,
+    beside: np.ndarray,
+    like: Settled,
+    least: float = -np.inf,
 ) -> Fitted:
     """A chain with its most likely parameters, beside columns (ΣN, k) of other effects, of unit
-    prior standard deviation [response unit]; one that is not to reach the `least` log likelihood
-    goes no further."""
+    prior standard deviation [response unit], with the roughness and the fading of another law; one
+    that is not to reach the `least` log likelihood goes no further."""
     response, ranges = response_of(signals), _ranges(signals, chain)
     free = [(k, name) for k, one in enumerate(chain) for name in one.free]
     line = Line.of(signals, chain)
-    settled = line.prior.settled(response)
+    settled = Settled(line.prior, like.roughness, like.fading)
     best, curvature = adequacy(settled, response, beside), np.zeros((len(free), len(free)))
     for _ in range(_STEPS):
         columns = _changes(signals, settled, line, beside, free)
@@ -211,6 +239,8 @@ def adequacy(settled: Settled, response: np.ndarray, beside: np.ndarray) -> floa
     it was no part.
     """
     inner = _inner_beside(settled, response, beside, beside[:, :0])
+    if inner.square < 0:  # a filter so slow that no digit is left
+        return -np.inf
     count = settled.law.whitening.count
     return float(log_likelihood(inner.square + settled.freedom, 0.0, count))
 

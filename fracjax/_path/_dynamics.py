@@ -43,8 +43,8 @@ over the span, a clock's error; what a prior calls 1."""
 
 
 class Motion:
-    """One recording's drive (N,) and the response (N,) without effects; `moved` is what it would be
-    for another drive (N,) on the same branches; of steady cycles `periodic`."""
+    """One recording's drive (N,), of an rms `error`, and the response (N,) without effects; `moved`
+    is what it would be for another drive (N,) on the same branches; of steady cycles `periodic`."""
 
     def __init__(
         self,
@@ -53,15 +53,23 @@ class Motion:
         moved: Callable[[np.ndarray], np.ndarray],
         step: float,
         *,
+        error: float,
         periodic: bool,
     ):
         self.drive, self.response, self.moved = drive, response, moved
-        self.step, self.periodic = step, periodic
+        self.step, self.error, self.periodic = step, error, periodic
         self.times = np.arange(drive.size) * step
 
     def with_response(self, response: np.ndarray) -> Motion:
         """The same drive with another response (N,)."""
-        return Motion(self.drive, response, self.moved, self.step, periodic=self.periodic)
+        return Motion(
+            self.drive, response, self.moved, self.step, error=self.error, periodic=self.periodic
+        )
+
+    @cached_property
+    def path(self) -> np.ndarray:
+        """The path (N,) that the drive has travelled, over its span."""
+        return path_length(self.drive, self.error)
 
     @cached_property
     def of_response(self) -> kernels.Convolution:
@@ -117,7 +125,7 @@ class Scale(NamedTuple):
             min(m.step for m in motions),
             max(float(m.times[-1]) for m in motions),
             max(float(np.ptp(m.response)) for m in motions),
-            max(float(path_length(m.drive)[-1]) for m in motions),
+            max(float(m.path[-1]) for m in motions),
             max(float(np.abs(np.diff(m.drive)).max()) for m in motions),
         )
 
@@ -292,7 +300,7 @@ def _warmed(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
 def _worn(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
     """A gain, an offset, a curvature and a loop's opening that change with the path travelled: what
     wears need not be the gain."""
-    wear = -np.expm1(-path_length(m.drive) / shape["path"])
+    wear = -np.expm1(-m.path / shape["path"])
     scaled = 2 * (m.drive - m.drive.min()) / np.ptp(m.drive) - 1
     opening = m.response - Polynomial.fit(scaled, m.response, _STATIC)(scaled)
     moved = m.response - m.response[0]

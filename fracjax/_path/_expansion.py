@@ -10,7 +10,7 @@ import numpy as np
 from numpy.polynomial import chebyshev
 from scipy.signal import find_peaks
 
-from ._chain import IN_SERIES, Chain, Fitted, Line, Stage, adequacy
+from ._chain import IN_SERIES, Chain, Fitted, Line, Stage, adequacy, lags_like
 from ._dynamics import (
     MAINS,
     MODE,
@@ -185,26 +185,35 @@ class Expansion:
         """Of what fits best, with the chain's own."""
         return max(h.log_posterior for h in self.hypotheses(0.0))
 
-    def hypotheses(self, excess: float) -> Iterator[Hypothesis]:
+    def adequacy(self, hypothesis: Hypothesis) -> float:
+        """How adequate the law behind the chain is beside a hypothesis."""
+        return adequacy(self.settled, response_of(self.line.signals), self.sized(hypothesis))
+
+    def hypotheses(self, excess: float, front: Expansion | None = None) -> Iterator[Hypothesis]:
         """The hypotheses behind the chain, tempered by a misfit κ - 1.  What belongs in series is
-        there exactly or not at all."""
+        there exactly or not at all.
+
+        Two laws of which one spends more coefficients than the other differ in χ² by chance, too:
+        the odds of `front` are moderated by that (MacKay, Neural Comput. 4 (1992) 720).
+        """
         places = [k for k, kind in enumerate(self.law.kinds) if kind.name not in IN_SERIES]
         beside = replace(self.law, kinds=[self.law.kinds[k] for k in places])
         listed = search(beside, excess).hypotheses
         best, share = listed[0], self.law.tempered(excess).count / self.law.count
-        chosen, sizes = best.columns(beside.kinds)
-        response = response_of(self.line.signals)
-        whole = adequacy(self.settled, response, self.matrix[:, chosen] * sizes)
+        whole = share * self.adequacy(_placed(best, places))
+        if front is not None and front is not self:
+            other = share * front.adequacy(_but(front.best, IN_SERIES))
+            chance = share**2 * abs(self.settled.freedom - front.settled.freedom) / 2
+            whole = other + (whole - other) / np.sqrt(1 + np.pi * chance / 8)
         # Relative to the best columns, beside which the law behind the chain is adequate or not.
-        of_chain = share * whole - (best.log_posterior - best.log_prior)
+        of_chain = whole - (best.log_posterior - best.log_prior)
         if self.fitted is not None:
             of_chain += self.fitted.log_prior + self.fitted.volume(share)
         chain = tuple(one.effect for one in self.line.chain)
         for one in listed:
             if len(chain) + len(one.names) <= MOST_EFFECTS:
-                yield one._replace(
+                yield _placed(one, places)._replace(
                     names=(*chain, *one.names),
-                    kinds=tuple(places[k] for k in one.kinds),
                     log_posterior=float(one.log_posterior + of_chain),
                 )
 
@@ -218,6 +227,7 @@ class Expansion:
         nothing = _but(listed[0], listed[0].names)
         leading = {name: h for h in reversed(listed) for name in h.names if name in IN_SERIES}
         alone = {h.names[0]: h for h in listed if len(h.names) == 1}
+        proposed: set[str] = set()
         for name in sorted(leading, key=lambda name: -leading[name].log_posterior):
             own, is_second = leading[name], name == MODE.effect and _has_mode(chain)
             enough = own.log_posterior - none >= _PART * (listed[0].log_posterior - none)
@@ -227,7 +237,11 @@ class Expansion:
             # What is beside it may be there in its stead.
             for start, companions in {own: beside, alone[name]: nothing}.items():
                 shape = self.columns[start.kinds[start.names.index(name)]].shape
-                yield from ((c, companions) for c in _longer(chain, Stage(name, shape)))
+                # Which lag it is the chains decide: about a curve they are alike.
+                stages = [Stage(name, shape), *lags_like(name, shape)]
+                for stage in (one for one in stages if one.effect not in proposed - {name}):
+                    yield from ((c, companions) for c in _longer(chain, stage))
+                    proposed.add(stage.effect)
 
     def sized(self, hypothesis: Hypothesis) -> np.ndarray:
         """The columns (ΣN, k) of a hypothesis, of unit prior standard deviation."""
@@ -242,6 +256,11 @@ class Expansion:
     def added(self, hypothesis: Hypothesis) -> np.ndarray:
         """What a hypothesis adds (ΣN,) [response unit]."""
         return self.parts(hypothesis).sum(axis=1)
+
+
+def _placed(hypothesis: Hypothesis, places: Sequence[int]) -> Hypothesis:
+    """A hypothesis among all kinds that was among those at some places."""
+    return hypothesis._replace(kinds=tuple(places[k] for k in hypothesis.kinds))
 
 
 def _but(hypothesis: Hypothesis, names: Collection[str]) -> Hypothesis:
@@ -285,19 +304,22 @@ def _longer(chain: Chain, stage: Stage) -> Iterator[Chain]:
 def _crude_curve(line: Line, response: np.ndarray) -> Curve:
     """A response (ΣN,) by polynomials of the drive and fading memory alone: no curve of many
     branches, which would take up the ringing whose column is made from it."""
-    prior, drive = line.prior, np.concatenate([s.drive for s in line.signals])
-    scaled = 2 * (drive - drive.min()) / np.ptp(drive) - 1
+    prior = line.prior
+    drive, nodes = prior.drive, prior.nodes(prior.drive)
+    scaled = 2 * (nodes - drive.min()) / np.ptp(drive) - 1
+    sizes = np.ones(prior.fading.shape[1]), np.full(prior.own.shape[1], prior.span)
+    beside = prior.beside(np.ones(prior.fading.shape[1] + prior.own.shape[1], bool))
     before = np.concatenate(
-        [chebyshev.chebvander(scaled, _CRUDE), prior.fading, prior.own / prior.span], axis=1
+        [chebyshev.chebvander(scaled, _CRUDE), beside / np.concatenate(sizes)], axis=1
     )
     columns = prior.filtered(before)
     coefficients = np.linalg.lstsq(columns, response, rcond=_CLEAR)[0]
     values, slope = columns @ coefficients, np.ptp(response) / np.ptp(drive)
     return Curve(
         values,
-        before @ coefficients,
+        before[: drive.size] @ coefficients,
         np.full(drive.size, slope),
-        lambda other: values + prior.filtered(slope * (other - drive)),
+        lambda other: values + prior.filtered(slope * (prior.nodes(other) - nodes)),
     )
 
 
@@ -328,8 +350,10 @@ def motions_of(signals: Sequence[Signal], curve: Curve) -> list[Motion]:
             other[first:last] = drive
             return curve.at(other)[first:last]
 
-        values = curve.values[first:last]
-        motions.append(Motion(signal.drive, values, moved, signal.step, periodic=signal.periodic))
+        values, error = curve.values[first:last], float(np.median(signal.drive_error))
+        motions.append(
+            Motion(signal.drive, values, moved, signal.step, error=error, periodic=signal.periodic)
+        )
     return motions
 
 

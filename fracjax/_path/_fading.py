@@ -14,6 +14,8 @@ from itertools import pairwise
 import numpy as np
 from numpy.polynomial import chebyshev
 
+from ._memory import without_ripple
+
 _LENGTHS = np.array([0.025, 0.05, 0.1, 0.2, 0.4, 0.8, 1.6, 3.2])
 """Lengths over the drive's span along which a memory fades: from the distance of a few knots to a
 few cycles.  With none below .1 and polynomials of order 2, a recording of Jiles and Atherton's law
@@ -26,16 +28,17 @@ _ORDERS = 4
 """Order of the polynomials of the drive."""
 
 
-def path_length(drive: np.ndarray) -> np.ndarray:
-    """The path (N,) that a drive (N,) has travelled, over its span."""
-    return np.concatenate([[0.0], np.cumsum(np.abs(np.diff(drive)))]) / np.ptp(drive)
+def path_length(drive: np.ndarray, error: float) -> np.ndarray:
+    """The path (N,) that a drive (N,) of an rms error has travelled, over its span."""
+    steps = np.abs(np.diff(without_ripple(drive, error)))
+    return np.concatenate([[0.0], np.cumsum(steps)]) / np.ptp(drive)
 
 
-def fading_memory(drive: np.ndarray, low: float, span: float) -> np.ndarray:
-    """Columns (N, K) of memory that fades along the path of a drive (N,), whose range over all
-    recordings begins at `low` and is `span`; each at most 1 in size."""
+def fading_memory(drive: np.ndarray, low: float, span: float, error: float) -> np.ndarray:
+    """Columns (N, K) of memory that fades along the path of a drive (N,) of an rms error, whose
+    range over all recordings begins at `low` and is `span`; each at most 1 in size."""
     scaled = (drive - low) / span
-    steps = np.diff(scaled, prepend=scaled[0])
+    steps = np.diff(without_ripple(drive, error), prepend=drive[0]) / span
     path = np.cumsum(np.abs(steps))
     curves = chebyshev.chebvander(2 * scaled - 1, _ORDERS)
     added = np.concatenate([curves[:, 1:] * steps[:, None], curves * np.abs(steps)[:, None]], 1)

@@ -1,7 +1,8 @@
 r"""Linear filters of few poles between the path and the response, of any size and exact.
 
 A filter answers z to a signal x by A z = B x, two banded matrices: the response of a lag, of a mode
-or of several in series.  Before its first sample a signal is constant, or it is of steady cycles.
+or of several in series.  Before its first sample a signal is constant, or it is of steady cycles;
+between samples it is a parabola, through what a path is halfway or of the mean second difference.
 
 Source: Franklin, Powell & Workman, Digital Control of Dynamic Systems (1998), chapter 6.
 """
@@ -39,7 +40,10 @@ def filters_of(effect: str, shape: Shape, step: float) -> list[Recursion]:
     """The departures of an effect of a shape, in series."""
     if effect == "sensor_lag":
         order = int(shape["order"])
-        return [kernels.lag(time_constant_of(shape["corner"], order), step, order)]
+        constant = time_constant_of(shape["corner"], order)
+        # Of what is slow the equations of fourth order have no digits left.
+        parts = 2 if order > _STEEPEST and constant > _SLOW * step else 1
+        return [kernels.lag(constant, step, order // parts)] * parts
     first = kernels.mode(shape["frequency"], shape["damping"], step)
     if effect == "resonance":
         return [first]
@@ -47,9 +51,15 @@ def filters_of(effect: str, shape: Shape, step: float) -> list[Recursion]:
     return [kernels.shared(first, other, shape["participation"])]
 
 
+_STEEPEST = 2
+"""The order of a filter whose equations have digits left at any slowness."""
+_SLOW = 3.0
+"""The time constant, in steps, from which what a lag leaves is smooth between samples."""
+
+
 class Section(NamedTuple):
-    """One filter A z = B x of some recordings: A (ΣN, ΣN), B (ΣN, ΣN), and the sum of B's taps
-    (ΣN,)."""
+    """One filter A z = B x of some recordings: A (ΣN, ΣN), B (ΣN, ΣN), or (ΣN, 2 ΣN) where x is
+    known halfway too, and the sum of A's taps (ΣN,)."""
 
     after: sp.csc_array
     before: sp.csr_array
@@ -57,9 +67,10 @@ class Section(NamedTuple):
 
 
 class Filter:
-    """Filters in series after the path of some recordings.
+    """Filters in series after the path of some recordings of `sizes` samples.
 
-    `smooth` (N,) is of each recording the share of its bends that counts.
+    What they filter is known at each sample and halfway before it, since a path is one function of
+    its drive between corners: (2 ΣN, …), all samples first.
 
     Attributes:
         sections: the first is the path's.
@@ -67,16 +78,24 @@ class Filter:
 
     def __init__(
         self,
-        smooth: Sequence[np.ndarray],
+        sizes: Sequence[int],
         departures: Sequence[Sequence[Recursion]],
         periodic: Sequence[bool],
     ):
-        # What a first filter leaves is smooth.
-        after = [np.ones_like(s) for s in smooth]
+        self._sizes, self._periodic = sizes, periodic
         self.sections = [
-            _section(after if k else smooth, own, periodic)
+            _section(sizes, own, periodic, halfway=k == 0)
             for k, own in enumerate(zip(*departures, strict=True))
         ]
+
+    def nodes(self, drive: np.ndarray) -> np.ndarray:
+        """A drive (ΣN,) of all recordings, and what it is halfway before each sample: (2 ΣN,)."""
+        parts = np.split(drive, np.cumsum(self._sizes)[:-1])
+        between = [
+            kernels.halfway(part, periodic=periodic)
+            for part, periodic in zip(parts, self._periodic, strict=True)
+        ]
+        return np.concatenate([drive, *between])
 
     @cached_property
     def _factors(self) -> list[Any]:
@@ -85,7 +104,7 @@ class Filter:
         ]
 
     def __call__(self, signals: np.ndarray) -> np.ndarray:
-        """The responses (ΣN, …) to signals (ΣN, …)."""
+        """The responses (ΣN, …) to signals (2 ΣN, …)."""
         for one, factor in zip(self.sections, self._factors, strict=True):
             signals = factor.solve(np.asarray(one.before @ signals))
         return signals
@@ -97,24 +116,31 @@ class Filter:
 
 
 def _section(
-    smooth: Sequence[np.ndarray], departures: Sequence[Recursion], periodic: Sequence[bool]
+    sizes: Sequence[int],
+    departures: Sequence[Recursion],
+    periodic: Sequence[bool],
+    *,
+    halfway: bool,
 ) -> Section:
     """One filter of all recordings."""
-    parts = [_matrices(*own) for own in zip(smooth, departures, periodic, strict=True)]
+    parts = [
+        _matrices(*own, halfway=halfway) for own in zip(sizes, departures, periodic, strict=True)
+    ]
+    after, before, between = (sp.block_diag(of) for of in zip(*parts, strict=True))
     return Section(
-        sp.csc_array(sp.block_diag([after for after, _ in parts])),
-        sp.csr_array(sp.block_diag([before for _, before in parts])),
+        sp.csc_array(after),
+        sp.csr_array(sp.hstack([before, between]) if halfway else before),
         np.concatenate(
-            [np.full(s.size, d.denominator.sum()) for s, d in zip(smooth, departures, strict=True)]
+            [np.full(n, d.denominator.sum()) for n, d in zip(sizes, departures, strict=True)]
         ),
     )
 
 
 def _matrices(
-    smooth: np.ndarray, departure: Recursion, periodic: bool
-) -> tuple[sp.csr_array, sp.csr_array]:
-    """A and B of one recording."""
-    size, samples = smooth.size, np.arange(smooth.size)
+    size: int, departure: Recursion, periodic: bool, *, halfway: bool
+) -> tuple[sp.csr_array, sp.csr_array, sp.csr_array]:
+    """A of one recording, B of its samples, and B of what is halfway before them."""
+    samples = np.arange(size)
 
     def banded(taps: np.ndarray, ahead: int = 0) -> sp.csr_array:
         """Σ_m taps_m x_(k + ahead - m), of steady cycles or with what is before the first sample
@@ -133,8 +159,13 @@ def _matrices(
 
     straight, bent, denominator = departure
     steps = banded(np.array([1.0, -1.0]))
-    bends = sp.diags_array(smooth) @ banded(np.array([0.5, -0.5, -0.5, 0.5]), ahead=1)
+    # Halfway a signal is the mean of both ends less an eighth of its bend.
+    bends = (
+        banded(np.array([4.0, 4.0]))
+        if halfway
+        else banded(np.array([0.5, -0.5, -0.5, 0.5]), ahead=1)
+    )
     # At rest before the first sample the response is the path's.
     after = own(denominator)
     before = after + own(straight) @ steps + own(bent) @ bends
-    return after, sp.csr_array(before)
+    return after, sp.csr_array(before), sp.csr_array(-8.0 * own(bent))

@@ -76,6 +76,24 @@ def smoothness(signal: np.ndarray, *, periodic: bool) -> np.ndarray:
     return second / np.maximum(second + fourth, 1e-300)
 
 
+def bends_of(signal: np.ndarray, *, periodic: bool) -> np.ndarray:
+    """The bend (N,) of a signal (N,) between each sample and the one before: the mean second
+    difference at both, where the signal is smooth."""
+    around = np.pad(signal, (2, 1), mode="wrap" if periodic else "edge")
+    means = 0.5 * np.convolve(around, [1.0, -1.0, -1.0, 1.0], "valid")
+    return means * smoothness(signal, periodic=periodic)
+
+
+def halfway(signal: np.ndarray, *, periodic: bool) -> np.ndarray:
+    """A signal (N,) halfway between each sample and the one before; before the first it is as
+    there, or of steady cycles."""
+    before = np.roll(signal, 1)
+    between = 0.5 * (before + signal) - bends_of(signal, periodic=periodic) / 8
+    if not periodic:
+        between[0] = signal[0]
+    return between
+
+
 def lag(time_constant: float, step: float, order: int = 1) -> Recursion:
     """Lags of first order in series, g = -e^(-t/τ) Σ_(k < order) (t/τ)^k / k!, with τ and the step
     [s]."""
@@ -151,15 +169,7 @@ class Convolution:
 
     def __init__(self, signal: np.ndarray, step: float, *, periodic: bool):
         self._size, self._passes = signal.size, 3 if periodic else 1
-        # The mean second difference at both ends of each step.
-        edge = "wrap" if periodic else "edge"
-        around = np.pad(signal, (2, 1), mode=edge)
-        bends = (
-            0.5
-            * np.convolve(around, [1.0, -1.0, -1.0, 1.0], "valid")
-            * smoothness(signal, periodic=periodic)
-        )
-        self._bends = np.tile(bends, self._passes)
+        self._bends = np.tile(bends_of(signal, periodic=periodic), self._passes)
         increments = np.diff(signal, prepend=signal[-1] if periodic else signal[0])
         self._increments = np.tile(increments, self._passes)
         self._times = np.arange(self._increments.size + 1) * step

@@ -14,6 +14,7 @@ Source: Woodbury's identity; Rasmussen & Williams, Gaussian Processes (2006), A.
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
+from copy import copy
 from dataclasses import dataclass
 from functools import cached_property
 from typing import Any, NamedTuple
@@ -91,6 +92,13 @@ class Whitening:
         self.innovation = float(np.median([1 / abs(own[0]) for own in taps]))
         self.counted = np.concatenate(list(weights)) > 0
 
+    def loosened(self, error: np.ndarray) -> Whitening:
+        """The same with an error (ΣN,) of each sample in the noise [response unit]."""
+        other = copy(self)
+        weights = 1 / np.hypot(1.0, error / self.innovation)
+        other.matrix = sp.csr_array(sp.diags_array(weights) @ self.matrix)
+        return other
+
     @property
     def count(self) -> int:
         """How many samples count."""
@@ -115,14 +123,14 @@ class PathLaw:
     Attributes:
         drive: (ΣN,) of all recordings.
         curves: the curves of all branches.
-        fading: (ΣN, F) columns of fading memory, at most 1 in size.
+        fading: (ΣN, F) columns of fading memory, at most 1 in size, at all nodes of a filter.
         own: (ΣN, Q) what only one recording has, such as its offset [response unit].
         whitening: of the noise.
         span: the range of the responses [response unit].
         noise: the innovation of the noise [response unit].
         filter: between the path and the response, if any.
         loose: (ΣN,) how far the path may be from its curve, where the drive between two samples is
-            not known [response unit].
+            not known [response unit]; without a filter that is in the noise.
     """
 
     drive: np.ndarray
@@ -150,11 +158,14 @@ class PathLaw:
         sizes = [d.size for d in drives]
         recording = np.repeat(np.arange(len(drives)), sizes)
         own = (recording[:, None] == np.arange(1, len(drives))).astype(float)
-        fading = np.concatenate([fading_memory(d, low, width) for d in drives])
+        drive = np.concatenate(drives)
+        nodes = drive if filter is None else filter.nodes(drive)
+        fading = _fading(drives, nodes, (low, width, error))
         loose = np.concatenate([unresolved(d) for d in drives]) * span / width
         noise = whitening.innovation
-        curves, drive = curves_of(drives, error), np.concatenate(drives)
-        own = span * own
+        if filter is None:
+            whitening = whitening.loosened(loose)
+        curves, own = curves_of(drives, error), span * own
         return cls(
             drive, curves, fading, own, whitening, span, noise=noise, filter=filter, loose=loose
         )
@@ -185,9 +196,25 @@ class PathLaw:
         """Fading memory and what only one recording has, whitened."""
         return self.whitening(np.concatenate([self.filtered(self.fading), self.own], axis=1))
 
+    def nodes(self, drive: np.ndarray) -> np.ndarray:
+        """A drive (ΣN,) where the path behind it is asked for: at the samples, and where a filter
+        is, halfway before each of them."""
+        return drive if self.filter is None else self.filter.nodes(drive)
+
+    def splines(self, nodes: np.ndarray) -> sp.csr_array:
+        """The basis of the curves at the nodes of a drive, on each sample's branch."""
+        parts = np.split(nodes, nodes.size // self.drive.size)
+        return sp.csr_array(sp.vstack([self.curves.at(part) for part in parts]))
+
     def filtered(self, signals: np.ndarray) -> np.ndarray:
-        """Signals (ΣN, …) of the path behind the filter."""
+        """Signals of the path at the nodes behind the filter (ΣN, …)."""
         return signals if self.filter is None else self.filter(signals)
+
+    def beside(self, clear: np.ndarray) -> np.ndarray:
+        """The columns at the nodes of what fades and of what only one recording has, of those that
+        are `clear`."""
+        own = np.tile(self.own, (self.fading.shape[0] // self.drive.size, 1))
+        return np.concatenate([self.fading, own], axis=1)[:, clear]
 
     def settled(self, response: np.ndarray) -> Settled:
         """The prior with the roughness and the fading of the largest evidence for a response
@@ -209,6 +236,23 @@ class PathLaw:
         for other in (best[1].with_fading(float(f)) for f in FADINGS[1:]):
             best = max(best, (evidence(other), other), key=lambda pair: pair[0])
         return best[1]
+
+
+def _fading(
+    drives: Sequence[np.ndarray], nodes: np.ndarray, scale: tuple[float, float, float]
+) -> np.ndarray:
+    """The columns of fading memory at the nodes of the drives of recordings, of a `scale`: where
+    their range begins, how large it is, and their rms error."""
+    size = sum(d.size for d in drives)
+    if nodes.size == size:
+        return np.concatenate([fading_memory(d, *scale) for d in drives])
+    ends = np.cumsum([d.size for d in drives])[:-1]
+    parts = []
+    for drive, before in zip(drives, np.split(nodes[size:], ends), strict=True):
+        whole = fading_memory(np.column_stack([before, drive]).ravel(), *scale)
+        parts.append(whole.reshape(drive.size, 2, -1))
+    at_samples, halfway = (np.concatenate([p[:, k] for p in parts]) for k in (1, 0))
+    return np.concatenate([at_samples, halfway])
 
 
 class Prior:
@@ -289,13 +333,13 @@ class Settled:
     def curve(self, response: np.ndarray) -> Curve:
         """The most probable curve behind a response (ΣN,), as the filter answers it."""
         path, law = self.path(response), self.law
-        dense = path.beside(law)
-        before = law.curves.basis @ path.coefficients + dense
+        dense = law.beside(path.clear) @ path.sized
+        before = law.splines(law.nodes(law.drive)) @ path.coefficients + dense
         return Curve(
             law.filtered(before),
-            before,
+            before[: law.drive.size],
             law.curves.slope @ path.coefficients,
-            lambda drive: law.filtered(law.curves.at(drive) @ path.coefficients + dense),
+            lambda drive: law.filtered(law.splines(law.nodes(drive)) @ path.coefficients + dense),
         )
 
 
@@ -309,14 +353,11 @@ class Path:
     coefficients: np.ndarray
     sized: np.ndarray
 
-    def beside(self, law: PathLaw) -> np.ndarray:
-        """What fades and what only one recording has (ΣN,), of the drives of a law."""
-        return np.concatenate([law.fading, law.own], axis=1)[:, self.clear] @ self.sized
-
     def through(self, law: PathLaw) -> np.ndarray:
         """The response (ΣN,) of the drives of another law, on the same branches, and of its
         filter."""
-        return law.filtered(self.law.curves.at(law.drive) @ self.coefficients + self.beside(law))
+        splines = self.law.splines(law.nodes(law.drive))
+        return law.filtered(splines @ self.coefficients + law.beside(self.clear) @ self.sized)
 
 
 class _Rough:
@@ -350,7 +391,8 @@ class _Filtered:
         assert law.filter is not None  # else the curves are seen directly
         whitening, sections = law.whitening.matrix, law.filter.sections
         size = law.drive.size
-        before, equations, deviations = -law.curves.basis, [], []
+        before: Any = -law.splines(law.nodes(law.drive))
+        equations, deviations = [], []
         for k, one in enumerate(sections):
             loose = np.hypot(_LOOSE * law.noise, law.loose if k == 0 else 0.0)
             deviations.append(np.maximum(loose * np.abs(one.gain), _LEAST * law.noise))

@@ -52,6 +52,19 @@ def turning_points(drive: np.ndarray, smallest: float) -> np.ndarray:
     return np.array(turns, dtype=int)
 
 
+def without_ripple(drive: np.ndarray, error: float) -> np.ndarray:
+    """A drive (N,) of an rms error, of one way between the turning points that noise does not make:
+    what noise travels is no path."""
+    if error == 0:
+        return drive
+    steady, first = drive.copy(), 0
+    for last in [*turning_points(drive, NOISE * error).tolist(), drive.size - 1]:
+        way = 1 if drive[last] >= drive[first] else -1
+        steady[first : last + 1] = way * np.maximum.accumulate(way * drive[first : last + 1])
+        first = last
+    return steady
+
+
 def branches_of(drives: Sequence[np.ndarray], error: float = 0.0) -> tuple[list[np.ndarray], int]:
     """The branch that each sample is on.
 

@@ -13,7 +13,7 @@ from functools import cached_property
 
 import numpy as np
 
-from ._chain import Fitted, Line, Stage, fitted, without
+from ._chain import Chain, Fitted, Line, Stage, fitted, without
 from ._curves import Curves
 from ._dynamics import Columns
 from ._expansion import PATH, Expansion, Key, key_of
@@ -110,7 +110,8 @@ def view_of(signals: Sequence[Signal]) -> PathView:
 def _joint(expansions: Sequence[Expansion], excess: float) -> tuple[Posterior, Expansion]:
     """The posterior over all chains and columns, tempered by a misfit κ - 1, and the expansion that
     its best hypothesis is of."""
-    posterior = Posterior.of([h for one in expansions for h in one.hypotheses(excess)])
+    front = max(expansions, key=lambda one: one.log_posterior)
+    posterior = Posterior.of([h for one in expansions for h in one.hypotheses(excess, front)])
     return posterior, next(one for one in expansions if one.law.name == posterior.best.law)
 
 
@@ -118,26 +119,40 @@ def _expansions(signals: Sequence[Signal], plain: Expansion) -> list[Expansion]:
     """The best expansion behind each likely chain, that without any first."""
     behind: dict[Key, Expansion] = {(): plain}
     tried: set[Key] = set()
+    asked: set[Key] = set()
     while True:
-        front = max(behind.values(), key=lambda one: one.log_posterior)
-        chains = [(c, beside) for c, beside in front.proposed() if key_of(c) not in tried]
-        if not chains:
+        most = max(one.log_posterior for one in behind.values()) - _LIKELY
+        likely = {k: one for k, one in behind.items() if one.log_posterior > most}
+        fronts = sorted(likely.keys() - asked, key=lambda key: -likely[key].log_posterior)
+        if not fronts:
             break
+        front = behind[fronts[0]]
+        asked.add(fronts[0])
+        chains = [(c, beside) for c, beside in front.proposed() if key_of(c) not in tried]
         tried |= {key_of(chain) for chain, _ in chains}
-        longer: list[tuple[Fitted, Hypothesis]] = []
-        for chain, beside in chains:
-            least = max((one.log_posterior for one, _ in longer), default=-np.inf) - _LIKELY
-            one = fitted(signals, chain, front.sized(beside), least)
-            if one.log_posterior > least:
-                longer.append((one, beside))
-        longer.sort(key=lambda pair: pair[0].log_posterior + len(pair[1].names) * np.log(EACH))
-        best = {key_of(one.line.chain): (one, beside) for one, beside in longer}
-        for key in list(best)[: -_MOST_LIKELY - 1 : -1]:
-            one, beside = best[key]
-            if one.log_posterior > longer[-1][0].log_posterior - _LIKELY:
-                shapes = [front.columns[k] for k in beside.kinds]
-                behind[key] = Expansion.about(one.line, front.added(beside), one, shapes).settling()
+        behind |= _longer(signals, front, chains)
     return list(behind.values())
+
+
+def _longer(
+    signals: Sequence[Signal], front: Expansion, chains: Sequence[tuple[Chain, Hypothesis]]
+) -> dict[Key, Expansion]:
+    """The expansions behind the likeliest of longer chains that one proposes."""
+    longer: list[tuple[Fitted, Hypothesis]] = []
+    for chain, beside in chains:
+        least = max((one.log_posterior for one, _ in longer), default=-np.inf) - _LIKELY
+        one = fitted(signals, chain, front.sized(beside), front.settled, least)
+        if one.log_posterior > least:
+            longer.append((one, beside))
+    longer.sort(key=lambda pair: pair[0].log_posterior + len(pair[1].names) * np.log(EACH))
+    best = {key_of(one.line.chain): (one, beside) for one, beside in longer}
+    behind = {}
+    for key in list(best)[: -_MOST_LIKELY - 1 : -1]:
+        one, beside = best[key]
+        if one.log_posterior > longer[-1][0].log_posterior - _LIKELY:
+            shapes = [front.columns[k] for k in beside.kinds]
+            behind[key] = Expansion.about(one.line, front.added(beside), one, shapes).settling()
+    return behind
 
 
 def _view(

@@ -89,7 +89,9 @@ def model_view(fitted: Fitted) -> ModelView:
     ]
     steps = zip(fitted.preparation.takes, simulations, strict=True)
     motions = [
-        Motion(s, s, lambda drive: drive, t.recording.dt, periodic=t.history == "periodic")
+        Motion(
+            s, s, lambda drive: drive, t.recording.dt, error=0.0, periodic=t.history == "periodic"
+        )
         for t, s in steps
     ]
     groups, setting = groups_of(fitted), fitted.preparation.setting

@@ -218,30 +218,32 @@ class Expansion:
                 )
 
     def proposed(self) -> Iterator[tuple[Chain, Hypothesis]]:
-        """The chain longer by each effect whose columns explain much, and what is beside it."""
+        """The chain longer by each effect whose columns explain much of what no effect beside the
+        path does, and what is beside it."""
         listed, chain = self._untempered, self.line.chain
-        none = next(h.log_posterior for h in listed if not h.names)
-        beside = _but(listed[0], [n for n in listed[0].names if n in IN_SERIES])
         if len(chain) == MOST_EFFECTS:
             return
-        nothing = _but(listed[0], listed[0].names)
+        least = next(h.log_posterior for h in listed if not {*h.names} & {*IN_SERIES})
+        least += _PART * (listed[0].log_posterior - least)
+        beside = _but(listed[0], IN_SERIES)
         leading = {name: h for h in reversed(listed) for name in h.names if name in IN_SERIES}
         alone = {h.names[0]: h for h in listed if len(h.names) == 1}
-        proposed: set[str] = set()
+        stages: dict[str, list[tuple[Stage, Hypothesis]]] = {}
         for name in sorted(leading, key=lambda name: -leading[name].log_posterior):
             own, is_second = leading[name], name == MODE.effect and _has_mode(chain)
-            enough = own.log_posterior - none >= _PART * (listed[0].log_posterior - none)
-            # What two modes leave beside one looks like neither.
-            if not enough and not is_second:
+            # About one mode that follows two as well as it can a second looks like nothing.
+            if own.log_posterior <= least and not is_second:
                 continue
             # What is beside it may be there in its stead.
-            for start, companions in {own: beside, alone[name]: nothing}.items():
+            for start, companions in {own: beside, alone[name]: _but(own, own.names)}.items():
                 shape = self.columns[start.kinds[start.names.index(name)]].shape
-                # Which lag it is the chains decide: about a curve they are alike.
-                stages = [Stage(name, shape), *lags_like(name, shape)]
-                for stage in (one for one in stages if one.effect not in proposed - {name}):
-                    yield from ((c, companions) for c in _longer(chain, stage))
-                    proposed.add(stage.effect)
+                stages.setdefault(name, []).append((Stage(name, shape), companions))
+        # Which lag it is the chains decide: about a curve they are alike.
+        for (effect, shape), companions in [one for own in stages.values() for one in own[:1]]:
+            for other in lags_like(effect, shape):
+                stages.setdefault(other.effect, [(other, companions)])
+        for stage, companions in [one for own in stages.values() for one in own]:
+            yield from ((longer, companions) for longer in _longer(chain, stage))
 
     def sized(self, hypothesis: Hypothesis) -> np.ndarray:
         """The columns (ΣN, k) of a hypothesis, of unit prior standard deviation."""

@@ -91,12 +91,15 @@ class Whitening:
         self.matrix = sp.csr_array(sp.block_diag(parts, format="csr"))
         self.innovation = float(np.median([1 / abs(own[0]) for own in taps]))
         self.counted = np.concatenate(list(weights)) > 0
+        self.lost = 0.0
+        """How many samples' worth an error that may be there leaves out."""
 
     def loosened(self, error: np.ndarray) -> Whitening:
         """The same with an error (ΣN,) of each sample in the noise [response unit]."""
         other = copy(self)
         weights = 1 / np.hypot(1.0, error / self.innovation)
         other.matrix = sp.csr_array(sp.diags_array(weights) @ self.matrix)
+        other.lost = float(np.sum(1 - weights[self.counted] ** 2))
         return other
 
     @property
@@ -314,14 +317,15 @@ class Settled:
 
     @cached_property
     def freedom(self) -> float:
-        """How many coefficients the law spends on any response: the trace of what it takes out of
-        noise, by a few probes (Hutchinson, Commun. Stat. Simul. 18 (1989) 1059), which are the same
-        for all laws."""
+        """How many coefficients the law spends on any response, and on errors of its drive: the
+        trace of what it takes out of noise, by a few probes (Hutchinson, Commun. Stat. Simul. 18
+        (1989) 1059), which are the same for all laws."""
         whitening = self.law.whitening
         shape = whitening.counted.size, _PROBES
         probes = np.random.default_rng(0).choice([-1.0, 1.0], shape)
         probes *= whitening.counted[:, None]
-        return float(np.sum(probes * (probes - self.prior.weighted(probes))) / _PROBES)
+        taken = np.sum(probes * (probes - self.prior.weighted(probes))) / _PROBES
+        return float(taken) + whitening.lost
 
     def path(self, response: np.ndarray) -> Path:
         """The most probable curves behind a response (ΣN,)."""

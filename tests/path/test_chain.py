@@ -11,6 +11,7 @@ from fracjax._path._chain import Line, adequacy, fitted
 from fracjax._path._drive import delayed, limited
 from fracjax._path._filters import Filter, corner_of
 from fracjax._path._law import PathLaw, Settled
+from fracjax._path._signal import response_of
 from tests.path.helpers import plays, signal_of, through, twin_rates
 
 STEP, NOISE = 1e-3, 1e-3
@@ -30,9 +31,9 @@ def test_a_filter_is_what_its_recursions_add(periodic):
     exact = signal
     for one in departures:
         exact = exact + kernels.Convolution(exact, STEP, periodic=periodic).with_departure(one)
-    filtered = Filter([kernels.smoothness(signal, periodic=periodic)], [departures], [periodic])
+    filtered = Filter([signal.size], [departures], [periodic])
     # The last sample of steady cycles is the first one's neighbour, which a convolution lacks.
-    np.testing.assert_allclose(filtered(signal)[:-1], exact[:-1], atol=1e-4)
+    np.testing.assert_allclose(filtered(filtered.nodes(signal))[:-1], exact[:-1], atol=1e-4)
     determinants = [np.linalg.slogdet(one.after.toarray())[1] for one in filtered.sections]
     assert filtered.log_determinant == pytest.approx(sum(determinants), abs=1e-9)
 
@@ -45,14 +46,12 @@ def test_inner_products_behind_filters_are_those_of_the_covariance():
         [np.array([1.0, -0.6]) / 0.02, np.array([1 / 0.03])], [np.ones(n) for n in sizes]
     )
     departures = [[kernels.lag(0.002, STEP), kernels.mode(40.0, 0.05, STEP)]] * 2
-    filtered = Filter(
-        [kernels.smoothness(d, periodic=False) for d in drives], departures, [False, False]
-    )
+    filtered = Filter(sizes, departures, [False, False])
     law = PathLaw.of(drives, whitening, 1.2, filter=filtered)
     settled = Settled(law, 0.3, 0.03)
     normal = law.bends.toarray() / 0.3**2 + np.eye(law.columns) / law.span**2
     dense = np.concatenate([filtered(law.fading) * 0.03 * law.span, law.own], axis=1)
-    curve = filtered(np.eye(size)) @ law.curves.basis.toarray()
+    curve = filtered(law.splines(law.nodes(law.drive)).toarray())
     covariance = curve @ np.linalg.inv(normal) @ curve.T + dense @ dense.T
     through_rest = np.eye(size)
     for k, one in reversed(list(enumerate(filtered.sections))):
@@ -133,7 +132,8 @@ def test_two_modes_are_told_from_one():
 def test_newtons_method_finds_parameters_from_far():
     signals = [signal_of(DRIVE, EFFECTS["sensor_lag"](), NOISE)]
     start = (Stage("sensor_lag", {"corner": 4.0, "order": 1.0}),)
-    found = fitted(signals, start, np.zeros((DRIVE.size, 0)))
+    like = Line.of(signals, ()).prior.settled(response_of(signals))
+    found = fitted(signals, start, np.zeros((DRIVE.size, 0)), like)
     assert found.line.chain[0].shape["corner"] == pytest.approx(corner_of(0.02, 1), rel=0.02)
     assert found.volume(1.0) < found.volume(0.1) < 0.0
 

@@ -22,7 +22,7 @@ def shown(drive: np.ndarray) -> dict:
 def with_effect(drive: np.ndarray, name: str, size: float):
     """A recording with an effect whose median shape changes the response by `size`, peak to
     peak."""
-    motion = Motion(drive, drive, lambda other: other, 1e-3, periodic=False)
+    motion = Motion(drive, drive, lambda other: other, 1e-3, error=0.0, periodic=False)
     own = columns_of(name, [motion])
     if name in IN_SERIES:
         # What is in series has one size for each shape: the one that is nearest.

@@ -80,7 +80,7 @@ def test_what_changes_with_the_path_is_told_from_what_changes_in_time():
             counts += [pieces] * 6
         levels, counts = [*levels, 0.0], [*counts, rest]
     drive = through(levels, counts)
-    path = path_length(drive)
+    path = path_length(drive, 0.0)
     worn = plays(drive) * (1 + 0.15 * np.expm1(-path / (0.3 * path[-1])))
     view = view_of([signal_of(drive, worn, NOISE)])
     assert named(view) == {"degradation"}

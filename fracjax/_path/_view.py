@@ -30,9 +30,9 @@ from ._signal import Signal, ends_of, response_of, span_of
 MISFIT = 0.1
 """κ - 1 from which path curves do not describe a recording: of recordings that a law with return
 points made they leave -.4 to .1, as the level of a noise is uncertain."""
-_LIKELY, _MOST_LIKELY = 60.0, 3
-"""The logarithm of the odds against a chain from which it goes no further, and how many of a round
-go further."""
+_LIKELY, _MOST_LIKELY = 60.0, 4
+"""The logarithm of the odds against a chain from which it goes no further, and how many of other
+effects go further of those that one proposes."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -144,14 +144,16 @@ def _longer(
         one = fitted(signals, chain, front.sized(beside), front.settled, least)
         if one.log_posterior > least:
             longer.append((one, beside))
-    longer.sort(key=lambda pair: pair[0].log_posterior + len(pair[1].names) * np.log(EACH))
-    best = {key_of(one.line.chain): (one, beside) for one, beside in longer}
+    longer.sort(key=lambda pair: -pair[0].log_posterior - len(pair[1].names) * np.log(EACH))
+    best: dict[tuple[str, ...], tuple[Fitted, Hypothesis]] = {}
+    for one, beside in longer:
+        best.setdefault(tuple(stage.effect for stage in one.line.chain), (one, beside))
     behind = {}
-    for key in list(best)[: -_MOST_LIKELY - 1 : -1]:
-        one, beside = best[key]
-        if one.log_posterior > longer[-1][0].log_posterior - _LIKELY:
+    for one, beside in list(best.values())[:_MOST_LIKELY]:
+        if one.log_posterior > longer[0][0].log_posterior - _LIKELY:
             shapes = [front.columns[k] for k in beside.kinds]
-            behind[key] = Expansion.about(one.line, front.added(beside), one, shapes).settling()
+            further = Expansion.about(one.line, front.added(beside), one, shapes).settling()
+            behind[key_of(one.line.chain)] = further
     return behind
 
 

@@ -218,21 +218,22 @@ class Expansion:
                 )
 
     def proposed(self) -> Iterator[tuple[Chain, Hypothesis]]:
-        """The chain longer by each effect whose columns explain much of what no effect beside the
-        path does, and what is beside it."""
+        """The chain longer by each effect whose columns explain much, and what is beside it."""
         listed, chain = self._untempered, self.line.chain
         if len(chain) == MOST_EFFECTS:
             return
-        least = next(h.log_posterior for h in listed if not {*h.names} & {*IN_SERIES})
-        least += _PART * (listed[0].log_posterior - least)
+        values = {frozenset(h.names): h.log_posterior for h in listed}
+        none = values[frozenset()]
+        much = _PART * (listed[0].log_posterior - none)
         beside = _but(listed[0], IN_SERIES)
         leading = {name: h for h in reversed(listed) for name in h.names if name in IN_SERIES}
         alone = {h.names[0]: h for h in listed if len(h.names) == 1}
         stages: dict[str, list[tuple[Stage, Hypothesis]]] = {}
         for name in sorted(leading, key=lambda name: -leading[name].log_posterior):
             own, is_second = leading[name], name == MODE.effect and _has_mode(chain)
+            gain = own.log_posterior - values.get(frozenset(own.names) - {name}, none)
             # About one mode that follows two as well as it can a second looks like nothing.
-            if own.log_posterior <= least and not is_second:
+            if (gain <= 0 or gain < much) and not is_second:
                 continue
             # What is beside it may be there in its stead.
             for start, companions in {own: beside, alone[name]: _but(own, own.names)}.items():

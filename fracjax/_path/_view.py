@@ -33,6 +33,9 @@ points made they leave -.4 to .1, as the level of a noise is uncertain."""
 _LIKELY, _MOST_LIKELY = 60.0, 4
 """The logarithm of the odds against a chain from which it goes no further, and how many of other
 effects go further of those that one proposes."""
+_ROUGHLY = 0.1
+"""The share of what a chain gains that another may lack beside it: what is beside them was made
+about the curve without either."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -139,18 +142,20 @@ def _longer(
 ) -> dict[Key, Expansion]:
     """The expansions behind the likeliest of longer chains that one proposes."""
     longer: list[tuple[Fitted, Hypothesis]] = []
+    before, least = front.adequacy(front.best), -np.inf
     for chain, beside in chains:
-        least = max((one.log_posterior for one, _ in longer), default=-np.inf) - _LIKELY
         one = fitted(signals, chain, front.sized(beside), front.settled, least)
         if one.log_posterior > least:
             longer.append((one, beside))
+            gain = max(one.log_posterior - before, 0.0)
+            least = max(least, one.log_posterior - _LIKELY - _ROUGHLY * gain)
     longer.sort(key=lambda pair: -pair[0].log_posterior - len(pair[1].names) * np.log(EACH))
     best: dict[tuple[str, ...], tuple[Fitted, Hypothesis]] = {}
     for one, beside in longer:
         best.setdefault(tuple(stage.effect for stage in one.line.chain), (one, beside))
     behind = {}
     for one, beside in list(best.values())[:_MOST_LIKELY]:
-        if one.log_posterior > longer[0][0].log_posterior - _LIKELY:
+        if one.log_posterior > least:
             shapes = [front.columns[k] for k in beside.kinds]
             further = Expansion.about(one.line, front.added(beside), one, shapes).settling()
             behind[key_of(one.line.chain)] = further

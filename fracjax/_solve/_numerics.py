@@ -156,19 +156,19 @@ def _unabsorbed(solved: Solved, change: np.ndarray, enough: float) -> float:
 def _whitened(solved: Sequence[Solved], problems: Sequence[Sequence[Problem]]) -> list[np.ndarray]:
     """Each fit's whitened simulations (ΣL,) on the grids of its problems; those of stacks together.
 
-    On a stack's own grid they are known, with own terms, which are absorbed anyway.
+    On a fit's own grid they stand in it, with own terms, which are absorbed anyway.
     """
     pairs = list(zip(solved, problems, strict=True))
-    new = [one.stacked and one.preparation.problems() is not its for one, its in pairs]
-    rows = [pair for pair, is_new in zip(pairs, new, strict=True) if is_new]
+    new = [one.preparation.problems() is not its for one, its in pairs]
+    rows = [pair for pair, is_new in zip(pairs, new, strict=True) if is_new and pair[0].stacked]
     responses = iter(respond_rows([one.block for one, _ in rows], [its[0] for _, its in rows]))
     whitened = []
     for (one, its), is_new in zip(pairs, new, strict=True):
-        if is_new:
-            signals = [next(responses)]
+        if not is_new:
+            sized = zip(one.simulations, its, strict=True)
+            signals = [np.pad(s, (0, len(p.response) - len(s))) for s, p in sized]
         elif one.stacked:
-            (simulation,), size = one.simulations, len(its[0].response)
-            signals = [np.pad(simulation, (0, size - len(simulation)))]
+            signals = [next(responses)]
         else:
             signals = map(simulate, one.blocks, its)
         signals = [p.whiten(signal) for p, signal in zip(its, signals, strict=True)]

@@ -110,7 +110,12 @@ def in_real_time(table: Table, model: fj.Model, offset: float, second: np.ndarra
     error = read - observer.run(applied).output
     band = 1.96 * error[before].std()
     inside = np.abs(error[last] - error[before].mean()) < band
-    table.add(STREAMED, "95 % band of the motion that its drive would have given", 100 * band / np.ptp(aim[last]), "± %")
+    table.add(
+        STREAMED,
+        "95 % band of the motion that its drive would have given",
+        100 * band / np.ptp(aim[last]),
+        "± %",
+    )
     table.add(STREAMED, "readings under the authors' drive within the band", 100 * inside.mean())
 
 

@@ -80,9 +80,11 @@ def main() -> None:
 
 
 def leave(status: int) -> None:
-    """End the process at once, all that was to be written being written: where a thread of PyArrow's
-    lets go of the bytes that it has read while the interpreter is taken down, it asks for a lock that
-    no thread gets any more, is ended amid a destructor, and so aborts the process."""
+    """End the process at once, all that was to be written being written.
+
+    A thread of PyArrow's that lets go of the bytes it has read while the interpreter is taken down
+    asks for the interpreter's lock, is ended instead amid a destructor, and so aborts the process.
+    """
     for stream in (sys.stdout, sys.stderr):
         with suppress(BrokenPipeError):
             stream.flush()

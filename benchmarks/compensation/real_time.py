@@ -47,7 +47,7 @@ from fracjax._compensate import settled_offset
 STEP = 5e-4  # s
 LOW, HIGH = 0.0, 98.0  # V, the record's
 SLEW = (HIGH - LOW) / (10 * STEP)
-"""V/s, of the amplifier: its range in ten samples.  At a corner the inverse of a mode asks for more,
+"""V/s, of the amplifier: its range in ten samples.  At a corner a mode's inverse asks for more,
 up and down within two samples, and the hysteresis turns on that detour."""
 LAWS = {"stops": Stops, "relays": Relays, "Duhem": Duhem}
 SLOW = 18.0  # Hz, a tenth of the mode

@@ -89,8 +89,12 @@ def _directions(increments: Array, grid: Grid) -> tuple[Array, Array]:
     """Each increment's sign (N,), where the increment is 0 the sign before; and whether it differs
     from the one before (N,)."""
     signs = jnp.sign(increments)
-    moving = jnp.where(signs == 0, 0, jnp.arange(signs.size))
-    directions = signs[jax.lax.cummax(moving)]
+
+    def one(before: Array, sign: Array) -> tuple[Array, Array]:
+        direction = jnp.where(sign == 0, before, sign)
+        return direction, direction
+
+    directions = jax.lax.scan(one, jnp.zeros((), signs.dtype), signs)[1]
     before = directions[-1] if grid.history == "periodic" else jnp.zeros(())
     return directions, directions * jnp.append(before, directions[:-1]) < 0
 

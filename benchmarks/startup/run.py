@@ -127,7 +127,13 @@ def main() -> None:
 
 
 def write(rows: list[dict[str, object]]) -> None:
-    """Write the table, as far as it has come."""
+    """Write the table, as far as it has come; other commands keep their rows."""
+    measured_now = {row["command"] for row in rows}
+    with TABLE.open(encoding="utf-8") as file:
+        earlier = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    order = list(dict.fromkeys(row["command"] for row in [*earlier, *rows]))
+    rows = [*(row for row in earlier if row["command"] not in measured_now), *rows]
+    rows.sort(key=lambda row: order.index(row["command"]))
     with TABLE.open("w", newline="", encoding="utf-8") as file:
         file.write(versions(["fracjax", "jax", "numpy", "scipy"]))
         writer = csv.DictWriter(file, list(rows[0]))

@@ -132,7 +132,8 @@ def write(rows: list[dict[str, object]]) -> None:
     with TABLE.open(encoding="utf-8") as file:
         earlier = list(csv.DictReader(line for line in file if not line.startswith("#")))
     order = list(dict.fromkeys(row["command"] for row in [*earlier, *rows]))
-    rows = [*(row for row in earlier if row["command"] not in measured_now), *rows]
+    kept: list[dict[str, object]] = [{**r} for r in earlier if r["command"] not in measured_now]
+    rows = [*kept, *rows]
     rows.sort(key=lambda row: order.index(row["command"]))
     with TABLE.open("w", newline="", encoding="utf-8") as file:
         file.write(versions(["fracjax", "jax", "numpy", "scipy"]))

@@ -12,7 +12,6 @@ from ._least_squares import descend as descend
 from ._least_squares import jacobian as jacobian
 from ._least_squares import sensitivity as sensitivity
 from ._least_squares import simulate as simulate
-from ._least_squares import simulate_all as simulate_all
 from ._numerics import LIMIT as LIMIT
 from ._numerics import TARGET as TARGET
 from ._numerics import discretisation_warnings as discretisation_warnings

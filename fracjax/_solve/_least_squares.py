@@ -74,20 +74,6 @@ def simulate(block: AbstractBlock, problem: Problem) -> np.ndarray:
     return problem.respond(block)
 
 
-def simulate_all(
-    blocks: Sequence[AbstractBlock], problems: tuple[Problem, ...]
-) -> tuple[np.ndarray, np.ndarray]:
-    """The simulations (K, ΣL) of blocks, as they are and whitened."""
-    raw = [[simulate(block, problem) for problem in problems] for block in blocks]
-    whitened = [
-        [p.whiten(s) for p, s in zip(problems, simulations, strict=True)] for simulations in raw
-    ]
-    return (
-        np.stack([np.concatenate(simulations) for simulations in raw]),
-        np.stack([np.concatenate(simulations) for simulations in whitened]),
-    )
-
-
 def jacobian(block: AbstractBlock, problems: tuple[Problem, ...]) -> tuple[np.ndarray, np.ndarray]:
     """The derivative (ΣL, shapes + gains + own) of the simulation in physical values.
 

@@ -109,7 +109,7 @@ def main() -> None:
         write_recording(files["loop"], SAMPLES)
         write_recording(files["other"], OTHER)
         t = STEP * np.arange(2000)
-        motion = np.column_stack([t, 4 + 2 * np.sin(2 * np.pi * t)])
+        motion = np.column_stack([t, 1.5 - 0.8 * np.cos(2 * np.pi * t)])
         header = "time_s,displacement_um"
         np.savetxt(folder / "motion.csv", motion, delimiter=",", header=header, comments="")
         measured(

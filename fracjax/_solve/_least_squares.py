@@ -4,8 +4,8 @@
 
 with Kaufman's derivative -(1 - QQᵀ) W (∂Φ/∂θ) c.  Each block compiles its response and derivatives
 once (`AbstractBlock.linearise`).  They are combined outside compiled code, under SciPy's trust
-region with bounds, so that a new combination of blocks needs no compilation.  The stacks'
-Levenberg–Marquardt in its place (`_lockstep`) ended at the same optima after up to 1.4 times as many
+region with bounds, so that a new combination of blocks needs no compilation.  In its place the
+Levenberg–Marquardt of stacks (`_lockstep`) ended at the same optima after up to 1.4 times as many
 evaluations, on six fits of loops, plays, creep and several recordings.
 
 Sources: Golub & Pereyra, SIAM J. Numer. Anal. 10 (1973) 413; Kaufman, BIT 15 (1975) 49; Branch,

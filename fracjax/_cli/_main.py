@@ -79,11 +79,16 @@ takes a twentieth of a short command's time, which is spent on imports."""
 
 def main() -> None:
     """The program `fracjax`."""
+    prepare()
+    leave(run())
+
+
+def prepare() -> None:
+    """What a process that is the program alone may set."""
     gc.set_threshold(_UNCOLLECTED)
     if not sys.warnoptions:
         warnings.simplefilter("ignore")
     sys.unraisablehook = heed_interrupt
-    leave(run())
 
 
 def leave(status: int) -> None:

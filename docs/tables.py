@@ -150,6 +150,42 @@ def compensation() -> str:
     return "\n".join(lines)
 
 
+def loop() -> str:
+    """Tracking errors of the real-time inverse on three stages, what of them is the model's own,
+    and the other controllers."""
+    rows = rows_of("compensation/real_time.csv")
+    values = {(row["stage"], row["motion"], row["drive"]): row for row in rows}
+    stages = list(dict.fromkeys(row["stage"] for row in rows))
+    heads = [f"{stage}: real time (model; offline)" for stage in stages]
+    lines = [_line("motion; rms error [% of stroke]", *heads), "|---" * (1 + len(heads)) + "|"]
+    for motion in dict.fromkeys(row["motion"] for row in rows):
+        cells = []
+        for stage in stages:
+            row = values[stage, motion, "real time"]
+            offline = values.get((stage, motion, "offline"), {"rms_percent": "–"})["rms_percent"]
+            cells.append(f"{row['rms_percent']} ({row['model_percent']}; {offline})")
+        lines.append(_line(motion, *cells))
+    for drive in ("linear part", "plays", "integral", "real time + integral"):
+        cells = []
+        for stage in stages:
+            errors = [
+                float(row["rms_percent"])
+                for (name, motion, other), row in values.items()
+                if (name, other) == (stage, drive) and not motion.endswith(("50 Hz", "100 Hz"))
+            ]
+            cells.append(f"{min(errors):.3g} to {max(errors):.3g}")
+        lines.append(_line(f"{drive}, motions up to a tenth of the mode", *cells))
+    return "\n".join(lines)
+
+
+def pairs(path: str, *columns: str) -> str:
+    """A table of figures as it stands, the value beside its unit."""
+    lines = [_line(*columns, "value"), "|---" * (1 + len(columns)) + "|"]
+    for row in rows_of(path):
+        lines.append(_line(*(row[name] for name in columns), f"{row['value']} {row['unit']}"))
+    return "\n".join(lines)
+
+
 def trust() -> str:
     """The five figures of the newest sealed runs that matter most to a user, missed targets among
     them: first of recordings of no model's loop."""
@@ -329,6 +365,9 @@ TABLES = {
     "peers": peers,
     "batches": batches,
     "compensation": compensation,
+    "loop": loop,
+    "cost": lambda: pairs("compensation/clock.csv", "figure"),
+    "authors": lambda: pairs("compensation/piezo_dbo.csv", "model", "figure"),
 }
 
 

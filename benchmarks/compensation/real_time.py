@@ -46,6 +46,9 @@ from fracjax._compensate import settled_offset
 
 STEP = 5e-4  # s
 LOW, HIGH = 0.0, 98.0  # V, the record's
+SLEW = (HIGH - LOW) / (10 * STEP)
+"""V/s, of the amplifier: its range in ten samples.  At a corner a mode's inverse asks for more,
+up and down within two samples, and the hysteresis turns on that detour."""
 LAWS = {"stops": Stops, "relays": Relays, "Duhem": Duhem}
 SLOW = 18.0  # Hz, a tenth of the mode
 STRUCTURE = "drive_lag >> prandtl_ishlinskii >> sensor_nonlinearity >> creep >> resonance"
@@ -189,7 +192,8 @@ def in_series(block: fj.AbstractBlock) -> list[fj.AbstractBlock]:
 
 
 def stream(model: fj.Model, offset: float, **options) -> fj.StreamingInverse:
-    return fj.streaming_inverse(model, STEP, BAND, limits=(LOW, HIGH), offset=offset, **options)
+    bounds = {"limits": (LOW, HIGH), "slew": SLEW}
+    return fj.streaming_inverse(model, STEP, BAND, offset=offset, **bounds, **options)
 
 
 def with_integral(loop: Loop) -> Callable[[float, float], float]:
@@ -238,8 +242,8 @@ def fitted(path: Path) -> Fitted:
 def offline(one: Fitted, desired: np.ndarray) -> Callable[[float, float], float]:
     """The drive of `compensate`, played sample by sample."""
     wanted = fj.Trajectory(desired[::_EVERY], _EVERY * STEP)
-    found = fj.compensate(one.model, wanted, history="rest", offset=one.begun)
-    spline = CubicSpline(_EVERY * np.arange(found.drive.size), found.drive)
+    every = fj.compensate(one.model, wanted, history="rest", offset=one.begun).drive
+    spline = CubicSpline(_EVERY * np.arange(every.size), every)
     drive = iter(np.clip(spline(np.arange(desired.size)), LOW, HIGH))
     return lambda aim, read: float(next(drive))
 

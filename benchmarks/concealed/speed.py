@@ -32,7 +32,7 @@ from benchmarks.versions import versions
 from fracjax._blocks import EFFECTS, AbstractBlock
 from fracjax._parameters import named_parameters, set_values
 from fracjax._prepare import Preparation
-from fracjax._solve import simulate_all
+from fracjax._solve import simulate
 
 SAMPLES = 10_000
 STARTS = (4, 10)
@@ -77,7 +77,8 @@ def bic_of(start: AbstractBlock, preparation: Preparation) -> float:
     def residual(flat: np.ndarray) -> np.ndarray:
         values = dict(zip(free, np.split(flat, ends), strict=True))
         shaped = {n: v.reshape(np.shape(free[n].value)) for n, v in values.items()}
-        simulated = simulate_all([set_values(start, shaped)], problems)[1][0]
+        block = set_values(start, shaped)
+        simulated = np.concatenate([p.whiten(simulate(block, p)) for p in problems])
         error = np.where(np.isfinite(simulated), wanted - simulated, 1e6)
         return (error - unit * (unit @ error) / (unit @ unit))[counted]
 

@@ -109,7 +109,7 @@ def main() -> None:
         write_recording(files["loop"], SAMPLES)
         write_recording(files["other"], OTHER)
         t = STEP * np.arange(2000)
-        motion = np.column_stack([t, 4 + 2 * np.sin(2 * np.pi * t)])
+        motion = np.column_stack([t, 1.5 - 0.8 * np.cos(2 * np.pi * t)])
         header = "time_s,displacement_um"
         np.savetxt(folder / "motion.csv", motion, delimiter=",", header=header, comments="")
         measured(
@@ -127,7 +127,14 @@ def main() -> None:
 
 
 def write(rows: list[dict[str, object]]) -> None:
-    """Write the table, as far as it has come."""
+    """Write the table, as far as it has come; other commands keep their rows."""
+    measured_now = {row["command"] for row in rows}
+    with TABLE.open(encoding="utf-8") as file:
+        earlier = list(csv.DictReader(line for line in file if not line.startswith("#")))
+    order = list(dict.fromkeys(row["command"] for row in [*earlier, *rows]))
+    kept: list[dict[str, object]] = [{**r} for r in earlier if r["command"] not in measured_now]
+    rows = [*kept, *rows]
+    rows.sort(key=lambda row: order.index(row["command"]))
     with TABLE.open("w", newline="", encoding="utf-8") as file:
         file.write(versions(["fracjax", "jax", "numpy", "scipy"]))
         writer = csv.DictWriter(file, list(rows[0]))

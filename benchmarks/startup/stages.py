@@ -83,8 +83,9 @@ def main() -> None:
     """Run the command, and say where its time went."""
     start, cpu = time.perf_counter(), time.process_time()
     builtins.__import__ = _importing
-    from fracjax._cli import run
+    from fracjax._cli._main import prepare, run
 
+    prepare()
     status = run(sys.argv[1:])
     total = time.perf_counter() - start
     stages = {stage: round(seconds, 4) for stage, seconds in _spent.items()}

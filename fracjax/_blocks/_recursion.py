@@ -10,8 +10,6 @@ import jax
 import jax.numpy as jnp
 from jax import Array
 
-_UNROLLED = 8
-"""Samples per iteration of the compiled loop; chosen by judgement."""
 _MOST_CYCLES = 20
 """Newton's steps at most."""
 _SETTLED = 1e-13
@@ -129,10 +127,10 @@ def _accumulated(slopes: Array, direct: Array) -> Array:
         return x, x
 
     def forwards(_: Callable, b: Array) -> Array:
-        return jax.lax.scan(one, jnp.zeros(()), (slopes, b), unroll=_UNROLLED)[1]
+        return jax.lax.scan(one, jnp.zeros(()), (slopes, b))[1]
 
     def backwards(_: Callable, b: Array) -> Array:
         later = jnp.append(slopes[1:], 0.0)
-        return jax.lax.scan(one, jnp.zeros(()), (later, b), reverse=True, unroll=_UNROLLED)[1]
+        return jax.lax.scan(one, jnp.zeros(()), (later, b), reverse=True)[1]
 
     return jax.lax.custom_linear_solve(matvec, direct, forwards, backwards)

@@ -8,9 +8,6 @@ from jax import Array
 
 from .._operators import History
 
-_UNROLLED = 8
-"""Samples per iteration of the compiled loop; chosen by judgement."""
-
 
 def relax(targets: Array, exponents: Array, history: History) -> Array:
     """States (N,) that relax towards targets (N,): z_n = s_n + (z_{n-1} - s_n) exp(-x_n), x_n ≥ 0.
@@ -27,6 +24,6 @@ def relax(targets: Array, exponents: Array, history: History) -> Array:
 
     start = jnp.zeros(())
     if history == "periodic":
-        end, _ = jax.lax.scan(step, start, steps, unroll=_UNROLLED)
+        end, _ = jax.lax.scan(step, start, steps)
         start = end / -jnp.expm1(-jnp.sum(exponents))
-    return jax.lax.scan(step, start, steps, unroll=_UNROLLED)[1]
+    return jax.lax.scan(step, start, steps)[1]

@@ -62,26 +62,32 @@ class _Branch(NamedTuple):
         level = jnp.asarray(_LEVELS, slope.dtype)
         return cls(travels, jnp.stack([level, slope, travels[::-1], -slope / slope[::-1]], axis=1))
 
-    def at(self, travel: Array) -> tuple[Array, Array]:
-        """y and the travel at -y, by cubic interpolation of the nodes' values and slopes."""
+    def level(self, travel: Array) -> Array:
+        """y at a travel."""
+        return self._at(travel, 0)
+
+    def mirrored(self, travel: Array) -> Array:
+        """The travel at -y."""
+        return self._at(travel, 2)
+
+    def _at(self, travel: Array, column: int) -> Array:
+        """A column of `values`, by cubic interpolation of the nodes' values and slopes."""
         # Two short searches by comparison: bisection would fetch one number after the other.
         group = _GROUP * jnp.sum(travel >= self.travels[_GROUP:-1:_GROUP])
         inside = jax.lax.dynamic_slice(self.travels, (group,), (_GROUP,))
         cell = group + jnp.maximum(jnp.sum(travel >= inside) - 1, 0)
         start, end = self.values[cell], self.values[cell + 1]
-        width = self.travels[cell + 1] - self.travels[cell]
-        t = (travel - self.travels[cell]) / width
-
-        def cubic(k: int) -> Array:
-            ends = start[k] * (1 + 2 * t) * (1 - t) ** 2 + end[k] * t**2 * (3 - 2 * t)
-            return ends + width * t * (1 - t) * (start[k + 1] * (1 - t) - end[k + 1] * t)
-
-        return cubic(0), cubic(2)
+        before = self.travels[cell]
+        width = self.travels[cell + 1] - before
+        t = (travel - before) / width
+        ends = start[column] * (1 + 2 * t) * (1 - t) ** 2 + end[column] * t**2 * (3 - 2 * t)
+        slopes = start[column + 1] * (1 - t) - end[column + 1] * t
+        return ends + width * t * (1 - t) * slopes
 
     def advance(self, travel: Array, step_and_turn: tuple[Array, Array]) -> Array:
         """The travel after a step of the drive, which continues or begins with a turn."""
         step, turns = step_and_turn
-        travel = jnp.where(turns, self.at(travel)[1], travel) + step
+        travel = jnp.where(turns, self.mirrored(travel), travel) + step
         return jnp.clip(travel, self.travels[0], self.travels[-1])
 
 
@@ -89,8 +95,12 @@ def _directions(increments: Array, grid: Grid) -> tuple[Array, Array]:
     """Each increment's sign (N,), where the increment is 0 the sign before; and whether it differs
     from the one before (N,)."""
     signs = jnp.sign(increments)
-    moving = jnp.where(signs == 0, 0, jnp.arange(signs.size))
-    directions = signs[jax.lax.cummax(moving)]
+
+    def one(before: Array, sign: Array) -> tuple[Array, Array]:
+        direction = jnp.where(sign == 0, before, sign)
+        return direction, direction
+
+    directions = jax.lax.scan(one, jnp.zeros((), signs.dtype), signs)[1]
     before = directions[-1] if grid.history == "periodic" else jnp.zeros(())
     return directions, directions * jnp.append(before, directions[:-1]) < 0
 
@@ -155,5 +165,5 @@ class BoucWen(AbstractBlock):
         start = jnp.zeros_like(branch.travels[-1])
         follow = settled if grid.history == "periodic" else recursion
         travels = follow(_Branch.advance, branch, start, steps)
-        levels = jax.vmap(branch.at)(travels)[0]
+        levels = jax.vmap(branch.level)(travels)
         return self.k_u.value * drive + self.k_h.value * directions * levels

@@ -14,8 +14,6 @@ from ._effect import Effect, Setting, at_values
 
 _LEAST = 1e-9
 """The smallest base of a power, as a share of the span."""
-_UNROLLED = 8
-"""Samples per iteration of the compiled loop; chosen by judgement."""
 
 
 class LostContact(AbstractBlock):
@@ -131,8 +129,8 @@ class ThrownLoad(AbstractBlock):
 
         start = (drive[0], drive[0])
         if grid.history == "periodic":
-            start, _ = jax.lax.scan(step, start, drive, unroll=_UNROLLED)
-        return jax.lax.scan(step, start, drive, unroll=_UNROLLED)[1]
+            start, _ = jax.lax.scan(step, start, drive)
+        return jax.lax.scan(step, start, drive)[1]
 
 
 def _trials(setting: Setting) -> list:

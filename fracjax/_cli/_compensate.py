@@ -6,7 +6,6 @@ import json
 import math
 from contextlib import suppress
 from pathlib import Path
-from statistics import fmean, stdev
 from typing import TYPE_CHECKING, Any
 
 import click
@@ -184,6 +183,8 @@ def _model_error(folder: Path, model: str, content: dict[str, Any]) -> ModelErro
         diagnosis = json.loads((folder / "diagnosis.json").read_text(encoding="utf-8"))
         which = "base_folds" if diagnosis["model"] == model else "extended_folds"
         squares = [error**2 for error in diagnosis["held_out"][which]]
+        from statistics import fmean, stdev  # loads slowly, and other commands do without
+
         spread = stdev(squares) / math.sqrt(len(squares)) if len(squares) > 1 else None
         return ModelError(math.sqrt(fmean(squares)), on, noise, spread)
     return ModelError(content["scores"]["rmse"], "the data it was fitted to", noise)

@@ -110,32 +110,33 @@ def find_drive(
     contracts if the inverse is accurate enough.  If it does not contract, Levenberg–Marquardt goes
     on from the best reference.  `desired` and `stroke` are in the response's unit.
     """
-    reference = best = jnp.asarray(desired)
+    # In NumPy: each operation of JAX outside a compiled function is a program to compile.
+    reference = best = np.asarray(desired)
     least = last = np.inf
     drive = response = reference
     iterations = 0
     while iterations < _FIXED_POINT_STEPS:
         iterations += 1
-        drive, response = _drive_and_response(system, reference)
-        missing = jnp.asarray(desired) - response
-        error = float(jnp.abs(missing).max()) / stroke
+        drive, response = map(np.asarray, _drive_and_response(system, reference))
+        missing = desired - response
+        error = float(np.abs(missing).max()) / stroke
         if error < least:
             least, best = error, reference
         if error <= TOLERANCE:
             method = "closed form" if iterations == 1 else "fixed point"
-            return Solution(np.asarray(drive), np.asarray(response), iterations, True, method)
+            return Solution(drive, response, iterations, True, method)
         if not error < _SLOWEST_CONTRACTION * last:
             break
         last, reference = error, reference + missing
     if least == np.inf:
-        return Solution(np.asarray(drive), np.asarray(response), iterations, False, "closed form")
-    return _by_least_squares(system, best, jnp.asarray(desired), stroke, iterations, progress)
+        return Solution(drive, response, iterations, False, "closed form")
+    return _by_least_squares(system, best, desired, stroke, iterations, progress)
 
 
 def _by_least_squares(
     system: InvertedPlant,
-    reference: Array,
-    desired: Array,
+    reference: np.ndarray,
+    desired: np.ndarray,
     stroke: float,
     iterations: int,
     progress: Progress,
@@ -145,16 +146,14 @@ def _by_least_squares(
     drive = response = reference
     for _ in range(_BATCHES):
         progress("inverting by Levenberg–Marquardt")
-        reference, steps, done = _levenberg_marquardt(
-            system, reference, desired, jnp.asarray(stroke)
-        )
-        iterations += int(steps)
-        drive, response = _drive_and_response(system, reference)
-        error = float(jnp.linalg.norm(response - desired))
-        accurate = float(jnp.abs(response - desired).max()) <= TOLERANCE * stroke
+        moved, steps, done = _levenberg_marquardt(system, reference, desired, np.float64(stroke))
+        reference, iterations = np.asarray(moved), iterations + int(steps)
+        drive, response = map(np.asarray, _drive_and_response(system, reference))
+        error = float(np.linalg.norm(response - desired))
+        accurate = float(np.abs(response - desired).max()) <= TOLERANCE * stroke
         done = bool(done) or accurate or error > _LITTLE * before
         before = error
         if done:
             break
     method = "Levenberg–Marquardt"
-    return Solution(np.asarray(drive), np.asarray(response), iterations, done, method)
+    return Solution(drive, response, iterations, done, method)

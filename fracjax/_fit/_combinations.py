@@ -15,7 +15,6 @@ from dataclasses import dataclass
 from itertools import combinations
 
 import numpy as np
-from scipy.sparse.csgraph import connected_components
 
 from ._estimate import Estimate
 
@@ -115,6 +114,10 @@ def _groups(covariance: np.ndarray) -> list[list[int]]:
     correlation = covariance / np.outer(errors, errors)
     eigenvalues, vectors = np.linalg.eigh(correlation)
     involved = np.abs(vectors[:, eigenvalues < 1 - _STRONG_CORRELATION]) > _LEAST_SHARE
+    if not involved.any():
+        return []
+    from scipy.sparse.csgraph import connected_components  # most fits do without; it loads slowly
+
     connected = (involved.astype(int) @ involved.T.astype(int) > 0) & (
         np.abs(correlation) > _LEAST_CORRELATION
     )

@@ -12,13 +12,10 @@ from ._least_squares import descend as descend
 from ._least_squares import jacobian as jacobian
 from ._least_squares import sensitivity as sensitivity
 from ._least_squares import simulate as simulate
-from ._least_squares import simulate_all as simulate_all
 from ._numerics import LIMIT as LIMIT
 from ._numerics import TARGET as TARGET
 from ._numerics import discretisation_warnings as discretisation_warnings
-from ._numerics import numerical_error as numerical_error
 from ._numerics import refine_all as refine_all
-from ._numerics import refine_until_accurate as refine_until_accurate
 from ._numerics import tolerated_error as tolerated_error
 from ._programs import limit_compiled_programs as limit_compiled_programs
 from ._result import Progress as Progress

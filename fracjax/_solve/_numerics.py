@@ -29,14 +29,6 @@ _NEARLY_BEST = 1.5
 judgement."""
 
 
-def numerical_error(solved: Solved) -> float:
-    """√λ_num: the change when the step is halved, minus what the fit can absorb, in noise units.
-
-    The quadrature is of order four, so that this change is the coarser grid's error to 7 %.
-    """
-    return _accurate_grids([solved], [np.inf])[0][1]
-
-
 def tolerated_error(limit: float, solved: Solved, share: float) -> float:
     """The largest numerical error that is accepted, in noise units.
 
@@ -45,23 +37,15 @@ def tolerated_error(limit: float, solved: Solved, share: float) -> float:
     return max(limit, share * float(np.sqrt(max(0.0, solved.cost - solved.samples))))
 
 
-def refine_until_accurate(
-    solved: Solved, progress: Progress, share: float = 0.0
-) -> tuple[Solved, float]:
-    """The fit on a grid that is fine enough, and its numerical error in noise units.
-
-    The grid is refined until the error is far below the noise, or below a share of the residual
-    beyond the noise, or the grid is the finest.
-    """
-    return refine_all([solved], progress, [share])[0]
-
-
 def refine_all(
     solved: Sequence[Solved], progress: Progress, shares: Sequence[float]
 ) -> list[tuple[Solved, float]]:
-    """Each fit on a grid that is fine enough, as `refine_until_accurate` finds it for its share.
+    """Each fit on a grid that is fine enough, and its numerical error √λ_num in noise units: the
+    change when the step is halved, minus what the fit can absorb.
 
-    Only those whose grid is too coarse are fitted again.
+    The grid is refined until the error is far below the noise, or below its share of the residual
+    beyond the noise, or the grid is the finest.  Only those whose grid is too coarse are fitted
+    again.  The quadrature is of order four, so that this change is the coarser grid's error to 7 %.
     """
     fits, errors = list(solved), [np.inf] * len(solved)
     coarse = list(range(len(fits)))
@@ -156,19 +140,19 @@ def _unabsorbed(solved: Solved, change: np.ndarray, enough: float) -> float:
 def _whitened(solved: Sequence[Solved], problems: Sequence[Sequence[Problem]]) -> list[np.ndarray]:
     """Each fit's whitened simulations (ΣL,) on the grids of its problems; those of stacks together.
 
-    On a stack's own grid they are known, with own terms, which are absorbed anyway.
+    On a fit's own grid they stand in it, with own terms, which are absorbed anyway.
     """
     pairs = list(zip(solved, problems, strict=True))
-    new = [one.stacked and one.preparation.problems() is not its for one, its in pairs]
-    rows = [pair for pair, is_new in zip(pairs, new, strict=True) if is_new]
+    new = [one.preparation.problems() is not its for one, its in pairs]
+    rows = [pair for pair, is_new in zip(pairs, new, strict=True) if is_new and pair[0].stacked]
     responses = iter(respond_rows([one.block for one, _ in rows], [its[0] for _, its in rows]))
     whitened = []
     for (one, its), is_new in zip(pairs, new, strict=True):
-        if is_new:
-            signals = [next(responses)]
+        if not is_new:
+            sized = zip(one.simulations, its, strict=True)
+            signals = [np.pad(s, (0, len(p.response) - len(s))) for s, p in sized]
         elif one.stacked:
-            (simulation,), size = one.simulations, len(its[0].response)
-            signals = [np.pad(simulation, (0, size - len(simulation)))]
+            signals = [next(responses)]
         else:
             signals = map(simulate, one.blocks, its)
         signals = [p.whiten(signal) for p, signal in zip(its, signals, strict=True)]

@@ -12,7 +12,7 @@ from .._blocks import AbstractBlock
 from .._computing import map_in_threads, time_is_over
 from .._parameters import named_parameters, set_values
 from .._prepare import Preparation, Problem, layout_of, position_of
-from ._least_squares import Descent, Objective, begin, descend, simulate
+from ._least_squares import Descent, Objective, begin, descend
 from ._modes import measured_starts
 from ._programs import limit_compiled_programs
 from ._result import Solved
@@ -144,9 +144,9 @@ def solved_at(
     own = np.split(point.own, np.cumsum(counts)[:-1])
     blocks = jax.tree_util.tree_map(np.asarray, point.blocks)
     simulations = [
-        (simulate(fitted, problem) + problem.own @ terms)[: len(take.recording)]
-        for take, problem, fitted, terms in zip(
-            preparation.takes, problems, blocks, own, strict=True
+        (response + problem.own @ terms)[: len(take.recording)]
+        for take, problem, response, terms in zip(
+            preparation.takes, problems, point.responses, own, strict=True
         )
     ]
     # The last rows are those of the priors, which are not part of χ².

@@ -9,7 +9,7 @@ import pytest
 import fracjax as fj
 from fracjax._operators import Grid
 from fracjax._prepare import prepare
-from fracjax._solve import Solved, _numerics, refine_until_accurate, silent, solve_from
+from fracjax._solve import Solved, _numerics, refine_all, silent, solve_from
 from tests.helpers import specified
 
 STEP = 4e-3
@@ -136,7 +136,7 @@ def test_a_grid_is_refined_as_far_as_what_the_fit_leaves_asks_for():
             prepared = prepared.with_oversampling(1)
             solved = solve_from([MODEL.with_values(LAW).block], prepared)
             for share in (0.0, 0.1):
-                finer, error = refine_until_accurate(solved, silent, share)
+                ((finer, error),) = refine_all([solved], silent, [share])
                 grids[name, share] = finer.preparation.oversampling
                 assert error <= _numerics.tolerated_error(_numerics.TARGET, solved, share)
     assert grids["right", 0.1] == grids["right", 0.0] > grids["drifting", 0.1]

@@ -235,7 +235,7 @@ def _approximated(recording: Recording, period: int, stop: int) -> LinearApproxi
 
 
 def _without_drift(signal: np.ndarray, period: int) -> np.ndarray:
-    """A signal (N,) of whole periods without its mean change from one to the next, spread evenly:
+    """A signal (N,) of whole periods minus its mean change from one to the next, spread evenly:
     what creeps has no lines."""
     change = float(np.mean(signal[period:] - signal[:-period])) / period
     return signal - change * (np.arange(signal.size) - 0.5 * signal.size)

@@ -101,7 +101,8 @@ def test_its_table_is_written_and_read_back_with_its_errors(tmp_path):
         assert read_back == pytest.approx(errors)
 
 
-def test_the_tones_of_a_protocol_are_recognised_at_each_of_its_levels():
+def test_the_tones_of_a_protocol_are_recognised_at_each_of_its_levels(monkeypatch):
+    monkeypatch.setattr("fracjax._protocol._protocol._MOST", 1)
     designed = fj.protocol("0..100 V, 5 V/ms", "1 kHz", duration="30 s", effects=["clock_skew"])
     drive = designed.drive.values
     recording = fj.Recording(drive, 0.2 * drive, designed.drive.step, "V", "um", "protocol")

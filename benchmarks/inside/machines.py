@@ -199,6 +199,6 @@ def case(number: int) -> Case:
             low, high = (middle, high) if beyond(middle)[1] < share else (low, middle)
         response, actual = beyond(low)
     size = float(np.exp(rng.uniform(np.log(0.1), np.log(100))))
-    noise = actual / level * np.std(response) if effect else share * np.std(response)
+    noise = float(np.std(response)) * (actual / level if effect else share)
     noisy = size * (response + noise * rng.standard_normal(SAMPLES))
     return Case(number, kind, effect, level, actual, step, values, noisy, size * noise)

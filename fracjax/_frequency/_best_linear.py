@@ -205,7 +205,7 @@ def _approximated(recording: Recording, period: int, stop: int) -> LinearApproxi
     )
     driven, answered = wave.mean(axis=0), lines.mean(axis=0)
     excited, odd, even = _kinds(np.abs(driven))
-    if not odd.size or not even.size:
+    if not (excited.size and odd.size and even.size):
         return None
     ratio = answered[excited] / driven[excited]
     variance = np.sum(np.abs(lines - answered) ** 2, axis=0) / (count - 1) / count
@@ -248,7 +248,7 @@ def _kinds(sizes: np.ndarray) -> tuple[np.ndarray, np.ndarray, np.ndarray]:
     least = max(_EXCITED * empty_size, _ROUNDING * float(sizes[1:].max()))
     excited = np.flatnonzero(sizes > least)
     excited = excited[excited > 0]
-    empty = np.setdiff1d(np.arange(1, excited[-1] + 1), excited)
+    empty = np.setdiff1d(np.arange(1, excited.max(initial=0)), excited)
     return excited, empty[empty % 2 == 1], empty[empty % 2 == 0]
 
 

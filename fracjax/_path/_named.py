@@ -17,8 +17,8 @@ from ._expansion import family_of
 from ._law import log_likelihood
 from ._posterior import EACH, SIZES, Law
 
-LIKELY = 0.95
-"""The probability, of the effect or one of its family, from which it is named."""
+SURE = 0.95
+"""The probability at which an effect, or one of its look-alikes, is named; by convention."""
 _RANGE = (1.0, 1e3)
 """Detectabilities that are tried."""
 _HALVINGS = 14
@@ -57,7 +57,7 @@ def levels(law: Law, directions: np.ndarray) -> np.ndarray:
         exactly = log_likelihood(as_it_is, 0.0, count)
         each = prior + np.where(exact, exactly, np.logaddexp.reduce(evidence, axis=1))
         whole = np.logaddexp(np.logaddexp.reduce(each, axis=0), none)
-        return np.logaddexp.reduce(np.where(alike, each, -np.inf), axis=0) - whole > np.log(LIKELY)
+        return np.logaddexp.reduce(np.where(alike, each, -np.inf), axis=0) - whole > np.log(SURE)
 
     low, high = (np.full(square.size, end) for end in _RANGE)
     never = ~seen | ~named(high)

@@ -120,8 +120,11 @@ def test_the_tones_of_a_protocol_are_recognised_at_each_of_its_levels(monkeypatc
     [
         np.interp(np.arange(PERIOD), [0, PERIOD / 2, PERIOD], [-3, 3, -3]),
         3 * np.sin(2 * np.pi * np.arange(PERIOD) / PERIOD),
+        np.random.default_rng(3).standard_normal(PERIOD),
+        np.repeat([-3.0, 3.0, 1.0], PERIOD // 3),
+        np.eye(1, PERIOD, 100)[0],
     ],
-    ids=["triangle", "sine"],
+    ids=["triangle", "sine", "noise", "steps", "pulse"],
 )
 def test_a_drive_without_empty_lines_has_none(wave):
     assert fj.best_linear_approximations(recorded(wave, lambda u: 0.2 * u)) == ()

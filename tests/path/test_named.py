@@ -7,7 +7,7 @@ import pytest
 
 from fracjax._path._expansion import apart, family_of
 from fracjax._path._law import Inner
-from fracjax._path._named import LIKELY, levels
+from fracjax._path._named import SURE, levels
 from fracjax._path._posterior import Kind, Law, search
 
 COUNT = 2000
@@ -51,8 +51,8 @@ def test_at_its_level_an_effect_is_as_likely_as_what_is_named(k):
     law = law_of("creep", "mains_interference")
     level = float(levels(law, np.eye(4))[k])
     assert 3 < level < 6
-    assert probability(law, k, level) == pytest.approx(LIKELY, abs=0.01)
-    assert probability(law, k, 0.8 * level) < 0.8 * LIKELY
+    assert probability(law, k, level) == pytest.approx(SURE, abs=0.01)
+    assert probability(law, k, 0.8 * level) < 0.8 * SURE
 
 
 def test_what_looks_alike_must_be_larger_to_be_named():
@@ -60,7 +60,7 @@ def test_what_looks_alike_must_be_larger_to_be_named():
     law = law_of("thermal_drift", "gain_drift")
     beside = float(levels(law, np.eye(2))[0])
     assert beside > 3 * alone
-    assert probability(law, 0, beside) == pytest.approx(LIKELY, abs=0.01)
+    assert probability(law, 0, beside) == pytest.approx(SURE, abs=0.01)
 
 
 def test_what_is_the_same_is_never_named():

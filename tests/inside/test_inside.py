@@ -9,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import fracjax as fj
-from fracjax._blocks import INSIDE, CubicStiffness, Oscillator, Within
+from fracjax._blocks import INSIDE, CubicStiffness, DryFriction, Mass, Oscillator, Within
 from fracjax._computing import computing
 from fracjax._inside import (
     About,
@@ -127,6 +127,23 @@ def test_a_column_is_the_derivative_by_the_effect():
         assert set(columns.others) == {"linear_dynamics", "drive_curve", "response_curve"}
         for shapes in (columns.effects | columns.others).values():
             assert all(shape.white.shape[0] == columns.residual.size for shape in shapes)
+
+
+@pytest.mark.parametrize(
+    ("machine", "free"),
+    [
+        (Within(Mass(of_velocity=True)), False),
+        (Mass(of_velocity=True) @ DryFriction(), True),
+        (Within(Mass()), True),
+        (Oscillator() @ DryFriction(), False),
+        (Oscillator() @ CubicStiffness(), True),
+    ],
+    ids=["velocity", "friction of a velocity", "position", "friction", "spring"],
+)
+def test_the_drives_offset_is_free_where_it_differs_from_one_of_the_response(machine, free):
+    """A velocity that is moved by a constant drive is one that is measured with an offset, unless
+    friction depends on it."""
+    assert machine.drive_offset.fixed is not free
 
 
 @dataclass

@@ -88,22 +88,30 @@ def summary(rows: Sequence[dict[str, str]]) -> list[tuple[str, str]]:
     ]  # fmt: skip
 
 
+def written(file: Path) -> dict[int, dict[str, str]]:
+    """The rows that a table has, by case."""
+    if not file.is_file():
+        return {}
+    with file.open(newline="") as read:
+        return {int(row["case"]): row for row in csv.DictReader(read)}
+
+
 def main() -> None:
-    """Answer the cases and write the tables."""
+    """Answer the cases and write the tables, in which rows of other cases stay."""
     p = argparse.ArgumentParser(description="Physics inside machines.")
     p.add_argument("--cases", default="0:80", help="first:last:step")
     p.add_argument("--to", type=Path, default=ROOT)
     a = p.parse_args()
     a.to.mkdir(parents=True, exist_ok=True)
-    file = a.to / "answers.csv"
-    with file.open("w", newline="") as out:
-        table = csv.writer(out, lineterminator="\n")
-        table.writerow(HEADER)
-        for number in range(80)[slice(*map(int, a.cases.split(":")))]:
-            table.writerow(row_of(case(number)))
-            out.flush()
-    with file.open(newline="") as read:
-        marks = summary(list(csv.DictReader(read)))
+    rows = written(a.to / "answers.csv")
+    for number in range(80)[slice(*map(int, a.cases.split(":")))]:
+        answer = map(str, row_of(case(number)))
+        rows[number] = dict(zip(HEADER, answer, strict=True))
+        with (a.to / "answers.csv").open("w", newline="") as out:
+            table = csv.DictWriter(out, HEADER, lineterminator="\n")
+            table.writeheader()
+            table.writerows(rows[k] for k in sorted(rows))
+    marks = summary(list(rows.values()))
     with (a.to / "answers_summary.csv").open("w", newline="") as out:
         csv.writer(out, lineterminator="\n").writerows([("mark", "count"), *marks])
     for mark in marks:

@@ -54,7 +54,7 @@ FORCES: dict[str, Force] = {
     "hysteretic_spring": lambda a, s, u: -a * s[2],
     "negative_stiffness": _snap,
     "root_outflow": lambda a, s, u: -a * sqrt(max(s[0], 0.0)),
-    "internal_saturation": lambda a, s, u: -a * max(s[0] - 1.0, 0.0),
+    "internal_saturation": lambda a, s, u: -a * max(s[0] - 0.7, 0.0),
 }
 """Forces on a mass at the position s[0] with the velocity s[1], in typical units, and flows into a
 store of the level s[0]; s[2] is Bouc and Wen's memory."""

@@ -54,7 +54,9 @@ if TYPE_CHECKING:
     from ._frequency import CreepIdentification as CreepIdentification
     from ._frequency import FrequencyFit as FrequencyFit
     from ._frequency import FrequencyTable as FrequencyTable
+    from ._frequency import LinearApproximation as LinearApproximation
     from ._frequency import amplitude_ratios as amplitude_ratios
+    from ._frequency import best_linear_approximations as best_linear_approximations
     from ._frequency import fit_frequency_response as fit_frequency_response
     from ._frequency import frequency_table as frequency_table
     from ._frequency import ofocim as ofocim
@@ -119,6 +121,7 @@ __all__ = [
     "FrequencyTable",
     "Grid",
     "InputError",
+    "LinearApproximation",
     "LinearSystem",
     "MeasuredNoise",
     "Model",
@@ -141,6 +144,7 @@ __all__ = [
     "WhiteNoise",
     "amplitude_ratios",
     "analyse_residuals",
+    "best_linear_approximations",
     "blocks",
     "bode",
     "compare",

@@ -17,7 +17,7 @@ from pathlib import Path
 
 import numpy as np
 
-from fracjax._path import Signal, family_of, view_of
+from fracjax._path import SURE, Signal, family_of, view_of
 
 from ..concealed.anylaw.effects import TRIED
 from ..concealed.drives import Array
@@ -25,7 +25,6 @@ from ..concealed.truth import name_of
 from .stages import Bench, bench
 
 SHARES = (0.5, 0.71, 1.0, 1.41, 2.0)
-LIKELY = 0.95
 PERIOD = 0.1
 """The amplitude of a mode: a period of five samples and a five-hundredth of the recording."""
 WEAR = {"degradation", "gain_drift"}
@@ -101,11 +100,11 @@ def rows_of(number: int) -> Iterator[tuple]:
         alike = {name, *family_of(name)} if share else set()
         # Two names of a family share its probability.
         probability = min(sum(found.get(n, 0.0) for n in alike), 1.0)
-        wrong = [n for n, p in found.items() if p > LIKELY and n not in alike | own]
+        wrong = [n for n, p in found.items() if p > SURE and n not in alike | own]
         yield (
             number, case.law, case.memory, case.amplifier, f"{100 * case.noise / stroke:.3g}",
             key if share else "", f"{promised or 0:.3g}", share, f"{100 * size / stroke:.3g}",
-            f"{probability:.3f}", int(probability > LIKELY), " ".join(wrong), f"{seconds:.1f}",
+            f"{probability:.3f}", int(probability > SURE), " ".join(wrong), f"{seconds:.1f}",
         )  # fmt: skip
 
 

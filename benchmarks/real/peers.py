@@ -1,12 +1,13 @@
 """Other packages on the same benchmarks and splits: they predict, and none says what is missing.
 
-    ENVIRONMENT/bin/python -m benchmarks.real.peers
+    ENVIRONMENT/bin/python -m benchmarks.real.peers [NAME …]
 
 in an environment of its own, which has jax-sysid, SysIdentPy and PySINDy and no fracjax:
 `pip install jax-sysid sysidentpy pysindy`.  FRACJAX_DATA is the folder of the recordings that
 `machines.py` fetches.  Each is used as its documentation's examples do, with lags, orders and
 thresholds chosen on the last fifth of the estimation data; the lines of code are those of its
-function here.
+function here.  For the positioning stage it is the regression of the benchmark's authors, whose
+relative error is that on the estimation data, with NumPy and SciPy alone.
 """
 
 from __future__ import annotations
@@ -14,6 +15,7 @@ from __future__ import annotations
 import csv
 import inspect
 import os
+import sys
 import time
 import warnings
 from collections.abc import Callable
@@ -24,6 +26,8 @@ from typing import Any, NamedTuple
 import numpy as np
 
 HERE = Path(__file__).parent
+HEADER = ("benchmark", "package", "test", "unit", "rms_error", "relative_percent", "parameters",
+          "lines", "cpu_seconds")  # fmt: skip
 Array = np.ndarray
 
 
@@ -178,11 +182,60 @@ def chosen(build: Callable, split: Split, choices: list) -> tuple[Predictor, int
     return build(split, choices[0] if len(choices) == 1 else min(choices, key=error))
 
 
+def idim_ls() -> dict[str, tuple[float, float]]:
+    """The rms error of the stage's inverse model by least squares, and of the force itself [N], by
+    the test; filters and decimation are those of the authors' Script_IDIM_LS.m."""
+    from scipy.io import loadmat
+    from scipy.signal import butter, decimate, filtfilt
+
+    def regression(name: str) -> tuple[Array, Array]:
+        path = Path(os.environ["FRACJAX_DATA"]) / "machines" / name
+        data = {key: np.ravel(v) for key, v in loadmat(path).items() if key[0] != "_"}
+        position = filtfilt(*butter(4, 100 / 500), data["qm"])
+        velocity = np.gradient(position, 1e-3)
+        columns = (np.gradient(velocity, 1e-3), velocity, np.sign(velocity), np.ones(velocity.size))
+        force = data["gtau"][0] * data["vir"] + data.get("pulses_N", 0.0)
+        *regressors, force = (decimate(c[50:-50], 10, ftype="iir") for c in (*columns, force))
+        return np.stack(regressors, axis=1), force
+
+    estimation, pulses = map(regression, ("DATA_EMPS.mat", "DATA_EMPS_PULSES.mat"))
+    parameters = np.linalg.lstsq(*estimation, rcond=None)[0]
+    return {
+        test: (_rms(force - columns @ parameters), _rms(force))
+        for test, (columns, force) in {"pulses": pulses, "estimation": estimation}.items()
+    }
+
+
+def emps_rows() -> list[dict]:
+    """The rows of the positioning stage."""
+    began = time.process_time()
+    errors = idim_ls()
+    seconds = time.process_time() - began
+    return [
+        {
+            "benchmark": "emps", "package": f"IDIM-LS by SciPy {version('scipy')}", "test": test,
+            "unit": "N", "rms_error": f"{error:.3g}",
+            "relative_percent": f"{100 * error / whole:.3g}",
+            "parameters": 4, "lines": len(inspect.getsource(idim_ls).splitlines()),
+            "cpu_seconds": f"{seconds:.3g}",
+        }
+        for test, (error, whole) in errors.items()
+    ]  # fmt: skip
+
+
+def written(again: list[str]) -> list[dict]:
+    """The rows that the table has of other benchmarks."""
+    with (HERE / "peers.csv").open(encoding="utf-8", newline="") as file:
+        return [row for row in csv.DictReader(file) if row["benchmark"] not in again]
+
+
 def main() -> None:
     """Write `peers.csv`."""
     warnings.simplefilter("ignore")
-    rows = []
-    for name, split in splits().items():
+    names = sys.argv[1:] or ["silverbox", "tanks", "emps"]
+    rows = written(names) + (emps_rows() if "emps" in names else [])
+    for name in set(names) - {"emps"}:
+        split = splits()[name]
         for peer, (build, choices) in PEERS.items():
             began = time.process_time()
             predict, parameters = chosen(build, split, choices)
@@ -193,16 +246,18 @@ def main() -> None:
                     {
                         "benchmark": name, "package": f"{peer} {version(peer)}", "test": test,
                         "unit": split.unit, "rms_error": f"{_rms(error):.3g}",
+                        "relative_percent": f"{100 * _rms(error) / _rms(response[skipped:]):.3g}",
                         "parameters": parameters,
                         "lines": len(inspect.getsource(build).splitlines()),
                         "cpu_seconds": f"{seconds:.3g}",
                     }
                 )  # fmt: skip
                 print(rows[-1], flush=True)
-                with (HERE / "peers.csv").open("w", encoding="utf-8", newline="") as file:
-                    writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
-                    writer.writeheader()
-                    writer.writerows(rows)
+    order = {name: k for k, name in enumerate(("silverbox", "emps", "tanks"))}
+    with (HERE / "peers.csv").open("w", encoding="utf-8", newline="") as file:
+        writer = csv.DictWriter(file, HEADER, restval="", lineterminator="\n")
+        writer.writeheader()
+        writer.writerows(sorted(rows, key=lambda row: order[row["benchmark"]]))
 
 
 if __name__ == "__main__":

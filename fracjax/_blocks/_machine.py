@@ -54,6 +54,11 @@ class AbstractMachine(AbstractLinearBlock):
         """Whether a constant drive leads to an equilibrium, as it does where a spring holds."""
         return True
 
+    @property
+    def drifts(self) -> bool:
+        """Whether a constant drive moves the response on and on."""
+        return False
+
     def start(self, drive: Array, grid: Grid) -> Array:
         """The states (n,) before the first sample: in equilibrium with a constant drive, or 0."""
         a, b, *_ = self.system()
@@ -138,8 +143,9 @@ class Within(AbstractBlock):
         self.effects, self.sites = effects, sites
         states = np.zeros(np.shape(machine.scales()))
         self.start = Parameter(states, "response", per_recording=True)
-        is_placed = any(effect.is_placed for effect in effects)
-        differs = states.size > 0 and (is_placed or not machine.settles)
+        # Where nothing holds the machine, a constant drive moves it on, which every effect meets.
+        is_placed = any(effect.is_placed or not machine.settles for effect in effects)
+        differs = states.size > 0 and (is_placed or machine.drifts)
         self.drive_offset = Parameter(0.0, "drive", fixed=not differs)
 
     @property

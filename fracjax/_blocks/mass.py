@@ -54,6 +54,10 @@ class Mass(AbstractMachine):
     def settles(self) -> bool:
         return False
 
+    @property
+    def drifts(self) -> bool:
+        return not self.of_velocity
+
     def symbol(self, s: Array) -> Array:
         velocity = self.gain.value / (s + self.rate.value)
         return velocity if self.of_velocity else velocity / s

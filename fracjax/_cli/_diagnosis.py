@@ -38,6 +38,9 @@ def diagnose_and_save(
         header = column_name("drive", diagnosis.base.preparation.takes[0].recording.drive_unit)
         write(out / "next_experiment.csv", {"time_s": drive.times, header: drive.values})
         results.saved.append(out / "next_experiment.csv")
+    for number, approximation in enumerate(diagnosis.linear_approximations, 1):
+        approximation.table.write(out / f"frequency_response_{number}.csv")
+        results.saved.append(out / f"frequency_response_{number}.csv")
     results.save_report(diagnosis, out / "report.html", options.get("seed", 0))
     return diagnosis
 

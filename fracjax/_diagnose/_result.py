@@ -4,12 +4,14 @@ from __future__ import annotations
 
 import json
 from dataclasses import dataclass
+from functools import cached_property
 from pathlib import Path
 from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
 from .._fit import Estimate, Fit, estimate_row
+from .._frequency import LinearApproximation, best_linear_approximations
 from .._models import Model
 from .._operators import History
 from .._path import Visible
@@ -238,6 +240,12 @@ class Diagnosis(Shown):
         """The fit with the named effects, or that of the base model if there are none."""
         return self.extended or self.base
 
+    @cached_property
+    def linear_approximations(self) -> tuple[LinearApproximation, ...]:
+        """The best linear approximations about the levels of the recordings' small tones."""
+        takes = self.base.preparation.takes
+        return tuple(one for t in takes for one in best_linear_approximations(t.recording))
+
     def predict(
         self,
         drive: np.ndarray | Recording,
@@ -339,8 +347,7 @@ class Diagnosis(Shown):
             The content of the file, by the schema fracjax.diagnosis/1.
         """
         takes = self.base.preparation.takes
-        unit = takes[0].recording.response_unit
-        scores: dict = {"unit": unit, "noise_floor": self.noise.sigma}
+        scores: dict = {"unit": takes[0].recording.response_unit, "noise_floor": self.noise.sigma}
         scores["base"] = _scores(self.base, self.held_out.base_rmse)
         if self.extended is not None and self.held_out.extended_rmse is not None:
             scores["extended"] = _scores(self.extended, self.held_out.extended_rmse)
@@ -404,6 +411,7 @@ class Diagnosis(Shown):
             },
             "warnings": list(self.warnings),
             "can_show": [vars(shown) for shown in self.can_show],
+            "linear_approximations": [one.to_dict() for one in self.linear_approximations],
             "complete": self.complete,
         }
         if self.shape is not None:

@@ -1,17 +1,15 @@
 """Every number that decides a verdict, with its meaning and the study that it comes from.
 
-Two more stand where the posterior is: what path curves do not know (`_path`, `UNKNOWN`), and the
-prior odds of an effect (`EACH`).
+Three more stand where the posterior is: what path curves do not know (`_path`, `UNKNOWN`), the
+prior odds of an effect (`EACH`), and the probability at which one is named (`SURE`).
 """
 
 from .._path import MISFIT
+from .._path import SURE as SURE
 
 SIGNIFICANCE = 0.01
 """p-value below which a place on an axis, or the residual as a whole, is significant; by
 convention."""
-
-SURE = 0.95
-"""The probability at which an effect, or one of its look-alikes, is named; by convention."""
 
 ADEQUATE = 1 + MISFIT
 """χ² of a recording over that of path curves up to which nothing is said to be missing: of those

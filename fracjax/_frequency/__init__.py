@@ -2,6 +2,8 @@
 
 from ._amplitude_ratios import AmplitudeRatios as AmplitudeRatios
 from ._amplitude_ratios import amplitude_ratios as amplitude_ratios
+from ._best_linear import LinearApproximation as LinearApproximation
+from ._best_linear import best_linear_approximations as best_linear_approximations
 from ._creep_estimates import CreepEstimate as CreepEstimate
 from ._creep_identification import CreepIdentification as CreepIdentification
 from ._creep_identification import ofocim as ofocim

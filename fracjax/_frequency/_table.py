@@ -11,6 +11,7 @@ from numpy.typing import ArrayLike
 
 from .._blocks import Setting
 from .._io import read_table as table_of
+from .._io import write
 from .._recording import UNSTATED, InputError, parse_quantity, unit
 from .._show import Shown
 
@@ -55,6 +56,27 @@ class FrequencyTable(Shown):
 
     def __len__(self) -> int:
         return len(self.frequencies_Hz)
+
+    def write(self, path: str | PathLike[str]) -> None:
+        """Write the table, from which `read_frequency_table` reads the same.
+
+        Args:
+            path: The file; its suffix sets the format, as in `fracjax.write`.
+
+        Raises:
+            InputError: The suffix is unknown or the file cannot be written.
+        """
+        unit, sizes = f"[{self.response_unit}/{self.drive_unit}]", np.abs(self.response)
+        columns = {
+            "frequency_Hz": self.frequencies_Hz,
+            f"amplitude {unit}": sizes,
+            "phase_deg": np.degrees(np.unwrap(np.angle(self.response))),
+        }
+        if self.amplitude_errors is not None:
+            columns[f"amplitude error {unit}"] = sizes * self.amplitude_errors
+        if self.phase_errors is not None:
+            columns["phase_error_deg"] = np.degrees(self.phase_errors)
+        write(path, columns)
 
     @property
     def setting(self) -> Setting:

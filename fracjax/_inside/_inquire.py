@@ -15,7 +15,16 @@ from .._naming import block_name
 from .._parameters import named_parameters, set_values
 from .._path import MOST_EFFECTS, Hypothesis, Posterior
 from .._prepare import Preparation
-from .._solve import Descent, Progress, Solved, begin, descend, silent, solve_from
+from .._solve import (
+    Descent,
+    Progress,
+    Solved,
+    begin,
+    descend,
+    orthonormal_basis,
+    silent,
+    solve_from,
+)
 from ._columns import Column, Columns, columns_of
 from ._posterior import About, Worth
 from ._result import Candidate, Inside
@@ -35,6 +44,11 @@ first order."""
 _HELD, _FREE = 5, 15
 """Evaluations of a start with its effects held, to which the machine adapts, and with all free,
 before the best is fitted to its end; chosen by judgement."""
+_SEEN = 1.0
+"""The change of χ², as it is judged, from which a step is too long: no hypothesis gains from
+less."""
+_FINEST = 64
+"""Most steps of the integration in a sample; chosen by judgement."""
 _SMALLEST = 0.01
 """The coefficient of a trial that one of the other sign starts from: it has only one sign."""
 
@@ -54,6 +68,7 @@ def inquire_inside(
     several shapes, beside static curves and further linear dynamics; the most probable sets of up
     to three are fitted with all parameters free, again about the best of them, and each effect of
     the best is taken away once.  What is named is the most probable set of all that were fitted.
+    Where a step of half the length changes the best of them visibly, all goes on with that step.
 
     Args:
         block: the machine, with the effects that it is believed to have.
@@ -74,6 +89,11 @@ def inquire_inside(
         fits = [_Fit.of(base, (), columns.others)]
         inquiry = _Inquiry(specified, progress, columns, fits)
         inquiry.search()
+        while inquiry.is_coarse() and not time_is_over():
+            progress("halving the step of the integration")
+            inquiry = inquiry.finer()
+            inquiry.search()
+        base = inquiry.fits[0].solved
         fits, probabilities = inquiry.ranked()
         best = fits[0]
         worth = inquiry.worth
@@ -156,7 +176,7 @@ class _Inquiry:
 
     def search(self) -> None:
         """Fit what may be missing about the best fit, as long as that changes it."""
-        best = self.fits[0]
+        best = self.ranked()[0][0]
         for _ in range(_ROUNDS):
             self._extend(best)
             before, best = best, self.ranked()[0][0]
@@ -164,6 +184,39 @@ class _Inquiry:
                 break
             self._reduce(best)
             best = self.ranked()[0][0]
+
+    def is_coarse(self) -> bool:
+        """Whether half the step changes the best fit by more than is told apart."""
+        solved, worth = self.ranked()[0][0].solved, self.worth
+        now, finer = solved.preparation, _finer(solved.preparation)
+        if not solved.block.effects or finer.oversampling > _FINEST:  # type: ignore[attr-defined]
+            return False
+        ends = [
+            np.concatenate([p.whiten(p.respond(solved.block)) for p in each.problems()])
+            for each in (now, finer)
+        ]
+        basis = orthonormal_basis(solved.whitened_derivative())
+        change = ends[1] - ends[0]
+        change = change - basis @ (basis.T @ change)
+        samples = self.fits[0].about.samples
+        return float(change @ change) * worth.samples > _SEEN * worth.variance * samples
+
+    def finer(self) -> _Inquiry:
+        """The same with half the step, with the sets that are likely so far."""
+        ranked, probabilities = self.ranked()
+        preparation = _finer(self.fits[0].solved.preparation)
+        base = solve_from([self.fits[0].block], preparation)
+        columns = columns_of(base)
+        likely = [
+            fit
+            for fit, probability in zip(ranked, probabilities, strict=True)
+            if fit.names and probability > _WORTHY * probabilities[0]
+        ]
+        fits = [_Fit.of(base, (), columns.others)] + [
+            _Fit.of(solve_from([fit.block], preparation), fit.names, columns.others)
+            for fit in likely
+        ]
+        return replace(self, columns=columns, fits=fits)
 
     def _extend(self, fit: _Fit) -> None:
         """Fit the most probable sets of further effects about a fit."""
@@ -237,6 +290,11 @@ class _Inquiry:
         preparation = self.fits[0].solved.preparation
         descent = begin(start, preparation.problems(), preparation.conditions)
         return descend(_adapted(descent, start, held), _FREE)
+
+
+def _finer(preparation: Preparation) -> Preparation:
+    """The same with half the step."""
+    return replace(preparation, oversampling=2 * preparation.oversampling)
 
 
 def _started(block: Within, about: About, one: Hypothesis, worth: Worth, factor: float) -> Within:

@@ -14,6 +14,7 @@ from ._law import Inner as Inner
 from ._law import Prior as Prior
 from ._law import Whitening as Whitening
 from ._law import log_likelihood as log_likelihood
+from ._named import SURE as SURE
 from ._posterior import DIRECTIONS as DIRECTIONS
 from ._posterior import EACH as EACH
 from ._posterior import MOST_EFFECTS as MOST_EFFECTS

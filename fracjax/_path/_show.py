@@ -2,7 +2,8 @@ r"""What a recording can show: the smallest effect that would be named, from its
 
 With a response in proportion to the drive, an effect of the size a has along its column d the
 detectability a ‖P d‖, P the projection off path curves and fading memory of the largest size, since
-the law is not known, tempered by what they do not know.  No response is needed.
+the law is not known, tempered by what they do not know.  It is named where the posterior over no
+effect and one would name it on the expected recording.  No response is needed.
 
 Source: the local approach, Benveniste, Basseville & Moustakides, IEEE TAC 32 (1987) 583.
 """
@@ -11,6 +12,7 @@ from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
+from typing import NamedTuple
 
 import numpy as np
 
@@ -26,21 +28,24 @@ from ._dynamics import (
     Motion,
     Scale,
 )
-from ._expansion import UNKNOWN, kinds_of, motions_of, prior_of
+from ._expansion import PATH, UNKNOWN, apart, kinds_of, motions_of, prior_of
 from ._filters import Shape
 from ._law import FADINGS, ROUGHNESSES, Curve, PathLaw, Settled
+from ._named import levels
+from ._posterior import Law
 from ._signal import Signal
 
 LEVEL = 6.0
-"""The detectability from which an effect is named: with its prior odds of .02 and Occam's factor of
-a few tens of shapes a probability of .95."""
+"""The detectability by which drives are compared: with its prior odds of .02 and Occam's factor of
+a few tens of shapes an effect that nothing looks like has a probability of .95."""
 LARGEST = 0.2
 """The largest credible size, over the response's span: what would only be seen beyond is said not
 to be seen at any."""
 SHOWN = tuple(sorted({MODE.effect, *FAMILIES}))
 """The effects whose smallest visible size a drive determines."""
-_OF_SHAPE = {"delay", "drive_lag", "resonance", "sensor_lag", "slew_rate_limit"}
-"""Effects whose size is that of their shape: a lag of a time constant cannot be larger."""
+_OF_SHAPE = {"delay", "drive_lag", "sensor_lag", "slew_rate_limit"}
+"""Effects whose size is that of their shape: a lag of a time constant cannot be larger.  A mode may
+take any part in the motion."""
 _NEAREST = 3
 """Shapes of such an effect that are only just seen, whose median counts."""
 _SHAPES = 8
@@ -78,28 +83,52 @@ def can_show(signals: Sequence[Signal], unit: str) -> tuple[Visible, ...]:
         One entry per effect, in alphabetical order.
     """
     prior = prior_of(signals)
+    seen = _seen(signals, prior, SHOWN)
+    kinds, starts = seen.law.kinds, [kind.start for kind in seen.law.kinds]
+    named = levels(seen.law, seen.directions)
+    with np.errstate(invalid="ignore"):
+        sizes = np.where(seen.whole > 0, seen.whole / seen.least * named, np.inf)
+    # Of several columns the combination that is named first.
+    size, least = np.minimum.reduceat(sizes, starts), np.maximum.reduceat(seen.least, starts)
+    names = np.array([kind.name for kind in kinds])
     shown = []
-    for effect, shapes in _seen(signals, prior, SHOWN).items():
-        size = _smallest(effect, shapes)
-        visible = size <= LARGEST * prior.span
+    for effect in SHOWN:
+        own = (names == effect) & (np.maximum.reduceat(seen.whole, starts) > 0)
+        smallest = _smallest(effect, size[own], least[own])
+        visible = smallest <= LARGEST * prior.span
         reason = "" if visible else _reason(prior.curves)
-        shown.append(Visible(effect, size if visible else None, unit, reason))
+        shown.append(Visible(effect, smallest if visible else None, unit, reason))
     return tuple(shown)
 
 
 def detectabilities(signals: Sequence[Signal], effects: Collection[str]) -> dict[str, float]:
     """How well recordings show each of some `SHOWN` effects of its typical size and median shape,
     over what is needed to name it; without those that their sampling cannot hold."""
-    prior = prior_of(signals)
-    seen = _seen(signals, prior, effects)
-    return {effect: float(np.median(shapes[:, 1])) for effect, shapes in seen.items()}
+    seen = _seen(signals, prior_of(signals), effects)
+    shapes: dict[str, list[float]] = {}
+    for kind in seen.law.kinds:
+        own = slice(kind.start, kind.stop)
+        if seen.whole[own].any():
+            shapes.setdefault(kind.name, []).append(float(seen.least[own].max()) / LEVEL)
+    return {name: float(np.median(shapes[name])) for name in sorted(shapes)}
 
 
-def _seen(
-    signals: Sequence[Signal], prior: PathLaw, effects: Collection[str]
-) -> dict[str, np.ndarray]:
-    """For the shapes of each effect (S, 2) the size [response unit] at which its columns have it,
-    and how well that is seen, over what is needed."""
+class _Seen(NamedTuple):
+    """Effects' columns under path curves.
+
+    `directions` (K, K) are combinations of the columns of each kind that are seen independently of
+    each other; `whole` (K,) is the size of each [response unit] and `least` (K,) its detectability,
+    as the law tempers it.
+    """
+
+    law: Law
+    directions: np.ndarray
+    whole: np.ndarray
+    least: np.ndarray
+
+
+def _seen(signals: Sequence[Signal], prior: PathLaw, effects: Collection[str]) -> _Seen:
+    """The columns of effects under path curves."""
     low, high = min(s.drive.min() for s in signals), max(s.drive.max() for s in signals)
     slope = prior.span / (high - low)
     ideal = [replace(s, response=slope * (s.drive - low)) for s in signals]
@@ -109,28 +138,28 @@ def _seen(
         response, response, np.full(response.size, slope), lambda drive: slope * (drive - low)
     )
     columns = list(_columns(motions_of(signals, curve), effects))
-    whitening = prior.whitening
-    whitened = whitening(np.concatenate([c.values for c in columns], axis=1))
-    gram = whitened.T @ settled.prior.weighted(whitened)
-    needed = LEVEL * np.sqrt(1 + UNKNOWN * whitening.count)
-    seen: dict[str, list[tuple[float, float]]] = {}
-    for column, kind in zip(columns, kinds_of(columns), strict=True):
-        own = gram[kind.start : kind.stop, kind.start : kind.stop]
-        # Of several columns the combination that is seen best.
-        square, mix = (part[..., -1] for part in np.linalg.eigh(own))
-        whole = float(np.ptp((column.values @ mix)[whitening.counted]))
-        if whole:
-            least = np.sqrt(max(float(square), 0.0)) / needed
-            seen.setdefault(column.effect, []).append((whole, max(least, 1e-12)))
-    return {effect: np.array(seen[effect]) for effect in sorted(seen)}
+    whitening, kinds = prior.whitening, kinds_of(columns)
+    matrix = np.concatenate([c.values for c in columns], axis=1)
+    inner = settled.prior.inner(whitening(matrix), np.zeros(len(matrix)))
+    directions, square = np.zeros((matrix.shape[1],) * 2), np.zeros(matrix.shape[1])
+    for kind in kinds:
+        own = slice(kind.start, kind.stop)
+        square[own], directions[own, own] = np.linalg.eigh(inner.columns[own, own])
+    least = np.sqrt(np.maximum(square, 0.0) / (1 + UNKNOWN * whitening.count))
+    return _Seen(
+        Law(PATH, kinds, inner, float(whitening.count), UNKNOWN, apart()),
+        directions,
+        np.ptp((matrix @ directions)[whitening.counted], axis=0),
+        np.maximum(least, 1e-12),
+    )
 
 
-def _smallest(effect: str, shapes: np.ndarray) -> float:
-    """The size [response unit] from which an effect is named, by its shapes (S, 2)."""
+def _smallest(effect: str, size: np.ndarray, least: np.ndarray) -> float:
+    """The size [response unit] from which an effect is named, of its median shape: by the size (S,)
+    of each shape from which it is, and by how well its own is seen (S,)."""
     if effect in _OF_SHAPE:
-        nearest = np.argsort(np.abs(np.log(shapes[:, 1])))
-        shapes = shapes[nearest[:_NEAREST]]
-    return float(np.median(shapes[:, 0] / shapes[:, 1]))
+        size = size[np.argsort(np.abs(np.log(least / LEVEL)))[:_NEAREST]]
+    return float(np.median(size)) if size.size else np.inf
 
 
 def _columns(motions: Sequence[Motion], effects: Collection[str]) -> Iterator[Columns]:

@@ -12,6 +12,7 @@ from .._protocol import draw_shown
 from .._show import figure, p_value
 from .._show.drawing import svg
 from . import _figures
+from ._fit_figures import approximations_plot
 from ._fit_page import common_content
 from ._text import diagnosis_figures, download, file_name, noise_text, sources
 
@@ -28,6 +29,7 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     fits = [fit for fit in (diagnosis.base, diagnosis.extended) if fit is not None]
     names = [fit.model.name for fit in fits]
     span = diagnosis.base.preparation.setting.response_span
+    linear = diagnosis.linear_approximations
     return {
         **common_content(fits, diagnosis_figures(diagnosis), diagnosis),
         "title": f"Diagnosis of {sources(diagnosis.base)}",
@@ -50,6 +52,8 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
         "hidden": _figures.hidden(diagnosis.candidates, diagnosis.noise, span),
         "shown": svg(draw_shown(diagnosis.can_show, span)) if diagnosis.can_show else "",
         "span": span,
+        "linear": linear,
+        "linear_plot": approximations_plot(linear) if linear else "",
         "held_out": _figures.held_out(diagnosis.held_out, names, diagnosis.noise),
         "next_drive": _next_drive(diagnosis),
         "unit": diagnosis.noise.unit,

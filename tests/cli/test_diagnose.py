@@ -3,8 +3,10 @@
 import json
 from pathlib import Path
 
+import numpy as np
 import pytest
 
+import fracjax as fj
 from fracjax._cli import run
 from fracjax._io import read
 from tests.cli.helpers import FOLDER, written
@@ -41,6 +43,19 @@ def test_diagnose_without_a_model(loop, quick, capsys):
     (told,) = quick
     assert told["model"] is None
     assert written() == {"diagnosis.json", "fit.json", "report.html"}
+
+
+def test_small_tones_leave_tables_of_the_frequency_response(loop, quick, monkeypatch, capsys):
+    angles = 2 * np.pi * np.outer([3, 5, 9], np.arange(600)) / 150
+    tones = np.cos(angles).sum(axis=0)
+    recording = fj.Recording(50 + tones, 0.2 * tones, 1e-3, "V", "um", "tones")
+    both = 2 * fj.best_linear_approximations(recording)
+    monkeypatch.setattr("fracjax._diagnose._result.best_linear_approximations", lambda _: both)
+    assert run(["diagnose", loop, "--out", "results"]) == 0
+    tables = {"frequency_response_1.csv", "frequency_response_2.csv"}
+    assert written() == {"diagnosis.json", "fit.json", "report.html", *tables}
+    table = fj.read_frequency_table(FOLDER / "frequency_response_2.csv")
+    assert abs(table.response) == pytest.approx(0.2)
 
 
 def test_demo(quick, capsys):

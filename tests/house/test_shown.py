@@ -23,6 +23,7 @@ def shown() -> dict[str, object]:
     frequency_fit = fj.fit_frequency_response("lfdh", table, starts=1)
     trajectory = fj.Trajectory(recording.response - recording.response[0], STEP, "um")
     tones = 50 + 40 * np.sin(2 * np.pi * 2 * STEP * np.arange(400))
+    lines = sum(np.cos(2 * np.pi * k * np.arange(400) / 100 + k) for k in (3, 5))
     linear = fj.parse_model("creep")
     results = [
         fit,
@@ -38,6 +39,7 @@ def shown() -> dict[str, object]:
         frequency_fit,
         fj.tfocim(*RATIOS),
         fj.amplitude_ratios(fj.Recording(tones, 0.1 * tones, STEP)),
+        fj.best_linear_approximations(fj.Recording(lines, 0.1 * lines, STEP))[0],
         fj.crosscheck("creep", recording, starts=1, population=8, iterations=5),
         trajectory,
         fj.compensate("gain", trajectory),

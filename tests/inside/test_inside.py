@@ -1,6 +1,7 @@
 """Which physics is inside a machine: recordings of another integrator, posterior, columns."""
 
-from dataclasses import replace
+from dataclasses import dataclass, replace
+from types import SimpleNamespace
 from typing import Any
 
 import numpy as np
@@ -8,7 +9,7 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import fracjax as fj
-from fracjax._blocks import INSIDE, CubicStiffness, Oscillator, Within
+from fracjax._blocks import INSIDE, CubicStiffness, DryFriction, Mass, Oscillator, Within
 from fracjax._computing import computing
 from fracjax._inside import (
     About,
@@ -23,6 +24,7 @@ from fracjax._inside import (
     inquire_inside,
 )
 from fracjax._inside._columns import Column
+from fracjax._inside._inquire import _Inquiry
 from fracjax._prepare import prepare
 from fracjax._solve import solve_from
 
@@ -125,6 +127,60 @@ def test_a_column_is_the_derivative_by_the_effect():
         assert set(columns.others) == {"linear_dynamics", "drive_curve", "response_curve"}
         for shapes in (columns.effects | columns.others).values():
             assert all(shape.white.shape[0] == columns.residual.size for shape in shapes)
+
+
+@pytest.mark.parametrize(
+    ("machine", "free"),
+    [
+        (Within(Mass(of_velocity=True)), False),
+        (Mass(of_velocity=True) @ DryFriction(), True),
+        (Within(Mass()), True),
+        (Oscillator() @ DryFriction(), False),
+        (Oscillator() @ CubicStiffness(), True),
+    ],
+    ids=["velocity", "friction of a velocity", "position", "friction", "spring"],
+)
+def test_the_drives_offset_is_free_where_it_differs_from_one_of_the_response(machine, free):
+    """A velocity that is moved by a constant drive is one that is measured with an offset, unless
+    friction depends on it."""
+    assert machine.drive_offset.fixed is not free
+
+
+@dataclass
+class Stepped:
+    """Recordings of unit noise whose response is wrong by the square of the step along a wave."""
+
+    oversampling: int
+    size: float
+    along: str = "wave"
+
+    def problems(self):
+        wave = np.cos(0.1 * np.arange(1000)) if self.along == "wave" else np.ones(1000)
+        error = self.size * wave / self.oversampling**2
+        return [SimpleNamespace(whiten=lambda signal: signal, respond=lambda block: error)]
+
+
+@pytest.mark.parametrize(
+    ("preparation", "coarse"),
+    [
+        (Stepped(1, 1.0), True),
+        (Stepped(8, 1.0), False),
+        (Stepped(1, 1.0, along="tangent"), False),
+        (Stepped(64, 1e6), False),
+    ],
+    ids=["long", "short", "absorbed", "finest"],
+)
+def test_a_step_is_too_long_where_half_of_it_is_told_apart(preparation, coarse):
+    solved = SimpleNamespace(
+        block=SimpleNamespace(effects=("one",)), preparation=preparation, cost=1000.0,
+        whitened_derivative=lambda: np.ones((1000, 1)),
+    )  # fmt: skip
+    fit = SimpleNamespace(
+        names=("one",), solved=solved,
+        about=SimpleNamespace(samples=1000, evidence=lambda worth, effects: (0.0, 0.0)),
+    )  # fmt: skip
+    inquiry: Any = _Inquiry(True, lambda text: None, Columns({}, {}, *3 * [np.ones(1)]), [fit])  # type: ignore[list-item]
+    assert inquiry.is_coarse() == coarse
 
 
 def about(missing: float, seed: int = 5, count: int = 4000) -> About:

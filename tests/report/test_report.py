@@ -11,6 +11,7 @@ import matplotlib as mpl
 import numpy as np
 import pytest
 
+import fracjax as fj
 from fracjax._fit import Estimate
 from fracjax._models import Model
 from fracjax._report import write_report
@@ -92,6 +93,19 @@ def test_a_diagnosis_is_told_whole(diagnosis, tmp_path):
         *("RMSE, held-out data", "noise floor", "loop <1>.csv", "p < 1e-12", "stretches set aside"),
     ):
         assert said in page.text
+
+
+def test_small_tones_show_the_frequency_response_and_its_distortions(diagnosis, tmp_path):
+    angles = 2 * np.pi * np.arange(600) / 150
+    tones = np.cos(3 * angles) + np.cos(5 * angles + 1)
+    recording = fj.Recording(50 + tones, 0.2 * tones + 0.01 * tones**3, 1e-3, "V", "um", "tones")
+    shown = replace(diagnosis)
+    vars(shown)["linear_approximations"] = fj.best_linear_approximations(recording)
+    page = page_of(shown, tmp_path)
+    assert "Frequency response about levels of the drive" in page.text
+    assert "About 50 V, with 3." in page.text
+    assert "about 50 V" in page.source
+    assert "Frequency response about" not in page_of(diagnosis, tmp_path).text
 
 
 def test_every_axis_has_its_unit(diagnosis, tmp_path):

@@ -117,14 +117,17 @@ def _column(
         values[np.abs(values) >= LARGEST] *= np.inf
         return values
 
-    title = facts.title(path)
+    count = prod(array.shape) // max(array.shape[axis], 1)
+    title = facts.title(path, index, count)
     return Column(
         length=array.shape[axis],
         read=numbers,
         place=lambda row: f"{label}, sample {row}",
         shown=lambda row: f"{raw()[row]:g}",
-        title=title + "".join(f".{at}" for at in index),
-        units=(Stated("s", "its type"),) if is_stamp else facts.units(path, title.casefold()),
+        title=title,
+        units=(Stated("s", "its type"),)
+        if is_stamp
+        else facts.units(path, title.casefold(), index[0] if index else 0, count),
         scales=facts.scales(path),
         clocks=facts.clocks(path),
         start=relative(raw())[1] if is_stamp and array.dtype.kind == "M" else facts.start(path),

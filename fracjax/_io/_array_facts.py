@@ -153,7 +153,11 @@ class Facts:
             for kind, key, value in self._by_scope[scope]:
                 if key.casefold() == "value" and of_group in ("step", "rate"):
                     stated.append(self._fact(scope, of_group, key, value))
-                elif kind in ("step", "rate") and of_group == "about" and key not in _VAGUE:
+                elif (
+                    kind in ("step", "rate")
+                    and of_group == "about"
+                    and (key not in _VAGUE or kind_of(scope.rpartition("/")[2] + key))
+                ):
                     stated.append(self._fact(scope, kind, key, value))
         return tuple(dict.fromkeys(each for each in stated if each))
 

@@ -9,10 +9,10 @@ import numpy as np
 from fracjax._io._declared import declared_units, title_of
 from fracjax._io._table import SIGNALS, Stated, Table, column_label
 from fracjax._io._units import (
-    cased,
     contradicts,
     factored,
     is_unknowable,
+    likely,
     of_capitals,
     readable,
     titled,
@@ -138,10 +138,8 @@ def unit_of(
                 f"give {option_for(role, _EXAMPLES[role].split(',')[0])}, or what it is",
             )
         if contradicts(name, read):
-            likely = [*cased(name, read), _EXAMPLES[role].split(",")[0]][0]
-            remedy = (
-                f"give {option_for(role, likely)}, or what it is, or another column as --{role}"
-            )
+            option = option_for(role, likely(name, read))
+            remedy = f"give {option}, or what it is, or another column as --{role}"
             raise InputError.at(place, f'a unit of what "{name}" speaks of', f'"{read}"', remedy)
         return Unit(read, 1.0)
     if not written or (read is not None and unit(read) == unit(wanted)):

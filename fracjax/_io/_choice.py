@@ -321,6 +321,8 @@ def _nothing_for(table: Table, missing: list[str], chosen: Mapping[str, int]) ->
     usable = [c for c in _usable(table, chosen) if not table.about(c).stamps]
     cures = [cure for c in range(table.width) if (cure := table.about(c).remedy)]
     alone = [c for c in usable if role(table, c) not in ("time", "counter", "other")]
+    if not alone and len(missing) == 1:
+        alone = [c for c in usable if _points_to(written_unit(table, c), missing[0])]
     both = {"input": "--drive", "output": "--response"}
     if len(alone) == len(missing):
         remedy = f"give {_each_way(table, missing, alone)}"

@@ -8,7 +8,14 @@ from typing import NamedTuple
 import numpy as np
 
 from fracjax._io._declared import title_of
-from fracjax._io._facts import NUMBER, is_decimated, scales_time, step_of, units_in
+from fracjax._io._facts import (
+    NUMBER,
+    is_decimated,
+    scales_time,
+    speaks_of_sampling,
+    step_of,
+    units_in,
+)
 from fracjax._io._table import Fact, Stated, Table, column_label
 from fracjax._io._times import Stamps
 from fracjax._io._units import is_compatible, is_spelled_unit, readable, unread
@@ -82,12 +89,24 @@ def _stated_step(table: Table, facts: Sequence[Fact], listing: str) -> float:
             table.source,
             "a time column or a rate",
             f"neither in {listing}",
-            "give --rate such as 200Hz, or --time as a name or an index from 0",
+            _rates_in(table) or "give --rate such as 200Hz, or --time as a name or an index from 0",
         )
     if max(steps) > (1 + _UNIFORM) * min(steps):
         raise InputError.at(table.source, "one rate", clock_texts, "give --rate such as 200Hz")
     _require_whole_truth(table, facts, steps[0], clock_texts)
     return steps[0]
+
+
+def _rates_in(table: Table) -> str:
+    """The rates of sampling in lines that were not understood, as options; empty without any."""
+    options = []
+    for said in table.unused:
+        for number, word in re.findall(rf"({NUMBER})\s*([^\W\d]+(?:/s)?)", said.text):
+            hertz = conversion(readable(word) or "V", "Hz")
+            if hertz and speaks_of_sampling(said.text):
+                rate = f"{float(number) * hertz:.10g}Hz"
+                options.append(f'--rate {rate} if "{said.text[:60]}" says that of the samples')
+    return f"give {' or '.join(options[:2])}, else --rate such as 200Hz" if options else ""
 
 
 def _require_whole_truth(
@@ -170,9 +189,12 @@ def clock_of_time(
         stuck = ~(steps > 1e-9 * np.median(np.abs(steps)))
         if stuck.any():
             remedy = _mend(times, stuck, slope, second)
-            if stuck.mean() > 0.5 and times.min() > 0 and np.ptp(times) < np.median(times):
-                total = float(np.mean(times)) * second
-                remedy = f"if they are steps from row to row, give --rate {1 / total:.6g}Hz"
+            mean = float(np.mean(times)) * second + float(stamps.zero)
+            if stuck.mean() > 0.3 and np.ptp(times) * second < mean / 2:
+                # Steps from row to row.
+                if rate is not None and abs(mean * rate - 1) < _UNIFORM:
+                    return Clock(np.arange(len(times)) / rate, 1 / rate, ())
+                remedy = f"if they are steps from row to row, give --rate {1 / mean:.6g}Hz"
             raise _refusal(table, column, rows, times, stuck, "time to increase", remedy)
     # Where there are gaps, the step between them.
     step = second * (float(steps[steps < 2 * np.median(steps)].mean()) if slope is None else slope)
@@ -253,7 +275,11 @@ def _require_seconds(label: str, times: np.ndarray, step: float, zero: float) ->
     """Raise `InputError` for stamps, from `zero`, that are hardly seconds, where no unit is
     written."""
     begin = zero + float(times[0])
-    description, remedy = "", ""
+    description = ""
+    remedy = (
+        "give --clock ms where they are milliseconds, --clock s where they are seconds, or --rate "
+        "where samples are counted"
+    )
     if (times == np.round(times)).all():
         description = f"whole numbers {step:g} apart, which may be samples, ticks or milliseconds"
     elif step < 1e-3 and (3e4 < begin < 6e4 or 7e5 < begin < 8e5):
@@ -264,9 +290,7 @@ def _require_seconds(label: str, times: np.ndarray, step: float, zero: float) ->
             label,
             "seconds, or a unit beside the name",
             description,
-            remedy
-            or "give --clock ms where they are milliseconds, --clock s where they are seconds, or "
-            "--rate where samples are counted",
+            remedy,
         )
 
 
@@ -334,6 +358,8 @@ def _mend(times: np.ndarray, stuck: np.ndarray, slope: float | None, second: flo
         rows, span = changes[-1] - changes[0], second * (times[changes[-1]] - times[changes[0]])
         rate = _roundest((rows - 1) / span, (rows + 1) / span)
         return f"if the stamps are rounded, give --rate {rate:.10g}Hz"
+    if (np.diff(times) < 0).all():
+        return "turn the rows round, the last first"
     row = int(stuck.argmax()) + 1
     if stuck.sum() == 1 and _are_even(np.diff(np.delete(times, row))):
         return "delete that line, which is there twice"

@@ -314,6 +314,11 @@ def is_decimated(text: str) -> bool:
     return several and not _words_of(text).isdisjoint(_FACTORS["decimation"])
 
 
+def speaks_of_sampling(text: str) -> bool:
+    """Whether a line speaks of how often samples were taken, and of all that were."""
+    return not (_words_of(text).isdisjoint(_FACTORS["sampling"]) or is_decimated(text))
+
+
 def scales_time(text: str) -> bool:
     """Whether a line speaks of a factor of times, as `time_scale = 0.001` does."""
     words = _words_of(text)

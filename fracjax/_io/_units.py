@@ -133,6 +133,12 @@ def of_capitals(title: str, written: str) -> list[str]:
     return fitting if fitting != [written] else []
 
 
+def likely(name: str, written: str) -> str:
+    """A unit of what a name speaks of, where the written one is of something else: the one that is
+    spelled alike, else a usual one; empty where the name speaks of nothing."""
+    return [*cased(name, written), *_DIMENSIONS.get(quantity(name) or "", ()), ""][0]
+
+
 def cased(title: str, written: str) -> list[str]:
     """The common units that differ from a written one at most by capitals, and may be that of what
     a name speaks of."""

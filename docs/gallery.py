@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 
 import fracjax as fj
+from fracjax._blocks import SITES
 from fracjax._cli._parameters import free_parameters
 from fracjax._models import ORDINARY
 from fracjax._parameters import named_parameters
@@ -26,15 +27,6 @@ in the loop.  Plausible ranges are for a drive from 0 to 100 and a response of 1
 A *look-alike* is an effect whose change is so like this one's on many drives that a fit cannot
 distinguish them.  Beside it stands the experiment that can.
 """
-
-SITES = {
-    "drive": "on the drive, before the model",
-    "response": "on the response, after the model",
-    "additive": "beside the model, added to its response",
-    "modulation": "on the response, as a change of its gain or timing",
-    "force": "on the response, where forces act",
-    "series": "in series, after the model",
-}
 
 SECTION = """\
 ({anchor})=

@@ -14,6 +14,15 @@ from .._parameters import set_values
 from ._block import AbstractBlock
 
 Site = Literal["drive", "response", "additive", "modulation", "force", "series"]
+SITES: dict[str, str] = {
+    "drive": "on the drive, before the model",
+    "response": "on the response, after the model",
+    "additive": "beside the model, added to its response",
+    "modulation": "on the response, as a change of its gain or timing",
+    "force": "on the response, where forces act",
+    "series": "in series, after the model",
+}
+"""Where an effect acts, in words."""
 
 
 @dataclass(frozen=True)

@@ -8,7 +8,6 @@ from typing import Any
 import numpy as np
 
 import fracjax as fj
-from fracjax._blocks import SITES
 from fracjax._cli._parameters import free_parameters
 from fracjax._models import ORDINARY
 from fracjax._parameters import named_parameters
@@ -112,7 +111,7 @@ def section(effect: fj.Effect) -> str:
         title=words(effect.name),
         name=effect.name,
         sentence=effect.sentence[0].upper() + effect.sentence[1:],
-        site=SITES[effect.site],
+        site=effect.place(),
         concealed_by=effect.concealed_by,
         equation=effect.equation,
         parameters="; ".join(map(range_of, free_parameters(effect.trials(ORDINARY)[0]))),

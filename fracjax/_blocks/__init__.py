@@ -44,7 +44,6 @@ from ._block import LinearSeries as LinearSeries
 from ._block import Parallel as Parallel
 from ._block import Series as Series
 from ._block import linear_gains as linear_gains
-from ._effect import SITES as SITES
 from ._effect import Effect as Effect
 from ._effect import Setting as Setting
 from ._effect import Site as Site

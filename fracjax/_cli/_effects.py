@@ -25,7 +25,7 @@ from ._tables import print_json, print_table
 def effects_command(name: str | None, picture: Path | None, results: Results) -> None:
     """List the effects that `diagnose` can identify, or describe one in full."""
     from .._aliases import meant_by, spelt
-    from .._blocks import EFFECTS, INSIDE, SITES
+    from .._blocks import EFFECTS, INSIDE
     from .._models import MODELS
     from .._recording import InputError, closest
 
@@ -48,7 +48,7 @@ def effects_command(name: str | None, picture: Path | None, results: Results) ->
     elif not results.quiet:
         print_table(
             ["effect", "acts", "equation", "what it is"],
-            [[e["name"], SITES[e["site"]], e["equation"], e["sentence"]] for e in listed],
+            [[e["name"], EFFECTS[e["name"]].place(), e["equation"], e["sentence"]] for e in listed],
         )
         print('\nInside a machine, at a port of it: --model "oscillator @ cubic_stiffness"')
         print_table(
@@ -98,13 +98,13 @@ def _rows(effect: dict[str, Any]) -> list[list[str]]:
     look_alikes = [
         f"{other}: distinguished by {how}" for other, how in effect["separated_by"].items()
     ]
-    from .._blocks import SITES
+    from .._blocks import EFFECTS
 
     return [
         ["effect", effect["name"]],
         ["what it is", effect["sentence"]],
         ["equation", effect["equation"]],
-        ["acts", SITES[effect["site"]]],
+        ["acts", EFFECTS[effect["name"]].place()],
         ["plausible", "\n".join(parameters)],
         ["look-alikes", "\n".join(look_alikes) or "none"],
         ["concealed by", effect["concealed_by"]],

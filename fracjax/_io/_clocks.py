@@ -190,7 +190,8 @@ def clock_of_time(
         if stuck.any():
             remedy = _mend(times, stuck, slope, second)
             mean = float(np.mean(times)) * second + float(stamps.zero)
-            if stuck.mean() > 0.3 and np.ptp(times) * second < mean / 2:
+            back = (steps < 0).any() or not np.ptp(times)
+            if back and stuck.mean() > 0.3 and np.ptp(times) * second < mean / 2:
                 # Steps from row to row.
                 if rate is not None and abs(mean * rate - 1) < _UNIFORM:
                     return Clock(np.arange(len(times)) / rate, 1 / rate, ())

@@ -8,7 +8,6 @@ from typing import Any
 
 import jinja2
 
-from .._blocks import SITES
 from .._show import figure, percent, quantity
 from ._text import opening
 
@@ -29,7 +28,5 @@ def _environment() -> jinja2.Environment:
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    environment.filters.update(
-        figure=figure, opening=opening, percent=percent, place=SITES.get, quantity=quantity
-    )
+    environment.filters.update(figure=figure, opening=opening, percent=percent, quantity=quantity)
     return environment

@@ -117,7 +117,7 @@ def _column(
             values[np.isin(values, missing)] = np.nan
         if (scale, offset) != (1.0, 0.0):
             values = values * scale + offset
-        if not (values.size and -LARGEST < values.min() and values.max() < LARGEST):
+        if not (values.size and values.min() > -LARGEST and values.max() < LARGEST):
             values[np.abs(values) >= LARGEST] *= np.inf
         return values
 

@@ -324,8 +324,12 @@ def _nothing_for(table: Table, missing: list[str], chosen: Mapping[str, int]) ->
     if not alone and len(missing) == 1:
         alone = [c for c in usable if _points_to(written_unit(table, c), missing[0])]
     both = {"input": "--drive", "output": "--response"}
+    # A column that runs in even steps, of a name that says nothing, is hardly a signal.
+    runs = [c for c in alone if len(alone) == len(missing) + 1 and is_time(table.numbers(c))]
+    alone = [c for c in alone if c not in runs] if len(runs) == 1 else alone
     if len(alone) == len(missing):
-        remedy = f"give {_each_way(table, missing, alone)}"
+        time = f"--time {_key(table, runs[0])} and " if len(runs) == 1 else ""
+        remedy = f"give {time}{_each_way(table, missing, alone, time)}"
     if cures and len(usable) < len(missing):
         remedy = cures[0]
     elif table.width < len(missing):
@@ -355,11 +359,12 @@ def _nothing_for(table: Table, missing: list[str], chosen: Mapping[str, int]) ->
     )
 
 
-def _each_way(table: Table, missing: list[str], columns: list[int]) -> str:
-    """The options that take as many columns as signals are missing, in either order."""
+def _each_way(table: Table, missing: list[str], columns: list[int], time: str = "") -> str:
+    """The options that take as many columns as signals are missing, in either order; `time`, the
+    option for the time, which the second way repeats."""
     names = [_key(table, c) for c in columns]
     orders = [names] if len(names) == 1 else [names, names[::-1]]
-    return ", or ".join(
+    return f", or {time}".join(
         " and ".join(f"--{role} {name}" for role, name in zip(missing, order, strict=True))
         for order in orders
     )

@@ -198,3 +198,12 @@ def test_formats_comments_and_sheets_of_a_workbook(tmp_path):
         sheet.cell(2, column).number_format = f'0.000" {unit}"'
     book.save(path)
     is_the_loop(path)
+
+
+def test_columns_of_names_that_say_nothing(put):
+    path = put("a;b;c\n" + rows(TIME, DRIVE, RESPONSE, separator=";"))
+    with pytest.raises(InputError, match="give --time a and --input b and --output c, or --time a"):
+        read(path)
+    is_the_loop(
+        path, time="a", input="b", output="c", time_unit="s", input_unit="V", output_unit="um"
+    )

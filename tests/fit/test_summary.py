@@ -23,7 +23,7 @@ def compared() -> fj.Comparison:
 def test_a_fit_is_short_at_the_prompt_and_complete_in_its_summary(found):
     text = repr(found)
     assert len(text.splitlines()) < 20
-    assert text.startswith("creep fitted to recording: error 0.")
+    assert text.startswith("power_law fitted to recording: error 0.")
     assert "times the noise floor of 0.01 µm" in text
     summary = found.summary()
     assert repr(summary) == summary  # a notebook shows lines and no \n
@@ -124,7 +124,7 @@ def test_pictures_show_what_was_measured_and_what_remains(found, tmp_path):
 def test_a_comparison_shows_its_models_best_first(compared):
     text = repr(compared)
     assert len(text.splitlines()) < 20
-    assert text.startswith("2 models compared: best by BIC and on data held out is creep.")
+    assert text.startswith("2 models compared: best by BIC and on data held out is power_law.")
     assert list(compared.to_dataframe().index) == ["power_law", "gain"]
     (panel,) = compared.plot().axes
     assert [label.get_text() for label in panel.get_yticklabels()] == ["power_law", "gain"]

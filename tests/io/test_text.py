@@ -286,7 +286,7 @@ REFUSED = {
         {"rate": 200},
         r"found 3 column\(s\) without names; give --input and --output",
     ),
-    "one told": (lines_of(names=()), {"input": 1}, "columns for output, .* give --time 0 and --output 2"),
+    "one told": (lines_of(names=()), {"input": 1}, "columns for output, .*--time 0 and --output 2"),
     "two responses": (
         lines_of(names=("u_V", "x_um", "y_um")),
         {"rate": 200},

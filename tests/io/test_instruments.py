@@ -211,5 +211,5 @@ def test_columns_of_names_that_say_nothing(put):
 
 def test_a_tdm_file_is_named_with_the_way_to_one_that_is_read(put):
     path = put('<?xml version="1.0"?>\n<usi:tdm version="1.0">\n</usi:tdm>\n', "loop.tdm")
-    with pytest.raises(InputError, match="a TDM file, .*save it as .tdms in DIAdem"):
+    with pytest.raises(InputError, match=r"a TDM file, .*save it as \.tdms in DIAdem"):
         read(path)

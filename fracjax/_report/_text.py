@@ -217,7 +217,7 @@ def crosscheck_figures(crosscheck: Crosscheck) -> Figures:
     unit = crosscheck.fit.preparation.takes[0].recording.response_unit
     rows = [
         ["rms error", *(f"{row.rmse:.5g}" for row in methods), pretty_unit(unit)],
-        ["relative error", *(f"{row.e_r:.5g}" for row in methods), ""],
+        ["rel. error", *(f"{row.e_r:.5g}" for row in methods), ""],
         ["over the best", *(f"{row.over_best:.6g}" for row in methods), ""],
         ["agrees", *("yes" if row.agrees else "no" for row in methods), ""],
         *(

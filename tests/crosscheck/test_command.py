@@ -51,7 +51,7 @@ def test_the_command_prints_one_table(loop, checked, monkeypatch, capsys):
     assert {len(row) for row in rows} == {len(heads)}
     for label in (
         "rms error",
-        "relative error",
+        "rel. error",
         "alpha",
         "k_h",
         "evaluations",

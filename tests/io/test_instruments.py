@@ -136,11 +136,15 @@ def test_factors_and_signs_that_were_not_used_are_listed(put, line):
     assert read_segments(path)[0].unused == (f"loop.csv, line 1: {line}",)
 
 
-def test_a_file_beside_it_may_speak_of_its_units(put):
+def test_a_file_beside_it_may_speak_of_its_units(put, capsys):
     path = put("t,u,y\n" + TIMED)
     put(json.dumps({"columns": [{"name": "t", "unit": "ms"}]}), "loop.csv-metadata.json")
     with pytest.raises(InputError, match=r"in loop.csv-metadata.json; give --clock ms"):
         read(path)
+    run(["info", "loop.csv", "--clock", "ms", "--input", "u", "--output", "y", "--json"])
+    put(capsys.readouterr().out, "loop.csv.json")
+    unused = read_segments(path, time_unit="ms", input="u", output="y")[0].unused
+    assert [said.startswith("loop.csv, loop.csv-metadata.json: ") for said in unused] == [True]
 
 
 UNITS = np.array(["kV", "um"])

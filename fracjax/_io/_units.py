@@ -16,7 +16,7 @@ _MISREAD = frozenset(WORDS["units"]["misread"])
 _UNKNOWABLE = frozenset(WORDS["units"]["unknowable"])
 _PREFIX = "(?:[pnumcdkMGµμ]?)"
 _PLAIN = (
-    rf"(?:{_PREFIX}(?:V|A|m|s|N|Hz|C|Pa|rad|W|F|T|g|J|eV|Wb)|secs?|(?:nano|micro|milli)?seconds?|[mun]secs?|mins?|hours?"
+    rf"(?:{_PREFIX}(?:V|A|m|s|Nm|N|Hz|C|Pa|rad|W|F|T|g|J|eV|Wb)|secs?|(?:nano|micro|milli)?seconds?|[mun]secs?|mins?|hours?"
     r"|volts?|microns?|micrometers?|micrometres?|nanometers?|nanometres?|millimeters?|inch|mils?"
     r"|deg|degrees?|mdeg|arcsec|newtons?|bar|amps?|ohm|Ω|%|ppm|ustrain|microstrain)"
 )

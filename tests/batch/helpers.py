@@ -49,7 +49,7 @@ def fit_by(monkeypatch, fit: Callable[..., fj.Fit]) -> None:
 
 
 def batch(recordings, **options) -> pd.DataFrame:
-    return fj.fit_batch("power_law", recordings, **{"out": OUT, "starts": 2} | options)
+    return fj.fit_batch("creep", recordings, **{"out": OUT, "starts": 2} | options)
 
 
 def told(recordings, **options) -> list[dict[str, Any]]:

@@ -137,7 +137,7 @@ def test_a_killed_worker_loses_nothing(quick_cluster):
 def test_a_recording_that_kills_workers_is_a_row(quick_cluster, monkeypatch):
     monkeypatch.setattr(quick_cluster.scheduler, "allowed_failures", 0)
     jobs = [File(save(Path("a.csv").resolve(), 1)), Deadly(Path("b.csv"))]
-    work = Work("power_law", None, None, 2, 0)
+    work = Work("creep", None, None, 2, 0)
     rows = [r for some in on_cluster(quick_cluster.scheduler_address, jobs, work) for r in some]
     told = {Path(row["source"]).name: (row["status"], row["reason"]) for row in rows}
     assert told == {

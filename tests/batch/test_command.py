@@ -30,9 +30,7 @@ def test_the_command(data, quick, capsys):
     call += ["--mask", "1 s..2 s", "--loss", "huber"]
     assert run([*call, "--settle", "250ms", "--seed", "3", "--history", "rest"]) == 0
     out, err = capsys.readouterr()
-    assert out.startswith(
-        "power_law: of 7 recordings 6 fitted, 1 unreadable; of the fitted, 0 with a "
-    )
+    assert out.startswith("creep: of 7 recordings 6 fitted, 1 unreadable; of the fitted, 0 with a ")
     assert "Unreadable: " in out
     assert out.endswith(f"Written: results/{FITS}, results/fits.csv, results/report.html\n")
     assert err == ""
@@ -64,12 +62,12 @@ def test_the_command_where_fits_do_not_converge(data, quick, fitted, monkeypatch
 @pytest.mark.parametrize(
     ("call", "said"),
     [
-        ("batch --model power_law --out results", "Missing argument 'PATH...'"),
+        ("batch --model creep --out results", "Missing argument 'PATH...'"),
         ("batch a.csv --out results", "Missing option '--model'"),
         ("batch a.csv --model nope --out results", 'model "nope": expected names'),
-        ("batch *.csv --model power_law --out results", "expected a pattern that matches files"),
-        ("batch a.csv --model power_law --out results --settle 9um", "expected a value in s"),
-        ("batch a.csv --model power_law --out results --cluster 127.0.0.1:9", "connection refused"),
+        ("batch *.csv --model creep --out results", "expected a pattern that matches files"),
+        ("batch a.csv --model creep --out results --settle 9um", "expected a value in s"),
+        ("batch a.csv --model creep --out results --cluster 127.0.0.1:9", "connection refused"),
     ],
 )
 def test_unusable_calls(call, said, capsys):

@@ -82,7 +82,7 @@ def test_a_fit_is_compared_with_noise_that_was_measured(rows):
 
 
 def test_every_point_of_the_page_leads_to_a_row(rows):
-    write_batch_report(rows, "power_law", "page.html")
+    write_batch_report(rows, "creep", "page.html")
     page = Path("page.html").read_text()
     targets = set(re.findall(r'href="#(row-\d+)"', page))
     assert targets == {f"row-{k}" for k in range(20) if k != 9}
@@ -94,5 +94,5 @@ def test_every_point_of_the_page_leads_to_a_row(rows):
 
 
 def test_the_page_of_a_batch_in_which_nothing_was_fitted(rows):
-    write_batch_report(rows.loc[[9]], "power_law", "page.html")
+    write_batch_report(rows.loc[[9]], "creep", "page.html")
     assert "of 1 recordings 1 failed" in Path("page.html").read_text()

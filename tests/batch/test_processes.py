@@ -21,7 +21,7 @@ class Mortal(Held):
 
 
 def test_processes_fit_as_fit_does_and_outlive_one_that_dies():
-    work = Work("power_law", None, None, 2, 0)
+    work = Work("creep", None, None, 2, 0)
     jobs = [Held(recording(0)), Mortal(recording(1, source="deadly")), Held(recording(2))]
     with closing(Processes(Waiting(jobs, 1), work)) as processes:
         processes.start(1, 4)
@@ -39,13 +39,13 @@ def test_what_no_process_can_unpack_is_fitted_here(quick, monkeypatch):
         pass
 
     monkeypatch.setattr("fracjax._batch._batch._MANY", 1)
-    rows = fj.fit_batch(Own(fj.blocks.Creep(), "power_law"), [recording(0)], out=OUT)
+    rows = fj.fit_batch(Own(fj.blocks.Creep(), "creep"), [recording(0)], out=OUT)
     assert (len(quick), list(rows["status"])) == (1, ["fitted"])
 
 
 def test_processes_end_with_what_asked_for_them():
     waiting = Waiting([Held(recording(k)) for k in range(40)], 1)
-    with closing(Processes(waiting, Work("power_law", None, None, 2, 0))) as processes:
+    with closing(Processes(waiting, Work("creep", None, None, 2, 0))) as processes:
         processes.start(1, 4)
         assert next(processes.rest())
     assert len(waiting) == 0
@@ -61,7 +61,7 @@ def test_no_process_is_waited_for_that_has_nothing_to_do(monkeypatch):
 
     monkeypatch.setattr("fracjax._batch._processes._Worker.confirm", never_ready)
     waiting = Waiting([Held(recording(0))], 2)
-    with closing(Processes(waiting, Work("power_law", None, None, 2, 0))) as processes:
+    with closing(Processes(waiting, Work("creep", None, None, 2, 0))) as processes:
         processes.start(1, 4)
         waiting.take(4)
         rest = threading.Thread(target=lambda: list(processes.rest()), daemon=True)
@@ -88,7 +88,7 @@ def test_processes_help_where_they_are_worth_their_start(tmp_path, monkeypatch):
     recordings = [recording(k, source=f"{k}") for k in range(100)]
     for name, worth in (("here", 1e9), ("there", 0.0)):
         monkeypatch.setattr("fracjax._batch._batch._WORTH_PROCESSES", worth)
-        rows = fj.fit_batch("power_law", recordings, out=tmp_path / name, starts=4)
+        rows = fj.fit_batch("creep", recordings, out=tmp_path / name, starts=4)
         assert list(rows["source"]) == [each.source for each in recordings]
         assert set(rows["status"]) == {"fitted"}
     assert started == [(1, 92)]
@@ -97,7 +97,7 @@ def test_processes_help_where_they_are_worth_their_start(tmp_path, monkeypatch):
 def test_a_killed_process_costs_no_recording():
     """Killed between two of its answers: a new one fits what it had taken."""
     jobs = [Held(recording(k, source=f"{k}")) for k in range(40)]
-    with closing(Processes(Waiting(jobs, 1), Work("power_law", None, None, 2, 0))) as processes:
+    with closing(Processes(Waiting(jobs, 1), Work("creep", None, None, 2, 0))) as processes:
         processes.start(1, 4)
         rest = processes.rest()
         rows = next(rest)

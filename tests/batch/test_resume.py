@@ -84,23 +84,15 @@ def test_recordings_in_memory_are_known_by_name_and_content(quick):
 @pytest.mark.parametrize(
     ("model", "options", "said"),
     [
-        ("power_law", {"seed": 1}, r"\(seed: 0\), found others \(seed: 1\)"),
-        ("power_law", {"starts": 3}, "starts: 2.*starts: 3"),
-        ("power_law", {"history": "rest"}, "history: auto.*history: rest"),
-        ("power_law", {"settling": "1 s"}, "settling: auto.*settling: 1 s"),
-        ("power_law", {"fixed": {"mu": 0.01}}, r"fixed: not given.*fixed: \{'mu': 0.01\}"),
-        (
-            "power_law",
-            {"priors": {"mu": fj.Normal(0.01, 0.1)}},
-            "priors: not given.*priors: .*0.01",
-        ),
-        ("power_law", {"loss": "huber"}, "loss: not given.*loss: 'huber'"),
-        (
-            "power_law",
-            {"read_options": {"input": "voltage_V"}},
-            "input: not given.*input: voltage_V",
-        ),
-        ("lfdh", {}, "model: power_law.*model: lfdh"),
+        ("creep", {"seed": 1}, r"\(seed: 0\), found others \(seed: 1\)"),
+        ("creep", {"starts": 3}, "starts: 2.*starts: 3"),
+        ("creep", {"history": "rest"}, "history: auto.*history: rest"),
+        ("creep", {"settling": "1 s"}, "settling: auto.*settling: 1 s"),
+        ("creep", {"fixed": {"mu": 0.01}}, r"fixed: not given.*fixed: \{'mu': 0.01\}"),
+        ("creep", {"priors": {"mu": fj.Normal(0.01, 0.1)}}, "priors: not given.*priors: .*0.01"),
+        ("creep", {"loss": "huber"}, "loss: not given.*loss: 'huber'"),
+        ("creep", {"read_options": {"input": "voltage_V"}}, "input: not given.*input: voltage_V"),
+        ("lfdh", {}, "model: creep.*model: lfdh"),
         (fj.Model(fj.blocks.Creep(mu=0.0072 + 1e-12)), {}, "model made by: name.*values"),
     ],
 )
@@ -201,7 +193,7 @@ def fit(model, recording, **options):
 
 fracjax._batch._rows.fit = fit
 fracjax._batch._batch._MANY = 1000
-fit_batch("power_law", "data", out="results", starts=2, chunk=3)
+fit_batch("creep", "data", out="results", starts=2, chunk=3)
 """
 
 

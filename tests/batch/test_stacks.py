@@ -75,7 +75,7 @@ def test_a_stack_that_fails_is_fitted_one_by_one(monkeypatch):
 def test_what_cannot_be_compressed_is_fitted_by_itself():
     (row,) = told([recording(0)], starts=4, loss="huber")
     assert row["stacked"]
-    rows = fj.fit_batch("power_law", [recording(0)], out="other", starts=4, priors={
+    rows = fj.fit_batch("creep", [recording(0)], out="other", starts=4, priors={
         "mu": fj.Normal(0.01, 0.1)
     })  # fmt: skip
     assert rows["stacked"].tolist() == [False]

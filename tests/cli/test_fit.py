@@ -111,7 +111,7 @@ def test_without_convergence_the_best_point_is_kept(loop, quick, fitted, monkeyp
     monkeypatch.setattr(fracjax._fit, "fit", lambda *_, **__: failed)
     assert run(["fit", loop, "--model", "power_law", "--out", "results", "--quiet"]) == 3
     assert failure(capsys, 3) == (
-        "The fit of power_law did not converge; its best point was saved in results."
+        "The fit of creep did not converge; its best point was saved in results."
     )
     assert written() == {"fit.json", "report.html"}
 

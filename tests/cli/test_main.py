@@ -38,11 +38,8 @@ PACKAGE = Path(fracjax.__file__).parent
         ("fit LOOP --model foh --out results --settle 9s", "a time from 0 to 3.68 s"),
         ("fit LOOP --model foh --out results --settle 9um", "expected a value in s"),
         ("fit LOOP --model foh --out results --prior alpha=1", 'a text such as "alpha=0.1±0.02"'),
-        ("fit LOOP --model power_law --out results --fix nu=1", '"nu": expected one of k_c, mu'),
-        (
-            "fit LOOP --model power_law --out results --mask 8s..9s",
-            "expected times within 0 to 3.99",
-        ),
+        ("fit LOOP --model creep --out results --fix nu=1", '"nu": expected one of k_c, mu'),
+        ("fit LOOP --model creep --out results --mask 8s..9s", "expected times within 0 to 3.99"),
         ("fit LOOP --model foh --out results --input 7", 'expected a column "7"'),
         (
             "diagnose LOOP --model foh --out results --noise -1um",

@@ -204,7 +204,7 @@ def test_a_target_writes_the_inverse_for_a_loop(fitted, empty_folder, capsys):
     words = ["compensate", "--fit", str(fitted), "--target", "c", "--step", "10 ms"]
     assert run([*words, "--slew", "2 V/ms", "--out", "loop"]) == 0
     out = " ".join(capsys.readouterr().out.split())
-    assert out.startswith("The inverse of power_law runs every 0.01 s, and its linear parts")
+    assert out.startswith("The inverse of creep runs every 0.01 s, and its linear parts hold to")
     assert "What the model lacks comes on top." in out
     assert sorted(path.name for path in Path("loop").iterdir()) == [
         "Makefile", "report.html", "stage.c", "stage.h", "stage_test.c", "stage_vector.csv",

@@ -62,7 +62,7 @@ def test_standard_errors_are_the_scatter():
     """Of a straight law, creep: 60 tables, 95 % intervals, and the scatter itself."""
     law = fj.parse_model("power_law").with_values({"k_c": 0.08, "mu": 0.02})
     exact = fj.frequency_response(law.block, FREQUENCIES)
-    draws = [by_name(fit(table(seed, exact), "power_law", starts=1)) for seed in range(60)]
+    draws = [by_name(fit(table(seed, exact), "creep", starts=1)) for seed in range(60)]
     for name, true in (("k_c", 0.08), ("mu", 0.02)):
         covered = sum(d[name].interval[0] <= true <= d[name].interval[1] for d in draws)
         assert covered >= 52, name  # 1 % of the binomial
@@ -208,7 +208,7 @@ def test_from_the_command_line(on_disk, tmp_path, capsys):
     assert out.startswith("lfdh describes table.csv best of 2 models by BIC, to ")
     assert without_progress(err) == ""
     files = {path.name for path in (tmp_path / "results").iterdir()}
-    assert files == {"fit.json", "fit_power_law.json", "fit_lfdh.json", "report.html"}
+    assert files == {"fit.json", "fit_creep.json", "fit_lfdh.json", "report.html"}
     assert fj.load_model(tmp_path / "results" / "fit.json").name == "lfdh"
     page = (tmp_path / "results" / "report.html").read_text()
     assert "amplitude [µm/V]" in page

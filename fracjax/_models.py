@@ -196,7 +196,7 @@ def parse_model(
 
     Creep is one physical process with several laws.  `creep` is the effect, which is added to a
     model that has gains already: the logarithmic law, or by its form `kelvin_voigt` a few
-    relaxations.  The model `power_law` is k_c s^-μ, drive to response, as the papers identify
+    relaxations.  The model `power_law_creep` is k_c s^-μ, drive to response, as the papers identify
     it, and `coupled` is foh followed by it.
 
     In a composition, effects are of their typical size for `setting`.  An effect with several forms

@@ -46,7 +46,7 @@ def test_info_of_segments(capsys):
     assert "two segments of 0.32 s with gaps of 4.685 s" in told[0]["warnings"][0]
     assert run(["info", "loop.csv", "--segment", "2", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["source"] == "loop.csv, segment 2 of 2"
-    call = ["posterior", "loop.csv", "--model", "power_law", "--out", "p"]
+    call = ["posterior", "loop.csv", "--model", "power_law_creep", "--out", "p"]
     assert run(call) == 2
     assert "give --segment 1 to 2" in capsys.readouterr().err
 
@@ -72,7 +72,7 @@ def test_bad_samples_are_masked_where_that_is_asked(capsys):
         "fit",
         "loop.csv",
         "--model",
-        "power_law",
+        "power_law_creep",
         "--out",
         "out",
         "--fix",
@@ -127,7 +127,7 @@ def test_what_is_simulated_comes_in_the_unit_asked_for():
             "simulate",
             "u.csv",
             "--model",
-            "power_law",
+            "power_law_creep",
             "--out",
             f"{unit}.csv",
             "--quiet",
@@ -139,7 +139,7 @@ def test_what_is_simulated_comes_in_the_unit_asked_for():
                 "simulate",
                 "u.csv",
                 "--model",
-                "power_law",
+                "power_law_creep",
                 "--out",
                 "x.csv",
                 "--output-unit",

@@ -240,7 +240,7 @@ def test_info_of_a_resampled_recording(tmp_path, capsys):
 def test_simulate_knows_the_suffixes(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "")
     write(tmp_path / "loop.npz", LOOP)
-    call = ["simulate", str(tmp_path / "loop.npz"), "--model", "power_law"]
+    call = ["simulate", str(tmp_path / "loop.npz"), "--model", "power_law_creep"]
     assert run([*call, "--out", str(tmp_path / "loop.ods")]) == 2
     assert ": expected one of the suffixes .csv" in capsys.readouterr().err
     assert os.listdir(tmp_path) == ["loop.npz"]
@@ -257,7 +257,7 @@ def test_simulate_writes_what_the_suffix_tells(tmp_path, monkeypatch, suffix):
         "--resample",
         "200Hz",
         "--model",
-        "power_law",
+        "power_law_creep",
         "--out",
         str(out),
     ]

@@ -74,7 +74,7 @@ def test_linear_blocks_join_to_one_law():
 
 
 def test_the_power_law_of_creep_has_its_gain_and_creep_is_the_effect():
-    alone, coupled = fj.parse_model("power_law"), fj.parse_model("coupled")
+    alone, coupled = fj.parse_model("power_law_creep"), fj.parse_model("coupled")
     assert not alone.parameters["k_c"].fixed
     assert coupled.parameters["creep.k_c"].fixed
     chained = fj.parse_model("foh >> creep").parameters

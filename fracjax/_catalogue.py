@@ -190,7 +190,7 @@ GROUPS: dict[str, dict[str, Callable[..., AbstractBlock]]] = {
     "loops": {
         "foh": FOH,
         "lfdh": LFDH,
-        "power_law_creep": Creep,
+        "creep": Creep,
         "coupled": coupled,
         "bouc_wen": BoucWen,
         "prandtl_ishlinskii": prandtl_ishlinskii,

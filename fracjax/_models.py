@@ -194,10 +194,10 @@ def parse_model(
     proportion, `gain >> resonance`.
     The field's other words lead to these names: "Bouc-Wen", "Prandtl-Ishlinskii", "Kelvin-Voigt".
 
-    Creep is one physical process with several laws.  `creep` is the effect, which is added to a
-    model that has gains already: the logarithmic law, or by its form `kelvin_voigt` a few
-    relaxations.  The model `power_law_creep` is k_c s^-μ, drive to response, as the papers identify
-    it, and `coupled` is foh followed by it.
+    Creep is one physical process with several laws.  The model `creep`, alone, is its power law
+    k_c s^-μ, drive to response, as the papers identify it.  In a composition the name means the
+    effect, which is added to a model that has gains already: the logarithmic law, or by its form
+    `kelvin_voigt` a few relaxations.  `coupled` is foh followed by the power law.
 
     In a composition, effects are of their typical size for `setting`.  An effect with several forms
     is taken in the first, or, if another block follows in series, in the first that acts on the

@@ -39,6 +39,7 @@ def models_command(results: Results) -> None:
         print('Inside a machine acts, by @: "oscillator @ cubic_stiffness"; there are')
         print(f"{', '.join(INSIDE)}.")
         print("An effect alone is fitted on a gain: --model resonance is gain >> resonance.")
+        print("Creep alone is the power law above; in a composition, the effect of that name.")
 
 
 def _row(model: dict[str, Any]) -> list[str]:

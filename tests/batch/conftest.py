@@ -10,7 +10,7 @@ from tests.batch.helpers import fit_by, recording, save
 
 @pytest.fixture(scope="session")
 def fitted() -> fj.Fit:
-    return fj.fit(fj.parse_model("power_law_creep"), recording(0), starts=2)
+    return fj.fit(fj.parse_model("creep"), recording(0), starts=2)
 
 
 @pytest.fixture

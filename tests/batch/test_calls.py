@@ -72,9 +72,7 @@ def test_a_held_parameter_is_held_in_a_batch():
     (row,) = told([recording(0)], bounds={"mu": (0.01, 0.02)})
     assert row["mu.value"] == pytest.approx(0.02)
     assert row["mu.at_bound"]
-    expected = fj.fit(
-        fj.parse_model("power_law_creep"), recording(0), starts=2, bounds={"mu": (0.01, 0.02)}
-    )
+    expected = fj.fit(fj.parse_model("creep"), recording(0), starts=2, bounds={"mu": (0.01, 0.02)})
     assert row["rmse"] == expected.scores.rmse
 
 

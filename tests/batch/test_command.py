@@ -17,16 +17,7 @@ from tests.helpers import failure
 
 def test_the_command(data, quick, capsys):
     (data / "5.csv").write_text("nonsense")
-    call = [
-        "batch",
-        str(data),
-        "--model",
-        "power_law_creep",
-        "--out",
-        "results",
-        "--bound",
-        "mu=0.001..0.1",
-    ]
+    call = ["batch", str(data), "--model", "creep", "--out", "results", "--bound", "mu=0.001..0.1"]
     call += ["--mask", "1 s..2 s", "--loss", "huber"]
     assert run([*call, "--settle", "250ms", "--seed", "3", "--history", "rest"]) == 0
     out, err = capsys.readouterr()
@@ -43,7 +34,7 @@ def test_the_command(data, quick, capsys):
 
 
 def test_the_command_as_json_and_quiet(data, quick, capsys):
-    call = ["batch", str(data), "--model", "power_law_creep", "--out", "results"]
+    call = ["batch", str(data), "--model", "creep", "--out", "results"]
     assert run([*call, "--json"]) == 0
     told = json.loads(capsys.readouterr().out)
     assert told["counts"] == {"fitted": 7, "not converged": 0, "unreadable": 0, "failed": 0}
@@ -55,9 +46,7 @@ def test_the_command_as_json_and_quiet(data, quick, capsys):
 def test_the_command_where_fits_do_not_converge(data, quick, fitted, monkeypatch, capsys):
     failed = replace(fitted, converged=False)
     fit_by(monkeypatch, lambda *_, **__: failed)
-    assert (
-        run(["batch", str(data), "--model", "power_law_creep", "--out", "results", "--quiet"]) == 3
-    )
+    assert run(["batch", str(data), "--model", "creep", "--out", "results", "--quiet"]) == 3
     assert failure(capsys).startswith("7 of 7 fits did not converge; ")
 
 
@@ -79,9 +68,7 @@ def test_unusable_calls(call, said, capsys):
 
 
 def test_where_nothing_can_be_read(capsys):
-    assert (
-        run(["batch", "none.csv", "--model", "power_law_creep", "--out", "results", "--quiet"]) == 2
-    )
+    assert run(["batch", "none.csv", "--model", "creep", "--out", "results", "--quiet"]) == 2
     assert "None of 1 recordings could be read; the first: " in failure(capsys)
 
 
@@ -92,7 +79,7 @@ def test_an_interrupted_command_says_what_it_kept(data, quick, fitted, monkeypat
 
     Parts_write = Parts.write
     monkeypatch.setattr(Parts, "write", write)
-    assert run(["batch", str(data), "--model", "power_law_creep", "--out", "results"]) == 130
+    assert run(["batch", str(data), "--model", "creep", "--out", "results"]) == 130
     assert f"Interrupted; kept results/{FITS}." in capsys.readouterr().err
 
 
@@ -103,7 +90,5 @@ def test_a_bar_only_where_someone_watches(data, quick, monkeypatch):
 
     monkeypatch.setattr(sys, "stderr", terminal := Terminal())
     monkeypatch.setenv("TERM", "xterm")
-    assert (
-        run(["batch", str(data), "--model", "power_law_creep", "--out", "results", "--json"]) == 0
-    )
+    assert run(["batch", str(data), "--model", "creep", "--out", "results", "--json"]) == 0
     assert "7/7" in terminal.getvalue()

@@ -12,7 +12,7 @@ def test_rows_are_fits_to_the_last_bit():
     assert list(rows["source"]) == ["number 0", "number 1", "number 2", "number 3"]
     assert set(rows["status"]) == {"fitted"}
     for given, row in zip(recordings, rows.to_dict("records"), strict=True):
-        expected = fj.fit(fj.parse_model("power_law_creep"), given, starts=2).to_dict()
+        expected = fj.fit(fj.parse_model("creep"), given, starts=2).to_dict()
         for name, estimate in expected["parameters"].items():
             assert {key: row[f"{name}.{key}"] for key in estimate} == estimate
         for name, score in expected["scores"].items():
@@ -53,5 +53,5 @@ def test_precision_is_left_alone(float32_default):
 
     (row,) = told([recording(0)])
     assert jnp.ones(1).dtype == np.float32
-    found = fj.fit(fj.parse_model("power_law_creep"), recording(0), starts=2)
+    found = fj.fit(fj.parse_model("creep"), recording(0), starts=2)
     assert row["rmse"] == found.scores.rmse

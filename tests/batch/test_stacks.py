@@ -32,7 +32,7 @@ def test_rows_of_stacks_are_fits():
     recordings = [*several, *one_drive, coloured, in_nm]
     rows = told(recordings, starts=4)
     for one, row in zip(recordings, rows, strict=True):
-        alone = fj.fit("power_law_creep", one, starts=4)
+        alone = fj.fit("creep", one, starts=4)
         assert (row["status"], row["stacked"]) == ("fitted", True)
         assert apart(row, alone) < 1e-3
         for e in alone.estimates:
@@ -55,7 +55,7 @@ def test_a_bad_recording_changes_nothing_for_the_others():
     assert "drive: expected a signal that varies" in rows["resting"]["reason"]
     for one in good:
         assert rows[one.source]["status"] == "fitted"
-        assert apart(rows[one.source], fj.fit("power_law_creep", one, starts=4)) < 1e-3
+        assert apart(rows[one.source], fj.fit("creep", one, starts=4)) < 1e-3
 
 
 def test_a_stack_that_fails_is_fitted_one_by_one(monkeypatch):

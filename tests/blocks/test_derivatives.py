@@ -56,7 +56,7 @@ def test_derivatives_law_by_law_are_those_of_the_whole(text, setting):
 @pytest.mark.parametrize("count", [1, 3, 4])
 def test_changes_pass_a_linear_law_beside_its_drive(count, history, setting):
     with jax.enable_x64(True):
-        block = fj.parse_model("power_law_creep", setting).block
+        block = fj.parse_model("creep", setting).block
         grid = Grid(np.asarray(TIMES[1]), history)
         along = [np.sin(DRIVE + k) for k in range(count)]
         response, columns, changes = block.linearise(DRIVE, grid, [], along)

@@ -35,7 +35,7 @@ def loop(tmp_path_factory) -> str:
 @pytest.fixture(scope="session")
 def fitted(loop) -> Fit:
     """A real fit, quick: the fractional integral alone."""
-    return fracjax._fit.fit(fracjax.parse_model("power_law_creep"), read(loop), starts=1)
+    return fracjax._fit.fit(fracjax.parse_model("creep"), read(loop), starts=1)
 
 
 @pytest.fixture

@@ -17,11 +17,9 @@ from tests.helpers import failure, without_progress
 
 
 def test_fit_for_real(loop, capsys):
-    assert run(["fit", loop, "--model", "power_law_creep", "--out", "results"]) == 0
+    assert run(["fit", loop, "--model", "creep", "--out", "results"]) == 0
     out, err = capsys.readouterr()
-    assert out.startswith(
-        "power_law_creep describes loop.csv only in part: mu ended on its bound, with an "
-    )
+    assert out.startswith("creep describes loop.csv only in part: mu ended on its bound, with an ")
     assert without_progress(err) == ""
     assert written() == {"fit.json", "report.html"}
     assert set(load_model(FOLDER / "fit.json").parameters) == {"k_c", "mu"}
@@ -68,7 +66,7 @@ def test_of_several_models_each_takes_what_speaks_of_its_parameters(loop, quick)
 
 
 def test_a_fit_with_options_for_real(loop, capsys):
-    call = ["fit", loop, "--model", "power_law_creep", "--out", "results", "--loss", "student_t"]
+    call = ["fit", loop, "--model", "creep", "--out", "results", "--loss", "student_t"]
     asked = ["--fix", "mu=0.02", "--mask", "0 s..0.5 s", "--profile", "k_c", "--holdout", loop]
     assert run([*call, *asked]) == 0
     out, _ = capsys.readouterr()
@@ -109,7 +107,7 @@ def test_quiet(loop, quick, capsys, command):
 def test_without_convergence_the_best_point_is_kept(loop, quick, fitted, monkeypatch, capsys):
     failed = replace(fitted, converged=False)
     monkeypatch.setattr(fracjax._fit, "fit", lambda *_, **__: failed)
-    assert run(["fit", loop, "--model", "power_law_creep", "--out", "results", "--quiet"]) == 3
+    assert run(["fit", loop, "--model", "creep", "--out", "results", "--quiet"]) == 3
     assert failure(capsys, 3) == (
         "The fit of creep did not converge; its best point was saved in results."
     )

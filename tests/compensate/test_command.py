@@ -30,7 +30,7 @@ def fitted(tmp_path_factory) -> Path:
     path = tmp_path_factory.mktemp("fit") / "fit.json"
     columns = {"time_s": TIMES, "drive_V": drive, "displacement_um": recording.response}
     fj.write(path.with_name("recording.csv"), columns)
-    fj.fit(fj.parse_model("power_law_creep"), recording, starts=1).save(path)
+    fj.fit(fj.parse_model("creep"), recording, starts=1).save(path)
     return path
 
 
@@ -85,10 +85,7 @@ def test_the_error_to_expect_on_the_stage_is_that_of_held_out_data_or_else_of_th
     assert f"the sensor adds {quantity(noise, 'um')} of noise" in output
     assert "On the stage expect" in Path("out/report.html").read_text(encoding="utf-8")
     shutil.copy(fitted, "fit.json")
-    rows = [
-        {"model": "foh", "unseen": {"rmse": 9.0}},
-        {"model": "power_law_creep", "unseen": {"rmse": 0.5}},
-    ]
+    rows = [{"model": "foh", "unseen": {"rmse": 9.0}}, {"model": "creep", "unseen": {"rmse": 0.5}}]
     Path("comparison.json").write_text(json.dumps({"rows": rows}), encoding="utf-8")
     words = ["compensate", "want.csv", "--fit", "fit.json", "--out", "again", "--json"]
     assert run(words) == 0
@@ -96,7 +93,7 @@ def test_the_error_to_expect_on_the_stage_is_that_of_held_out_data_or_else_of_th
     assert error == {"rms": 0.5, "on": "held-out data", "noise": noise, "spread": None}
     Path("comparison.json").unlink()
     held_out = {"base_folds": [3.0, 4.0], "extended_folds": [1.0]}
-    content = {"model": "power_law_creep", "held_out": held_out}
+    content = {"model": "creep", "held_out": held_out}
     Path("diagnosis.json").write_text(json.dumps(content), encoding="utf-8")
     words[words.index("again")] = "third"
     assert run(words) == 0
@@ -108,10 +105,7 @@ def test_the_error_to_expect_on_the_stage_is_that_of_held_out_data_or_else_of_th
 def test_one_error_is_expected_of_the_model_and_of_the_limits(call, fitted, capsys):
     """As the mean squares of both, with the model's interval."""
     shutil.copy(fitted, "fit.json")
-    content = {
-        "model": "power_law_creep",
-        "held_out": {"base_folds": [0.3, 0.4], "extended_folds": []},
-    }
+    content = {"model": "creep", "held_out": {"base_folds": [0.3, 0.4], "extended_folds": []}}
     Path("diagnosis.json").write_text(json.dumps(content), encoding="utf-8")
     words = ["--fit", "fit.json", "--limits", "0..60V"]
     assert call(*words) == 0
@@ -153,16 +147,7 @@ def test_limits_reach_the_inversion_and_the_verdict_is_no_failure(call, capsys):
 def test_the_band_of_a_real_posterior(call, fitted, capsys):
     """From `fracjax posterior` to the band, against the Laplace approximation's own."""
     recorded = fitted.parent / "recording.csv"
-    words = [
-        "--model",
-        "power_law_creep",
-        "--out",
-        "post",
-        "--history",
-        "constant",
-        "--steps",
-        "400",
-    ]
+    words = ["--model", "creep", "--out", "post", "--history", "constant", "--steps", "400"]
     assert run(["posterior", str(recorded), *words, "--quiet"]) in (0, 3)
     assert call("--fit", "post/fit.json", "--posterior", "post") == 0
     told = load_compensation("out/compensation.json")

@@ -20,7 +20,7 @@ def recording_of(case) -> Recording:
 
 def creeping(noise: np.ndarray) -> Recording:
     """A law that the model creep holds exactly, under some noise."""
-    law = fj.simulate(fj.parse_model("power_law_creep"), TONE, STEP, "constant").response
+    law = fj.simulate(fj.parse_model("creep"), TONE, STEP, "constant").response
     return Recording(TONE, law + noise, STEP, "V", "um")
 
 

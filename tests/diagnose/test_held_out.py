@@ -32,7 +32,7 @@ TIMES = STEP * np.arange(SAMPLES)
 SIGMA = 0.01
 DRIVE = 50 + 30 * np.sin(2 * np.pi * 3.3 * TIMES) + 12 * np.sin(2 * np.pi * 17.1 * TIMES)
 OTHER = 45 + 25 * np.sin(2 * np.pi * 7.7 * TIMES) + 15 * np.sin(2 * np.pi * 1.3 * TIMES)
-CREEP = fj.parse_model("power_law_creep")
+CREEP = fj.parse_model("creep")
 
 
 @pytest.fixture(autouse=True)

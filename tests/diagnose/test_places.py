@@ -98,13 +98,13 @@ NOISE = 0.01
 
 def residual_of(preparation: Preparation) -> Residual:
     """The residual of a fit of creep."""
-    base = fitted([fj.parse_model("power_law_creep").block], preparation)
+    base = fitted([fj.parse_model("creep").block], preparation)
     return Residual.beside(base.whitened(base.error), base.whitened(base.tangent))
 
 
 def axes_of_a_fit(extra: np.ndarray, seed: int = 0) -> dict:
     """Axes of a creep law's fit to itself, noise and something more (N,) [um]."""
-    law = fj.simulate(fj.parse_model("power_law_creep"), TONE_DRIVE, TONE_STEP, "constant").response
+    law = fj.simulate(fj.parse_model("creep"), TONE_DRIVE, TONE_STEP, "constant").response
     noise = NOISE * np.random.default_rng(seed).standard_normal(TONE_TIMES.size)
     recording = fj.Recording(TONE_DRIVE, law + noise + extra, TONE_STEP, "V", "um")
     specification = fj.Noise(NOISE, "um", "specification", np.ones(1), NOISE)
@@ -144,7 +144,7 @@ def frequency(preparation: Preparation, problems: Any, residual: Residual) -> Ax
 
 def test_a_hum_that_does_not_repeat_stands_out_in_its_band():
     """In a recording and in its repeat, at another phase: no drive causes it, and no noise."""
-    law = fj.simulate(fj.parse_model("power_law_creep"), TONE_DRIVE, TONE_STEP, "constant").response
+    law = fj.simulate(fj.parse_model("creep"), TONE_DRIVE, TONE_STEP, "constant").response
     generator = np.random.default_rng(3)
     once, again = (
         fj.Recording(

@@ -13,9 +13,7 @@ KNOWN = specified(SIGMA)
 TRUE = {"k_c": 0.08, "mu": 0.02}
 
 
-def response_of(
-    values: dict[str, float], drive=DRIVE, model: str = "power_law_creep"
-) -> np.ndarray:
+def response_of(values: dict[str, float], drive=DRIVE, model: str = "creep") -> np.ndarray:
     """By the package's own simulation: here nothing is asked of the numerics."""
     block = fj.parse_model(model).with_values(values).block
     return np.asarray(block(jnp.asarray(drive), fj.Grid(STEP)))
@@ -29,7 +27,7 @@ def record(response: np.ndarray, drive: np.ndarray = DRIVE, seed: int = 0) -> fj
     return fj.Recording(drive, response + noise, STEP, "V", "um")
 
 
-def fit(recording, model: str | fj.Model = "power_law_creep", **options) -> fj.Fit:
+def fit(recording, model: str | fj.Model = "creep", **options) -> fj.Fit:
     options = {"noise": KNOWN, "starts": 1, "history": "constant", "settling": 0} | options
     model = fj.parse_model(model) if isinstance(model, str) else model
     return fj.fit(model, recording, **options)

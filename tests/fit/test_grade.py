@@ -42,7 +42,7 @@ def test_no_fit_is_worse_than_a_constant_and_none_claims_more(model, recording):
     ("drive", "response"), [(("V", 1.0), ("nm", 1e3)), (("mV", 1e3), ("um", 1.0))]
 )
 def test_units_change_no_fit(drive, response):
-    law = fj.simulate(fj.parse_model("power_law_creep"), SWEEP, STEP, "constant").response
+    law = fj.simulate(fj.parse_model("creep"), SWEEP, STEP, "constant").response
     curved = law + 0.002 * law**2 / np.ptp(law) + WHITE
     base = fj.fit("lfdh", Recording(SWEEP, curved, STEP, "V", "um"), starts=4)
     scaled = Recording(drive[1] * SWEEP, response[1] * curved, STEP, drive[0], response[0])

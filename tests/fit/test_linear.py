@@ -15,7 +15,7 @@ def fitted(model: str) -> fj.Fit:
 
 @pytest.fixture(scope="module")
 def creep() -> fj.Fit:
-    return fitted("power_law_creep")
+    return fitted("creep")
 
 
 def test_the_error_that_is_stated_is_that_of_the_transfer_function(creep):

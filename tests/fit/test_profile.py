@@ -25,9 +25,7 @@ NOISE = np.random.default_rng(8).standard_normal(2000)
 OPTIONS = {"noise": KNOWN, "starts": 1, "history": "constant", "settling": 0}
 
 
-def record(
-    values: dict[str, float], model: str = "power_law_creep", drive=DRIVE, seed=0
-) -> fj.Recording:
+def record(values: dict[str, float], model: str = "creep", drive=DRIVE, seed=0) -> fj.Recording:
     block = fj.parse_model(model).with_values(values).block
     response = np.asarray(block(jnp.asarray(drive), fj.Grid(STEP)))
     noise = SIGMA * np.random.default_rng(seed).standard_normal(len(drive))
@@ -39,14 +37,14 @@ CREEP = record({"k_c": 0.08, "mu": 0.02})
 
 @pytest.fixture(scope="module")
 def creep() -> fj.Fit:
-    return fj.fit(fj.parse_model("power_law_creep"), CREEP, **OPTIONS)
+    return fj.fit(fj.parse_model("creep"), CREEP, **OPTIONS)
 
 
 # Profiles -----------------------------------------------------------------------------------------
 
 
 def test_of_a_gain_alone_the_profile_is_a_parabola():
-    found = fj.fit(fj.parse_model("power_law_creep"), CREEP, fixed={"mu": 0.02}, **OPTIONS)
+    found = fj.fit(fj.parse_model("creep"), CREEP, fixed={"mu": 0.02}, **OPTIONS)
     profile = fj.profile(found, "k_c")
     (gain,) = found.estimates
     z = (profile.values - gain.value) / gain.standard_error
@@ -63,9 +61,7 @@ def test_a_profile_is_the_least_over_all_others(creep):
     chi = sum(np.sum((r / SIGMA) ** 2) for r in creep.residuals)
     # The fit's errors are those of χ² times a factor that the profile shares.
     for k in (0, 3, -1):
-        held = fj.fit(
-            fj.parse_model("power_law_creep"), CREEP, fixed={"mu": profile.values[k]}, **OPTIONS
-        )
+        held = fj.fit(fj.parse_model("creep"), CREEP, fixed={"mu": profile.values[k]}, **OPTIONS)
         rise = sum(np.sum((r / SIGMA) ** 2) for r in held.residuals) - chi
         factor = rise / profile.delta[k]
         assert factor == pytest.approx(max(1.0, chi / SAMPLES), rel=0.02)
@@ -75,7 +71,7 @@ def test_a_profile_is_the_least_over_all_others(creep):
 
 def test_what_the_data_leave_open_is_open():
     """Without creep to be seen, its order may be as small as you like."""
-    found = fj.fit(fj.parse_model("power_law_creep"), record({"k_c": 0.01, "mu": 1e-4}), **OPTIONS)
+    found = fj.fit(fj.parse_model("creep"), record({"k_c": 0.01, "mu": 1e-4}), **OPTIONS)
     profile = fj.profile(found, "mu")
     assert profile.open
     assert profile.interval_95[0] is None
@@ -170,9 +166,7 @@ def test_an_interval_is_the_same_however_its_parameter_is_written():
 
 
 LONG = 0.02 * SAMPLES
-DRIFTING = fj.Model(
-    fj.parse_model("power_law_creep").block + fj.blocks.ThermalDrift(3.0, longest=LONG)
-)
+DRIFTING = fj.Model(fj.parse_model("creep").block + fj.blocks.ThermalDrift(3.0, longest=LONG))
 DRIFT = {
     "creep.k_c": 0.08,
     "creep.mu": 0.02,
@@ -204,7 +198,7 @@ def test_a_time_constant_longer_than_the_recording_is_within_its_interval():
 def test_a_vector_of_one_number_has_its_profile():
     """A mains line without harmonics: one sine and one cosine, in vectors of one."""
     line = fj.blocks.MainsInterference(50.0, 1)
-    model = fj.Model(fj.parse_model("power_law_creep").block + line)
+    model = fj.Model(fj.parse_model("creep").block + line)
     hum = 0.05 * np.sin(2 * np.pi * 50 * TIMES)
     recording = fj.Recording(DRIVE, CREEP.response + hum, STEP, "V", "um")
     found = fj.fit(model, recording, fixed={"mains_interference.frequency": 50.0}, **OPTIONS)
@@ -228,7 +222,7 @@ def test_ties_and_priors_are_kept_while_a_parameter_is_held():
 
 def test_a_fit_short_of_the_optimum_is_found_out(creep):
     """A fit whose order was held elsewhere, passed off as free."""
-    held = fj.fit(fj.parse_model("power_law_creep"), CREEP, bounds={"mu": (0.03, 0.1)}, **OPTIONS)
+    held = fj.fit(fj.parse_model("creep"), CREEP, bounds={"mu": (0.03, 0.1)}, **OPTIONS)
     block = held.model.block
     free = fj.Parameter(
         held.model.parameters["mu"].value,
@@ -237,7 +231,7 @@ def test_a_fit_short_of_the_optimum_is_found_out(creep):
         plausible=(1e-3, 0.04),
         logarithmic=True,
     )
-    model = fj.Model(replace_parameters(block, {"mu": free}), "power_law_creep")
+    model = fj.Model(replace_parameters(block, {"mu": free}), "creep")
     profiled = fj.with_profiles(replace(held, model=model, models=(model,)), ["mu"])
     assert profiled.profiles[0].lower_found
     assert "reached a smaller χ² than the fit of creep" in profiled.warnings[0]
@@ -256,7 +250,7 @@ def test_profiles_are_saved(creep, tmp_path):
 def test_names_that_cannot_be_profiled_are_refused(creep):
     with pytest.raises(fj.InputError, match='profile of "nu": expected one of mu, k_c, found none'):
         fj.profile(creep, "nu")
-    own = fj.fit(fj.parse_model("power_law_creep"), [CREEP, CREEP], own=["mu"], **OPTIONS)
+    own = fj.fit(fj.parse_model("creep"), [CREEP, CREEP], own=["mu"], **OPTIONS)
     with pytest.raises(fj.InputError, match="expected one of k_c, found none"):
         fj.profile(own, "mu@1")
 
@@ -273,14 +267,14 @@ def unseen(comparison: fj.Comparison) -> HeldOutScores:
 @pytest.fixture(scope="module")
 def compared() -> fj.Comparison:
     """Creep's recording: creep, and the law that is too stiff for it."""
-    models = [fj.parse_model("power_law_creep").with_values({"mu": 0.02}), fj.parse_model("lfdh")]
+    models = [fj.parse_model("creep").with_values({"mu": 0.02}), fj.parse_model("lfdh")]
     return fj.compare(models[::-1], CREEP, **OPTIONS)
 
 
 def test_the_law_that_made_the_recording_is_best(compared):
-    assert compared.best == "power_law_creep"
+    assert compared.best == "creep"
     first, second = compared.rows
-    assert (first.model, second.model) == ("power_law_creep", "lfdh")
+    assert (first.model, second.model) == ("creep", "lfdh")
     assert (first.parameters, second.parameters) == (3, 6)
     assert first.bic < second.bic
     assert first.rmse == pytest.approx(SIGMA, rel=0.1)
@@ -298,21 +292,21 @@ def test_a_comparison_is_plain_data(compared, tmp_path):
     compared.save(tmp_path / "comparison.json")
     told = json.loads((tmp_path / "comparison.json").read_text())
     assert told["schema"] == "fracjax.comparison/2"
-    assert told["best"] == "power_law_creep"
+    assert told["best"] == "creep"
     assert [row["model"] for row in told["rows"]] == [f["model"] for f in told["fits"]]
 
 
 def test_another_recording_may_be_held_out(creep):
     other = record({"k_c": 0.08, "mu": 0.02}, drive=0.5 * DRIVE[::-1], seed=4)
-    found = fj.compare([fj.parse_model("power_law_creep")], CREEP, holdout=other, **OPTIONS)
+    found = fj.compare([fj.parse_model("creep")], CREEP, holdout=other, **OPTIONS)
     assert found.method == "creep.csv"
     assert unseen(found).rmse == pytest.approx(SIGMA, rel=0.2)
     strange = record({"k_c": 0.2, "mu": 0.02}, drive=0.5 * DRIVE, seed=4)
-    worse = fj.compare([fj.parse_model("power_law_creep")], CREEP, holdout=strange, **OPTIONS)
+    worse = fj.compare([fj.parse_model("creep")], CREEP, holdout=strange, **OPTIONS)
     assert unseen(worse).rmse > 20 * SIGMA
     nm = fj.Recording(DRIVE, CREEP.response, STEP, "V", response_unit="nm", source="other")
     with pytest.raises(fj.InputError, match="other: expected the units of"):
-        fj.compare([fj.parse_model("power_law_creep")], CREEP, holdout=nm, **OPTIONS)
+        fj.compare([fj.parse_model("creep")], CREEP, holdout=nm, **OPTIONS)
 
 
 def test_data_held_out_refute_the_least_bic():
@@ -320,7 +314,7 @@ def test_data_held_out_refute_the_least_bic():
     mean_gain = np.polyfit(DRIVE, CREEP.response, 1)[0]
     response = mean_gain * DRIVE + SIGMA * NOISE[:SAMPLES]
     other = fj.Recording(DRIVE, response, STEP, "V", "um", "gain.csv")
-    found = fj.compare(["gain", "power_law_creep"], CREEP, holdout=other, **OPTIONS)
+    found = fj.compare(["gain", "creep"], CREEP, holdout=other, **OPTIONS)
     assert found.best == found.best_unseen == "gain"
     assert found.rows[0].bic > found.rows[1].bic
     (sentence,) = found.refuted
@@ -352,7 +346,7 @@ def test_a_stretch_is_predicted_without_having_been_seen():
     response = CREEP.response.copy()
     response[60:90] += 1.0  # the third of twenty stretches, in the third fold
     spoilt = fj.Recording(DRIVE, response, STEP, "V", "um")
-    folds = unseen(fj.compare([fj.parse_model("power_law_creep")], spoilt, **OPTIONS)).folds
+    folds = unseen(fj.compare([fj.parse_model("creep")], spoilt, **OPTIONS)).folds
     assert np.argmax(folds) == 2
     assert folds[2] == pytest.approx(np.sqrt(30 / 120), rel=0.1)
 

@@ -137,7 +137,7 @@ def test_spreads_are_those_of_the_stretches():
 def recording() -> fj.Recording:
     times = 2e-3 * np.arange(800)
     drive = 40 + 15 * np.sin(2 * np.pi * 1.3 * times) + 10 * np.sin(2 * np.pi * 4.1 * times + 1)
-    block = fj.parse_model("power_law_creep").with_values({"k_c": 0.08, "mu": 0.02}).block
+    block = fj.parse_model("creep").with_values({"k_c": 0.08, "mu": 0.02}).block
     response = np.asarray(block(jnp.asarray(drive), fj.Grid(2e-3)))
     return fj.Recording(drive, response + 0.01 * noise(2)[:800], 2e-3, "V", "um")
 
@@ -145,7 +145,7 @@ def recording() -> fj.Recording:
 def test_a_fit_is_analysed_recording_by_recording(recording):
     sigma = fj.Noise(0.01, "um", "specification", np.ones(1), 0.01)
     options = {"noise": sigma, "starts": 1, "history": "constant"}
-    found = fj.fit(fj.parse_model("power_law_creep"), [recording, recording], **options)
+    found = fj.fit(fj.parse_model("creep"), [recording, recording], **options)
     one, other = fj.analyse_residuals(found)
     assert isinstance(one, fj.ResidualAnalysis)
     np.testing.assert_allclose(one.residual, other.residual)
@@ -154,7 +154,7 @@ def test_a_fit_is_analysed_recording_by_recording(recording):
     told = json.loads(json.dumps(one.to_dict()))
     assert told["findings"] == list(one.findings)
     # The order of the creep held where it is wrong: what is left goes with the drive.
-    wrong = fj.fit(fj.parse_model("power_law_creep"), recording, fixed={"mu": 0.06}, **options)
+    wrong = fj.fit(fj.parse_model("creep"), recording, fixed={"mu": 0.06}, **options)
     (bad,) = fj.analyse_residuals(wrong)
     assert bad.p_drive < 1e-6
     assert bad.p_white < 1e-6
@@ -170,7 +170,7 @@ def test_coloured_noise_is_white_once_whitened(recording):
     clean = recording.response - 0.01 * noise(2)[:800]
     known = fj.Noise(coloured.std(), "um", "specification", np.array([1.0, -0.8]), 0.01)
     found = fj.fit(
-        fj.parse_model("power_law_creep"),
+        fj.parse_model("creep"),
         fj.Recording(recording.drive, clean + coloured, 2e-3, "V", "um"),
         noise=known, starts=1, history="constant",
     )  # fmt: skip

@@ -17,7 +17,7 @@ def found() -> fj.Fit:
 @pytest.fixture(scope="module")
 def compared() -> fj.Comparison:
     options = {"noise": "10 nm", "starts": 1, "history": "constant", "settling": 0}
-    return fj.compare(["power_law_creep", "gain"], record(CLEAN), **options)
+    return fj.compare(["creep", "gain"], record(CLEAN), **options)
 
 
 def test_a_fit_is_short_at_the_prompt_and_complete_in_its_summary(found):
@@ -91,13 +91,13 @@ def test_a_fit_predicts_what_it_simulated_and_other_drives(found):
 
 def test_simulate_takes_a_recording_or_a_drive_with_its_step():
     recording = record(CLEAN)
-    expected = fj.simulate("power_law_creep", DRIVE, STEP).response
-    np.testing.assert_array_equal(fj.simulate("power_law_creep", recording).response, expected)
-    np.testing.assert_array_equal(fj.simulate("power_law_creep", DRIVE, "2 ms").response, expected)
+    expected = fj.simulate("creep", DRIVE, STEP).response
+    np.testing.assert_array_equal(fj.simulate("creep", recording).response, expected)
+    np.testing.assert_array_equal(fj.simulate("creep", DRIVE, "2 ms").response, expected)
     with pytest.raises(fj.InputError, match="found no step; give step in seconds"):
-        fj.simulate("power_law_creep", DRIVE)
+        fj.simulate("creep", DRIVE)
     with pytest.raises(fj.InputError, match="found a recording and a step; omit the step"):
-        fj.simulate("power_law_creep", recording, STEP)
+        fj.simulate("creep", recording, STEP)
     with pytest.raises(fj.InputError, match="expected a Model, found a Recording"):
         fj.simulate(recording, recording)  # type: ignore[arg-type]
 
@@ -125,9 +125,9 @@ def test_a_comparison_shows_its_models_best_first(compared):
     text = repr(compared)
     assert len(text.splitlines()) < 20
     assert text.startswith("2 models compared: best by BIC and on data held out is creep.")
-    assert list(compared.to_dataframe().index) == ["power_law_creep", "gain"]
+    assert list(compared.to_dataframe().index) == ["creep", "gain"]
     (panel,) = compared.plot().axes
-    assert [label.get_text() for label in panel.get_yticklabels()] == ["power_law_creep", "gain"]
+    assert [label.get_text() for label in panel.get_yticklabels()] == ["creep", "gain"]
     assert len(compared.plot_residuals().axes) == 2
 
 
@@ -140,7 +140,7 @@ def test_any_result_and_model_is_short_at_the_prompt():
 
 
 def test_a_comparison_predicts_as_its_best_fit(compared):
-    assert compared.best == "power_law_creep"
+    assert compared.best == "creep"
     np.testing.assert_array_equal(
         compared.predict(2 * DRIVE, STEP, "rest"), compared.fits[0].predict(2 * DRIVE, STEP, "rest")
     )

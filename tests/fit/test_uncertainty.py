@@ -78,7 +78,7 @@ def test_a_parameter_between_its_bounds_is_at_none():
 
 
 def test_a_gain_is_identified_to_a_twentieth_of_the_response():
-    block = fj.parse_model("power_law_creep").block
+    block = fj.parse_model("creep").block
     gain = FreeParameter("k_c", "k_c", 0, None)
     fits = [Evidence((block,), (), 1.0, np.zeros((0, 1)))] * 2
     shares = np.array([0.049, 0.051])

@@ -60,7 +60,7 @@ def test_the_law_is_recovered_within_its_errors(found):
 
 def test_standard_errors_are_the_scatter():
     """Of a straight law, creep: 60 tables, 95 % intervals, and the scatter itself."""
-    law = fj.parse_model("power_law_creep").with_values({"k_c": 0.08, "mu": 0.02})
+    law = fj.parse_model("creep").with_values({"k_c": 0.08, "mu": 0.02})
     exact = fj.frequency_response(law.block, FREQUENCIES)
     draws = [by_name(fit(table(seed, exact), "creep", starts=1)) for seed in range(60)]
     for name, true in (("k_c", 0.08), ("mu", 0.02)):
@@ -203,7 +203,7 @@ def on_disk(empty_folder) -> str:
 
 def test_from_the_command_line(on_disk, tmp_path, capsys):
     call = ["fit", on_disk, "--frequency-response", "--out", "results"]
-    assert run([*call, "--model", "power_law_creep", "--model", "lfdh", "--fix", "mu=0.1"]) == 0
+    assert run([*call, "--model", "creep", "--model", "lfdh", "--fix", "mu=0.1"]) == 0
     out, err = capsys.readouterr()
     assert out.startswith("lfdh describes table.csv best of 2 models by BIC, to ")
     assert without_progress(err) == ""

@@ -23,7 +23,7 @@ def shown() -> dict[str, object]:
     frequency_fit = fj.fit_frequency_response("lfdh", table, starts=1)
     trajectory = fj.Trajectory(recording.response - recording.response[0], STEP, "um")
     tones = 50 + 40 * np.sin(2 * np.pi * 2 * STEP * np.arange(400))
-    linear = fj.parse_model("power_law_creep")
+    linear = fj.parse_model("creep")
     results = [
         fit,
         recording,
@@ -31,14 +31,14 @@ def shown() -> dict[str, object]:
         posterior.predict(recording),
         diagnosis_of(fit),
         small_protocol(),
-        fj.compare(["gain", "power_law_creep"], recording, starts=1),
+        fj.compare(["gain", "creep"], recording, starts=1),
         fj.profile(fit, "alpha"),
         fj.analyse_residuals(fit)[0],
         table,
         frequency_fit,
         fj.tfocim(*RATIOS),
         fj.amplitude_ratios(fj.Recording(tones, 0.1 * tones, STEP)),
-        fj.crosscheck("power_law_creep", recording, starts=1, population=8, iterations=5),
+        fj.crosscheck("creep", recording, starts=1, population=8, iterations=5),
         trajectory,
         fj.compensate("gain", trajectory),
         (inverse := fj.streaming_inverse(linear, STEP, (0.1, 2.0), limits=(0, 100))),
@@ -46,7 +46,7 @@ def shown() -> dict[str, object]:
         fj.streaming_model(fit, STEP),
         fj.Adaptation(),
         fj.simulate("foh", recording),
-        fj.fit("power_law_creep", recording, starts=1).to_scipy(),
+        fj.fit("creep", recording, starts=1).to_scipy(),
         fj.parse_model("foh >> second_mode >> minor_loop_memory"),
         fit.noise,
         fit.estimates[0],

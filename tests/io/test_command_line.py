@@ -46,7 +46,7 @@ def test_info_of_segments(capsys):
     assert "two segments of 0.32 s with gaps of 4.685 s" in told[0]["warnings"][0]
     assert run(["info", "loop.csv", "--segment", "2", "--json"]) == 0
     assert json.loads(capsys.readouterr().out)["source"] == "loop.csv, segment 2 of 2"
-    call = ["posterior", "loop.csv", "--model", "power_law_creep", "--out", "p"]
+    call = ["posterior", "loop.csv", "--model", "creep", "--out", "p"]
     assert run(call) == 2
     assert "give --segment 1 to 2" in capsys.readouterr().err
 
@@ -68,17 +68,7 @@ def test_bad_samples_are_masked_where_that_is_asked(capsys):
     write("loop.csv", LOOP | {"displacement_um": response})
     assert run(["info", "loop.csv"]) == 2
     assert "one of 3 that are no numbers from 0.1 to 0.11 s" in capsys.readouterr().err
-    call = [
-        "fit",
-        "loop.csv",
-        "--model",
-        "power_law_creep",
-        "--out",
-        "out",
-        "--fix",
-        "mu=0.1",
-        "--json",
-    ]
+    call = ["fit", "loop.csv", "--model", "creep", "--out", "out", "--fix", "mu=0.1", "--json"]
     for mask in ("bad", "0.1 s..0.11 s"):
         assert run([*call, "--mask", mask]) == 0
         assert json.loads(capsys.readouterr().out)["samples_left_out"] == [3]
@@ -123,30 +113,10 @@ def test_spreads_of_a_batch_are_in_one_unit():
 def test_what_is_simulated_comes_in_the_unit_asked_for():
     write("u.csv", {"time_s": TIME, "voltage_V": DRIVE})
     for unit in ("um", "nm"):
-        call = [
-            "simulate",
-            "u.csv",
-            "--model",
-            "power_law_creep",
-            "--out",
-            f"{unit}.csv",
-            "--quiet",
-        ]
+        call = ["simulate", "u.csv", "--model", "creep", "--out", f"{unit}.csv", "--quiet"]
         assert run([*call, "--output-unit", unit]) == 0
     assert (
-        run(
-            [
-                "simulate",
-                "u.csv",
-                "--model",
-                "power_law_creep",
-                "--out",
-                "x.csv",
-                "--output-unit",
-                "q",
-            ]
-        )
-        == 2
+        run(["simulate", "u.csv", "--model", "creep", "--out", "x.csv", "--output-unit", "q"]) == 2
     )
     assert read("nm.csv").response_unit == "nm"
 

@@ -240,7 +240,7 @@ def test_info_of_a_resampled_recording(tmp_path, capsys):
 def test_simulate_knows_the_suffixes(tmp_path, monkeypatch, capsys):
     monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "")
     write(tmp_path / "loop.npz", LOOP)
-    call = ["simulate", str(tmp_path / "loop.npz"), "--model", "power_law_creep"]
+    call = ["simulate", str(tmp_path / "loop.npz"), "--model", "creep"]
     assert run([*call, "--out", str(tmp_path / "loop.ods")]) == 2
     assert ": expected one of the suffixes .csv" in capsys.readouterr().err
     assert os.listdir(tmp_path) == ["loop.npz"]
@@ -251,16 +251,7 @@ def test_simulate_writes_what_the_suffix_tells(tmp_path, monkeypatch, suffix):
     monkeypatch.setenv("JAX_COMPILATION_CACHE_DIR", "")
     drive = timed(tmp_path / "loop.h5", np.cumsum(np.linspace(0.004, 0.006, 200)))
     out = tmp_path / f"simulated{suffix}"
-    call = [
-        "simulate",
-        str(drive),
-        "--resample",
-        "200Hz",
-        "--model",
-        "power_law_creep",
-        "--out",
-        str(out),
-    ]
+    call = ["simulate", str(drive), "--resample", "200Hz", "--model", "creep", "--out", str(out)]
     assert run([*call, "--quiet"]) == 0
     assert read(out, input_unit="V").response_unit == "response units"
     assert run([*call, "--quiet", "--unit", "response=um"]) == 0

@@ -20,7 +20,7 @@ def test_the_command_says_when_a_chain_has_not_converged(tmp_path, cubic, capsys
     path, out = tmp_path / "loop.csv", tmp_path / "out"
     named = replace(
         cubic,
-        model=fj.Model(cubic.model.block, "power_law_creep"),
+        model=fj.Model(cubic.model.block, "creep"),
         preparation=replace(
             cubic.preparation,
             takes=(replace(take, recording=replace(recording, source=str(path))),),
@@ -29,13 +29,13 @@ def test_the_command_says_when_a_chain_has_not_converged(tmp_path, cubic, capsys
     monkeypatch.setattr(fracjax._fit, "fit", lambda model, recordings, **options: named)
     head = "time_s,voltage_V,displacement_um"
     np.savetxt(path, columns, delimiter=",", header=head, comments="")
-    call = ["posterior", str(path), "--model", "power_law_creep", "--out", str(out), "--quiet"]
+    call = ["posterior", str(path), "--model", "creep", "--out", str(out), "--quiet"]
     assert run([*call, "--noise-model", "white", "--steps", "100"]) == 3
     _, err = capsys.readouterr()
     assert "did not converge in 100 steps" in err
     assert err.count("\n") == 1
     assert not fj.load_posterior(out).converged
-    doubted = diagnosis_file(tmp_path, verdict="unexplained", model="power_law_creep")
+    doubted = diagnosis_file(tmp_path, verdict="unexplained", model="creep")
     again = [*call, "--noise-model", "white", "--resume", "--json", "--diagnosis", str(doubted)]
     assert run([*again, "--steps", "4000"]) == 0
     told = json.loads(capsys.readouterr().out)

@@ -153,7 +153,7 @@ def test_what_begins_anew_with_a_recording_is_its_own_unasked(pair):
         replace(r, response=r.response + 10 * SIGMA * np.cos(2 * np.pi * frequency * TIMES + phase))
         for r, phase in zip(pair, phases, strict=True)
     ]
-    creep = fj.parse_model("power_law_creep").block
+    creep = fj.parse_model("creep").block
     model = fj.Model(creep + MainsInterference(50.0), "creep and the mains")
     found = fit(humming, model, own=["first.k_c"])
     assert found.scores.rmse == pytest.approx(SIGMA, rel=0.1)

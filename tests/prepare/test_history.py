@@ -57,10 +57,10 @@ def test_of_steady_cycles_whole_periods_count_and_all_of_them():
 def test_steady_cycles_that_end_within_one_are_compared_with_a_start_on_whole_ones():
     times = np.arange(1100) * STEP
     drive = 40 + 30 * np.sin(2 * np.pi * times / 0.4)  # 5.5 periods of 200
-    law = fj.parse_model("power_law_creep").with_values({"k_c": 0.1, "mu": 0.2})
+    law = fj.parse_model("creep").with_values({"k_c": 0.1, "mu": 0.2})
     steady = np.tile(fj.simulate(law, drive[:200], STEP, "periodic").response, 6)[:1100]
     noise = SIGMA * np.random.default_rng(0).standard_normal(1100)
-    fit = fj.fit("power_law_creep", fj.Recording(drive, steady + noise, STEP, "V", "um"), starts=1)
+    fit = fj.fit("creep", fj.Recording(drive, steady + noise, STEP, "V", "um"), starts=1)
     assert fit.to_dict()["assumptions"][0]["history"] == "periodic"
     assert fit.scores.rmse == pytest.approx(SIGMA, rel=0.1)
 

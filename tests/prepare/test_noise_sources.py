@@ -121,12 +121,10 @@ def test_a_noise_floor_above_what_a_fit_leaves_is_not_believed():
     """What differs between the periods is a motion of the model's own, not noise."""
     drive = TONE * (1 + 0.02 * np.floor(TIMES))
     white = 0.005 * np.random.default_rng(0).standard_normal(TIMES.size)
-    law = fj.simulate(fj.parse_model("power_law_creep"), drive, STEP, "constant").response
+    law = fj.simulate(fj.parse_model("creep"), drive, STEP, "constant").response
     told = fj.Noise(0.5, "um", "repeats", np.ones(1), 0.5)
     found = fj.fit(
-        fj.parse_model("power_law_creep"),
-        Recording(drive, law + white, STEP, "V", "um"),
-        noise=told,
+        fj.parse_model("creep"), Recording(drive, law + white, STEP, "V", "um"), noise=told
     )
     noise = found.preparation.takes[0].noise
     assert noise is not None
@@ -137,5 +135,5 @@ def test_a_noise_floor_above_what_a_fit_leaves_is_not_believed():
 def test_a_specification_is_believed():
     white = 0.005 * np.random.default_rng(0).standard_normal(TIMES.size)
     told = fj.Noise(0.5, "um", "specification", np.ones(1), 0.5)
-    found = fj.fit(fj.parse_model("power_law_creep"), creeping(white), noise=told)
+    found = fj.fit(fj.parse_model("creep"), creeping(white), noise=told)
     assert found.preparation.takes[0].noise == told

@@ -23,7 +23,7 @@ def compared() -> fj.Comparison:
 def test_a_fit_is_short_at_the_prompt_and_complete_in_its_summary(found):
     text = repr(found)
     assert len(text.splitlines()) < 20
-    assert text.startswith("power_law fitted to recording: error 0.")
+    assert text.startswith("creep fitted to recording: error 0.")
     assert "times the noise floor of 0.01 µm" in text
     summary = found.summary()
     assert repr(summary) == summary  # a notebook shows lines and no \n

@@ -27,15 +27,6 @@ A *look-alike* is an effect whose change is so like this one's on many drives th
 distinguish them.  Beside it stands the experiment that can.
 """
 
-SITES = {
-    "drive": "on the drive, before the model",
-    "response": "on the response, after the model",
-    "additive": "beside the model, added to its response",
-    "modulation": "on the response, as a change of its gain or timing",
-    "force": "on the response, where forces act",
-    "series": "in series, after the model",
-}
-
 SECTION = """\
 ({anchor})=
 ## {title}
@@ -120,7 +111,7 @@ def section(effect: fj.Effect) -> str:
         title=words(effect.name),
         name=effect.name,
         sentence=effect.sentence[0].upper() + effect.sentence[1:],
-        site=SITES[effect.site],
+        site=effect.place(),
         concealed_by=effect.concealed_by,
         equation=effect.equation,
         parameters="; ".join(map(range_of, free_parameters(effect.trials(ORDINARY)[0]))),

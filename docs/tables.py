@@ -52,7 +52,7 @@ _TRUST = {
     "physics named that is not there": (_INEXACT, "names physics that is not there"),
     "dynamic effect first or in a set of 3, separable": (
         _INEXACT,
-        "names what is there, or it and two others, where an oracle can",
+        "names what is there, or it and two others, where the recording shows it",
     ),
     "false alarms on nulls": (_ANEW, "sees an effect where nothing is missing"),
     "first name right, separable, visible >= .3": (

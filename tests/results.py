@@ -74,7 +74,7 @@ def diagnosis_of(fitted: Fit) -> Diagnosis:
             Axis("frequency", "Hz", np.geomspace(0.1, 50, 6), np.ones(5), 3.0, (), 0.4),
             Axis("harmonics", "1", np.arange(5) + 0.5, np.arange(4.0), 2.0, ((2.5, 3.5),), 1e-3),
         ),
-        where="The mismatch stands out along time, at 2 to 4 s.",
+        where="The mismatch depends on time, most at 2 to 4 s.",
         noise=noise_of(fitted),
         numerics=0.02,
         p_value=0.0,

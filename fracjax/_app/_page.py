@@ -48,7 +48,7 @@ class _Page:
         self._list_files()
         pn.state.add_periodic_callback(self._look, period=_EVERY)
         inputs = [
-            *("## Files", self.dropper, self.roles),
+            *("## Files", self.dropper, self.replace, self.roles),
             *("## Columns and units", *self.columns.values(), *self.units.values(), self.rate),
             *("## Model", self.model, self.noise, self.limit),
             *(pn.Row(self.fit, self.diagnose, self.stop), self.stage),
@@ -76,6 +76,9 @@ class _Page:
             previews=[], width=310,
         )  # fmt: skip
         self.dropper.param.watch(self._upload, "value")
+        self.other: dict[str, bytes] = {}
+        self.replace = widgets.Button(visible=False, width=300)
+        self.replace.on_click(lambda _: self._keep({**self.other}, replace=True))
         self.roles = pn.Column()
         self.columns = {
             role: widgets.Select(label=f"{label} column", options=[_AUTOMATIC], width=300)
@@ -142,13 +145,21 @@ class _Page:
     # Files -----------------------------------------------------------------------------------
 
     def _upload(self, event: Any) -> None:
-        for name, content in event.new.items():
+        """Keep uploaded files; whether those replace others of their names is asked."""
+        files = {n: c.encode() if isinstance(c, str) else c for n, c in event.new.items()}
+        self.other = {n: c for n, c in files.items() if self.workspace.has_other(n, c)}
+        self._keep({name: files[name] for name in files if name not in self.other})
+
+    def _keep(self, files: dict[str, bytes], *, replace: bool = False) -> None:
+        for name, content in files.items():
             with self._showing_errors():
-                data = content.encode() if isinstance(content, str) else content
-                self.workspace.add(name, data)
+                self.workspace.add(name, content, replace=replace)
+                self.other.pop(name, None)
                 self.workspace.roles.setdefault(
                     name, "train" if not self.workspace.with_role("train") else "held out"
                 )
+        self.replace.label = f"Replace {', '.join(self.other)}, which the folder has already"
+        self.replace.visible = bool(self.other)
         self._list_files()
         self._refresh()
 

@@ -49,13 +49,21 @@ class Workspace:
             )
         return path
 
-    def add(self, name: str, content: bytes) -> None:
+    def has_other(self, name: str, content: bytes) -> bool:
+        """Whether the folder holds another file of the name of an uploaded one."""
+        path = self._target(name)
+        return path.exists() and path.read_bytes() != content
+
+    def _target(self, name: str) -> Path:
+        return self.folder / Path(name.replace("\\", "/")).name
+
+    def add(self, name: str, content: bytes, *, replace: bool = False) -> None:
         """Keep an uploaded file in the folder.
 
         Raises InputError where it is too large, no kind of recording, or there is another of its
-        name.
+        name, unless it is to `replace` that.
         """
-        path = self.folder / Path(name.replace("\\", "/")).name
+        path = self._target(name)
         if len(content) > LARGEST:
             most = f"a file of at most {LARGEST // 1_000_000} MB"
             size = f"{len(content) / 1e6:.0f} MB"
@@ -64,7 +72,7 @@ class Workspace:
             raise InputError.at(
                 path.name, "a table of numbers", f'the suffix "{path.suffix}"', "export it as CSV"
             )
-        if path.exists() and path.read_bytes() != content:
+        if not replace and self.has_other(name, content):
             raise InputError.at(
                 path.name, "a new name", "another file of that name", "rename one of them"
             )

@@ -14,6 +14,15 @@ from .._parameters import set_values
 from ._block import AbstractBlock
 
 Site = Literal["drive", "response", "additive", "modulation", "force", "series"]
+_PLACES: dict[str, str] = {
+    "drive": "on the drive, before the model",
+    "response": "on the response, after the model",
+    "additive": "beside the model, added to its response",
+    "modulation": "on the response, as a change of its gain or timing",
+    "force": "on the response, where forces act",
+    "series": "in series, after the model",
+}
+"""Where an effect acts, in words."""
 
 
 @dataclass(frozen=True)
@@ -104,6 +113,17 @@ class Effect:
     rate_independent: bool = False
     special_case: str = ""
     beyond: Callable[[Any], Sequence[AbstractBlock]] = _no_further_starts
+
+    def place(self, site: str = "") -> str:
+        """Where it acts, in words.
+
+        Args:
+            site: Of a block of it; empty for its own.
+
+        Returns:
+            Such as "on the drive, before the model".
+        """
+        return _PLACES[site or self.site]
 
     def site_of(self, block: AbstractBlock) -> Site:
         """The site at which one of its blocks is inserted.

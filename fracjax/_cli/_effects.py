@@ -47,8 +47,8 @@ def effects_command(name: str | None, picture: Path | None, results: Results) ->
         print_table([], _rows(listed[0]))
     elif not results.quiet:
         print_table(
-            ["effect", "acts on the", "equation", "what it is"],
-            [[e["name"], e["site"], e["equation"], e["sentence"]] for e in listed],
+            ["effect", "acts", "equation", "what it is"],
+            [[e["name"], EFFECTS[e["name"]].place(), e["equation"], e["sentence"]] for e in listed],
         )
         print('\nInside a machine, at a port of it: --model "oscillator @ cubic_stiffness"')
         print_table(
@@ -98,11 +98,13 @@ def _rows(effect: dict[str, Any]) -> list[list[str]]:
     look_alikes = [
         f"{other}: distinguished by {how}" for other, how in effect["separated_by"].items()
     ]
+    from .._blocks import EFFECTS
+
     return [
         ["effect", effect["name"]],
         ["what it is", effect["sentence"]],
         ["equation", effect["equation"]],
-        ["acts on the", effect["site"]],
+        ["acts", EFFECTS[effect["name"]].place()],
         ["plausible", "\n".join(parameters)],
         ["look-alikes", "\n".join(look_alikes) or "none"],
         ["concealed by", effect["concealed_by"]],

@@ -115,12 +115,13 @@ def _rows(description: dict[str, Any]) -> list[list[str]]:
     drive, response, noise = description["drive"], description["response"], description["noise"]
     fastest = drive["top_frequency_Hz"]
     top = "" if fastest is None else f", up to {figure(fastest)} Hz"
+    kind = "" if drive["kind"] == "other" else f"{drive['kind']}, "
     clock = f"{description['rate_Hz']:.6g} Hz, {description['duration_s']:.6g} s"
     rows = [
         ["source", description["source"]],
         ["columns", _columns(description)],
         ["samples", f"{description['samples']} at {clock}"],
-        ["drive", f"{drive['kind']}, {extent(drive)}{top}"],
+        ["drive", f"{kind}{extent(drive)}{top}"],
         ["response", extent(response)],
         ["period", _period(description["period"])],
     ]

@@ -123,7 +123,7 @@ def find_drive(
         if error < least:
             least, best = error, reference
         if error <= TOLERANCE:
-            method = "closed form" if iterations == 1 else "fixed point"
+            method = "closed form" if iterations == 1 else "successive correction"
             return Solution(drive, response, iterations, True, method)
         if not error < _SLOWEST_CONTRACTION * last:
             break

@@ -33,6 +33,16 @@ _LEFT = 1.3
 judgement."""
 _GAIN = 1.5
 """How many times as small a size a further drive must show to be mentioned; chosen by judgement."""
+_ORDERS = {
+    "time": "time",
+    "phase": "the phase of the cycle",
+    "frequency": "frequency",
+    "level": "the level of the drive",
+    "rate": "the rate of the drive",
+    "reversal": "the time since a reversal",
+    "harmonics": "the harmonic of the drive",
+}
+"""By axis, what samples were ordered by."""
 _MOST_LISTED = 4
 """Recordings whose residual is listed at most; chosen by judgement."""
 
@@ -55,12 +65,12 @@ def where_of(
     among = _among(residuals) if len(residuals) > 1 else ""
     acting = ""
     if named and axes[0].p_value >= SIGNIFICANCE and axes[0].intervals:
-        acting = f"; the changes by {' and '.join(named)} lie along {_place(axes[0])}"
+        acting = f"; the changes by {' and '.join(named)} depend on {_place(axes[0])}"
     if not standing_out:
-        return f"The mismatch stands out along no axis{acting}.{among}"
-    others = ", ".join(other.axis for other in standing_out[1:4])
-    also = f"; it also shows along {others}" if others else ""
-    return f"The mismatch stands out along {_place(standing_out[0])}{also}{acting}.{among}"
+        return f"The mismatch depends on nothing in particular{acting}.{among}"
+    others = ", ".join(_ORDERS[other.axis] for other in standing_out[1:4])
+    also = f"; it also depends on {others}" if others else ""
+    return f"The mismatch depends on {_place(standing_out[0])}{also}{acting}.{among}"
 
 
 def _among(residuals: Sequence[tuple[str, float]]) -> str:
@@ -77,7 +87,7 @@ def _place(axis: Axis) -> str:
     """An axis and the stretches on it, in words."""
     stretches = ", ".join(f"{low:.4g} to {high:.4g}" for low, high in axis.intervals[:3])
     unit = "" if axis.unit == "1" else f" {axis.unit}"
-    return axis.axis + (f", at {stretches}{unit}" if axis.intervals else " as a whole")
+    return _ORDERS[axis.axis] + (f", most at {stretches}{unit}" if axis.intervals else "")
 
 
 def sentence_of(findings: Findings) -> str:
@@ -93,16 +103,14 @@ def sentence_of(findings: Findings) -> str:
     if verdict == "missing" or verdict == "confusable":
         shape = "" if findings.shape is None else f" {findings.shape.summary}."
         return f"{_named(findings)}{shape}{_improvement(findings)}{_remaining(findings)}"
-    place = where_of(findings.axes, verdict).removeprefix("The mismatch stands out ")
-    if all(axis.p_value >= SIGNIFICANCE for axis in findings.axes):
-        place = "along no axis in particular"
+    place = where_of(findings.axes, verdict).removeprefix("The mismatch ")
     jumps = f" {findings.jumps}" if findings.jumps else ""
     useless = ""
     if findings.follows_nothing:
         useless = f" Begin with another model: {base.shortcomings[0]}."
     return (
-        f"{base.model.name} and {recorded} differ by more than the noise {place.rstrip('.')}, "
-        f"and no effect of the catalogue explains it.{jumps}{useless}{_remaining(findings)}"
+        f"{base.model.name} and {recorded} differ by more than the noise, and no effect of the "
+        f"catalogue explains it; the difference {place}{jumps}{useless}{_remaining(findings)}"
     )
 
 

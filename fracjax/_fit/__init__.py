@@ -3,7 +3,6 @@
 from ._combinations import Combination as Combination
 from ._combinations import combinations_among as combinations_among
 from ._compare import Comparison as Comparison
-from ._compare import HeldOutScores as HeldOutScores
 from ._compare import compare as compare
 from ._compare import compare_fits as compare_fits
 from ._compare import rank_fits as rank_fits
@@ -19,6 +18,8 @@ from ._fit import scores_of as scores_of
 from ._grade import FAR_ABOVE_NOISE as FAR_ABOVE_NOISE
 from ._grade import is_useless as is_useless
 from ._grade import shortcomings_of as shortcomings_of
+from ._held_out import HeldOutScores as HeldOutScores
+from ._held_out import Predicted as Predicted
 from ._linear import LinearSystem as LinearSystem
 from ._profile import profile as profile
 from ._profile import with_profiled_intervals as with_profiled_intervals

@@ -4,22 +4,28 @@ from __future__ import annotations
 
 import json
 from collections.abc import Sequence
-from dataclasses import asdict, dataclass, replace
+from dataclasses import asdict, dataclass
 from math import log
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import numpy as np
-from scipy.ndimage import maximum_filter1d
 
 from .._computing import computing
 from .._models import Model
 from .._operators import History
-from .._prepare import Preparation, Take, take_of
 from .._recording import InputError, Recording, item, require_units_of
 from .._show import Shown, Table, View, figure
-from .._solve import Progress, silent, solve_from
+from .._solve import Progress, silent
 from ._fit import Fit, fit
+from ._held_out import (
+    FOLDS,
+    HeldOutScores,
+    Predicted,
+    prediction,
+    scores_of_predictions,
+    scores_on_stretches,
+)
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -27,32 +33,9 @@ if TYPE_CHECKING:
     from .._show.drawing import Drawing
 
 SCHEMA = "fracjax.comparison/2"
-_FOLDS = 5
-"""Folds, the usual number."""
-_STRETCHES = 20
-"""Stretches of a recording, four per fold.  Chosen by judgement."""
 _REFUTED = 2.0
 """Ratio of a model's error on data held out to that of another from which it is refuted, whatever
 its BIC, which takes every correlated sample for a new one.  Chosen by judgement."""
-_UNCORRELATED = 0.1
-"""Autocorrelation below which samples count as uncorrelated.  Chosen by judgement."""
-
-
-@dataclass(frozen=True)
-class HeldOutScores:
-    """Errors on data that were held out from the fit.
-
-    Attributes:
-        rmse: in the response's unit.
-        e_r: ‖y-ŷ‖/‖y - mean‖, dimensionless.
-        nrmse_percent: 100 (1 - e_r), dimensionless.
-        folds: the rmse of each fold, in the response's unit.
-    """
-
-    rmse: float
-    e_r: float
-    nrmse_percent: float
-    folds: tuple[float, ...]
 
 
 @dataclass(frozen=True)
@@ -89,11 +72,13 @@ class Comparison(Shown):
         fits: the fits.
         rows: one row per fit, errors in the response's unit.
         method: what was held out.
+        predicted: the recordings that were held out, with the predictions.
     """
 
     fits: tuple[Fit, ...]
     rows: tuple[Row, ...]
     method: str
+    predicted: tuple[Predicted, ...] = ()
 
     @property
     def best(self) -> str:
@@ -281,13 +266,18 @@ def compare_fits(
     with computing():
         for one, bic in rank_fits(fits):
             progress(f"scoring {one.model.name} on data held out")
-            scores = _scores_on_recordings(one, held_out) if held_out else _scores_on_stretches(one)
-            rows.append((one, bic, scores))
-    least = min((scores.rmse for _, _, scores in rows if scores), default=0.0)
+            predictions = [prediction(one, recording) for recording in held_out]
+            scores = (
+                scores_of_predictions(predictions, held_out)
+                if held_out
+                else scores_on_stretches(one)
+            )
+            rows.append((one, bic, scores, predictions))
+    least = min((scores.rmse for _, _, scores, _ in rows if scores), default=0.0)
     rows.sort(key=lambda row: row[2] is not None and row[2].rmse > _REFUTED * least)
     names = ", ".join(Path(recording.source).name for recording in held_out)
     return Comparison(
-        fits=tuple(one for one, _, _ in rows),
+        fits=tuple(one for one, *_ in rows),
         rows=tuple(
             Row(
                 model=one.model.name,
@@ -299,10 +289,18 @@ def compare_fits(
                 unseen=scores,
                 converged=one.converged,
             )
-            for one, bic, scores in rows
+            for one, bic, scores, _ in rows
         ),
         method=names
-        or f"{_FOLDS} folds of stretches, each by a fit without it and the samples next to it",
+        or f"{FOLDS} folds of stretches, each by a fit without it and the samples next to it",
+        predicted=tuple(
+            Predicted(
+                recording,
+                np.arange(len(recording)) >= rows[0][3][at][1],
+                tuple(predictions[at][0] for *_, predictions in rows),
+            )
+            for at, recording in enumerate(held_out)
+        ),
     )
 
 
@@ -323,101 +321,3 @@ def rank_fits(fits: Sequence[Fit]) -> list[tuple[Fit, float]]:
         return 2 * count * log(one.scores.rmse) + free * log(count)
 
     return sorted(((one, bic(one)) for one in fits), key=lambda pair: pair[1])
-
-
-# Data held out ------------------------------------------------------------------------------------
-
-
-def _scores_on_recordings(fit: Fit, recordings: Sequence[Recording]) -> HeldOutScores | None:
-    """The scores of the first recording's model on other recordings.
-
-    The zero of each is read from its first samples, which are not scored.
-    """
-    errors, responses = [], []
-    for recording in recordings:
-        take = take_of(recording, fit.preparation.takes[0].noise, None, None)
-        problem = Preparation((take,), fit.preparation.oversampling).problems()[0]
-        error = recording.response - np.asarray(problem.simulate(fit.model.block))[: len(recording)]
-        stop = take.baseline.stop
-        errors.append((error - error[take.baseline].mean())[stop:])
-        responses.append(recording.response[stop:] - recording.response[stop:].mean())
-    return _held_out_scores(errors, responses)
-
-
-def _scores_on_stretches(fit: Fit) -> HeldOutScores | None:
-    """The scores on folds of stretches, each predicted by a fit that omits the fold.
-
-    The fit also omits samples next to a stretch, until the residual's autocorrelation falls below
-    0.1 and at most for half a stretch, so that no model profits from the same error one sample
-    away.  Stretches are whole periods where the drive has at least ten.  The drive before each
-    stretch is still simulated; only the loss omits the samples.  None where too few samples remain.
-
-    Source: h-block cross-validation, Burman, Chow & Nolan, Biometrika 81 (1994) 351.
-    """
-    preparation = fit.weighed
-    folds = [_folds(take, residual) for take, residual in _takes_and_residuals(fit)]
-    errors: list[np.ndarray] = []
-    responses: list[np.ndarray] = []
-    for k in range(_FOLDS):
-        takes = tuple(
-            replace(take, used=take.used & ~near[k])
-            for take, (_, near) in zip(preparation.takes, folds, strict=True)
-        )
-        if min(int(take.used.sum()) for take in takes) < 2 * len(fit.estimates):
-            return None
-        solved = solve_from([fit.model.block], replace(preparation, takes=takes))
-        fold_error, fold_response = [], []
-        for take, (fold_of, _), simulation in zip(
-            preparation.takes, folds, solved.simulations, strict=True
-        ):
-            scored = take.used & (fold_of == k)
-            centre = take.recording.response[take.used].mean()
-            fold_error.append((take.recording.response - simulation)[scored])
-            fold_response.append(take.recording.response[scored] - centre)
-        errors.append(np.concatenate(fold_error))
-        responses.append(np.concatenate(fold_response))
-    return _held_out_scores(errors, responses)
-
-
-def _takes_and_residuals(fit: Fit) -> list[tuple[Take, np.ndarray]]:
-    """Each recording of a fit with its residual (N,)."""
-    return list(zip(fit.preparation.takes, fit.residuals, strict=True))
-
-
-def _folds(take: Take, residual: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
-    """Per sample its fold (N,), and per fold the samples (folds, N) in or next to it."""
-    count = len(take.recording)
-    stretch = max(count // _STRETCHES, 1)
-    repeats = take.recording.drive_period()
-    if repeats is not None and 2 * _FOLDS * repeats.period <= count:
-        stretch = repeats.period * max(1, round(stretch / repeats.period))
-    fold_of = np.arange(count) // stretch % _FOLDS
-    gap = min(_correlation_length(residual[take.used]), stretch // 2)
-    near = [
-        maximum_filter1d((fold_of == k).astype(np.uint8), 2 * gap + 1, mode="constant") > 0
-        for k in range(_FOLDS)
-    ]
-    return fold_of, np.stack(near)
-
-
-def _correlation_length(residual: np.ndarray) -> int:
-    """The number of samples after which the residual's autocorrelation is below 0.1."""
-    centred = residual - residual.mean()
-    size = 1 << int(np.ceil(np.log2(2 * centred.size)))
-    products = np.fft.irfft(np.abs(np.fft.rfft(centred, size)) ** 2, size)[: centred.size]
-    below = np.flatnonzero(products < _UNCORRELATED * products[0])
-    return int(below[0]) if below.size else centred.size
-
-
-def _held_out_scores(
-    errors: Sequence[np.ndarray], responses: Sequence[np.ndarray]
-) -> HeldOutScores:
-    """The scores from each fold's errors (n,) and its responses (n,) minus their mean."""
-    error = np.concatenate(errors)
-    e_r = float(np.linalg.norm(error) / np.linalg.norm(np.concatenate(responses)))
-    return HeldOutScores(
-        rmse=float(np.sqrt(np.mean(error**2))),
-        e_r=e_r,
-        nrmse_percent=100 * (1 - e_r),
-        folds=tuple(float(np.sqrt(np.mean(fold**2))) for fold in errors if fold.size),
-    )

@@ -101,11 +101,12 @@ class ResidualAnalysis(Shown):
             chance = "p < 1e-12" if p < 1e-12 else f"p = {p:.2g}"
             return f"{good if p >= _SIGNIFICANCE else bad} ({chance})"
 
-        rms = float(np.sqrt(np.mean(self.residual**2)))
+        # How large it is beside the noise is said of the fit.
         return (
-            f"The residual is {rms:.3g} times the noise",
             sentence(
-                self.p_white, "It is white", "It is not white: neighbouring samples are correlated"
+                self.p_white,
+                "The residual is white",
+                "The residual is not white: neighbouring samples are correlated",
             ),
             sentence(
                 self.p_drive,

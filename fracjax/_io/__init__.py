@@ -2,6 +2,7 @@
 
 import re
 from collections.abc import Callable, Mapping
+from dataclasses import replace
 from os import PathLike, fspath
 from pathlib import Path
 from typing import NamedTuple, TypedDict, Unpack
@@ -17,6 +18,7 @@ from fracjax._io._arrow import (
 )
 from fracjax._io._assigned_units import scale_of
 from fracjax._io._description import read_description, write_description
+from fracjax._io._facts import speaks
 from fracjax._io._hdf5 import read_hdf5, write_hdf5
 from fracjax._io._igor import read_ibw
 from fracjax._io._mat import read_mat, write_mat
@@ -25,7 +27,7 @@ from fracjax._io._missing import Mask
 from fracjax._io._netcdf import read_netcdf
 from fracjax._io._numpy import read_npy, read_npz, write_npy, write_npz
 from fracjax._io._signals import Request, recordings_of, signals_of, the_one
-from fracjax._io._table import NO_HINTS, SIGNALS, Hints, Table
+from fracjax._io._table import NO_HINTS, SIGNALS, Hints, Stated, Table
 from fracjax._io._tdms import read_tdms, write_tdms
 from fracjax._io._text import read_text, write_text
 from fracjax._io._xlsx import read_xlsx, write_xlsx
@@ -292,12 +294,34 @@ def _table(path: str | PathLike[str], hints: Hints) -> Table:
     suffix = Path(path).suffix.lower()
     form = _FORMATS.get(suffix) or _ONLY_READ.get(suffix) or _TEXT
     if form.takes_hints:
-        return form.read(path, hints)
+        return _with_neighbours(form.read(path, hints))
     if hints != NO_HINTS:
         raise InputError.at(
             fspath(path), "rows to skip only in text or XLSX", f"a {suffix} file", "leave them out"
         )
-    return form.read(path)
+    return _with_neighbours(form.read(path))
+
+
+_NEIGHBOURS = (".json", ".yaml", ".yml", ".ini", ".meta", ".hdr", "-metadata.json")
+"""What follows the name of a file, or its stem, in that of one that describes it."""
+_LARGEST_NEIGHBOUR = 65_536
+
+
+def _with_neighbours(table: Table) -> Table:
+    """A table with what small files of its name, such as loop.json beside loop.csv, say of units
+    and rates: it is listed, since they may be of anything."""
+    path = Path(table.source)
+    said = []
+    for stem in dict.fromkeys((path, path.with_suffix(""))):
+        for ending in _NEIGHBOURS:
+            beside = stem.with_name(stem.name + ending)
+            if beside == path or not beside.is_file():
+                continue
+            if beside.stat().st_size <= _LARGEST_NEIGHBOUR:
+                text = beside.read_text("utf-8", "replace")
+                lines = [] if '"fracjax.' in text else text.splitlines()  # our own results
+                said += [Stated(line.strip(), beside.name) for line in lines if speaks(line)]
+    return replace(table, unused=(*table.unused, *dict.fromkeys(said))) if said else table
 
 
 def _checked(target: str, columns: Mapping[str, np.ndarray]) -> dict[str, np.ndarray]:

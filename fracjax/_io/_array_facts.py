@@ -9,6 +9,8 @@ from fracjax._io._table import Fact, Stated
 from fracjax._io._units import is_compatible, readable
 
 _DATA = re.compile(r"(data|values?|samples|signals?|y)$", re.IGNORECASE)
+_VAGUE = ("rate", "interval", "increment", "dx")
+"""What may be that of anything in a group that holds no samples."""
 _PREFERRED = ("label", "name", "longname", "channelname", "signalname", "title")
 
 
@@ -45,12 +47,14 @@ class Facts:
                 if key == "0" and f"{scope}/1" not in self.values:
                     self._by_scope.setdefault(group, []).append(attribute)
 
-    def units(self, path: str, title: str) -> tuple[Stated, ...]:
-        """The units that are stated of an array, the nearest first."""
+    def units(self, path: str, title: str, at: int, count: int) -> tuple[Stated, ...]:
+        """The units that are stated of column `at` of an array of `count`, the nearest first."""
         stated = [
             *((key, value) for key, value in self._about(path, "unit")),
             *self._of_its_name({path.casefold(), path.rpartition("/")[2].casefold(), title}),
-            *self._of_its_place(path),
+            *(self._of_its_place(path) if count == 1 else ()),
+            *self._of_columns(path, "unit", at, count),
+            *self._of_its_entry(path, "unit"),
         ]
         units = []
         for key, value in stated:
@@ -75,6 +79,21 @@ class Facts:
                 if path in beside and extra in (0, 1):
                     yield key, value[beside.index(path) + extra]
 
+    def _of_columns(
+        self, path: str, kind: str, at: int, count: int
+    ) -> Iterator[tuple[str, object]]:
+        """What lists of as many entries as an array has columns say of one: its own lists, else
+        those of the groups it is in."""
+        for scope in _scopes(path):
+            for each, key, value in self._by_scope.get(scope, ()):
+                if each == kind and isinstance(value, tuple) and len(value) == count > 1:
+                    yield f"{scope}/{key}" if scope else key, value[at]
+            # Cells of MATLAB, each by itself.
+            if count > 1 and (scope, f"{count}") not in self._by_element:
+                for each, key, value in self._by_element.get((scope, f"{at}"), ()):
+                    if each == kind:
+                        yield f"{scope}/{key}/{at}".lstrip("/"), value
+
     def _within(self, scope: str) -> list[str]:
         """The arrays in a group: in itself, else in the one group below it."""
         own = [each for each in self.order if each.rpartition("/")[0] == scope]
@@ -89,14 +108,17 @@ class Facts:
             kind = kind_of(key) or kind_of(scope.rpartition("/")[2])
             speaks_of_it = kind in ("unit", "xunit", "step", "rate", "unapplied", "scale", "offset")
             text = " ".join(map(str, value)) if isinstance(value, tuple) else f"{value}"
-            speaks_of_it = speaks_of_it or (isinstance(value, str | tuple) and speaks(text))
+            speaks_of_it = speaks_of_it or speaks(f"{key} = {text}")
             if speaks_of_it and path not in self._used and text.strip() and len(text) < 500:
                 statements.append(Stated(f"{key} = {text}", f'"{path}"'))
         return tuple(statements)
 
-    def title(self, path: str) -> str:
-        """What an array is called: its label, else the last part of its path."""
-        last = path.rpartition("/")[2]
+    def title(self, path: str, index: tuple[int, ...], count: int) -> str:
+        """What a column of an array is called: its label, else the last part of the path."""
+        last = path.rpartition("/")[2] + "".join(f".{at}" for at in index)
+        for key, name in self._of_columns(path, "name", index[0], count) if len(index) == 1 else ():
+            self._used.add(key)
+            return f"{name}"
         titles = [(k, v) for k, v in self._about(path, "name") if isinstance(v, str) and v.strip()]
         rank = {name: at for at, name in enumerate(_PREFERRED)}
         titles.sort(
@@ -104,7 +126,7 @@ class Facts:
                 re.sub(r"[\W_]", "", pair[0].rpartition("/")[2].casefold()), 9
             )
         )
-        return str(titles[0][1]) if titles else last
+        return str(titles[0][1]) + "".join(f".{at}" for at in index) if titles else last
 
     def clocks(self, path: str) -> tuple[Fact, ...]:
         """The steps and rates of the nearest scope that has any: the array, its group, the file."""
@@ -116,7 +138,28 @@ class Facts:
             ]
             if stated := tuple(dict.fromkeys(each for each in clock_facts if each)):
                 return stated
-        return ()
+        return self._clocks_of_all(path)
+
+    def _clocks_of_all(self, path: str) -> tuple[Fact, ...]:
+        """The steps and rates of groups that hold no arrays, such as `meta/dt`, for a path that has
+        none nearer: of keys that say on their own, or with that of their group, that samples are
+        meant."""
+        groups = {scope for each in self.sizes for scope in _scopes(each)}
+        stated = []
+        for scope in self._by_scope.keys() - groups if path not in ("", None) else ():
+            of_group = kind_of(scope.rpartition("/")[2])
+            if of_group not in ("step", "rate", "about"):
+                continue
+            for kind, key, value in self._by_scope[scope]:
+                if key.casefold() == "value" and of_group in ("step", "rate"):
+                    stated.append(self._fact(scope, of_group, key, value))
+                elif (
+                    kind in ("step", "rate")
+                    and of_group == "about"
+                    and (key not in _VAGUE or kind_of(scope.rpartition("/")[2] + key))
+                ):
+                    stated.append(self._fact(scope, kind, key, value))
+        return tuple(dict.fromkeys(each for each in stated if each))
 
     def start(self, path: str) -> int | None:
         """When the first sample of an array was taken [ns since 1970], where its own attributes
@@ -149,10 +192,11 @@ class Facts:
     def scales(self, path: str) -> tuple[Stated, ...]:
         """Factors of an array of which nobody knows whether they are in the numbers."""
         factors = []
-        for key, value in self._about(path, "unapplied"):
+        entry = [e for k in ("unapplied", "scale", "offset") for e in self._of_its_entry(path, k)]
+        for key, value in (*self._about(path, "unapplied"), *entry):
             numbers = value if isinstance(value, tuple) else (value,)
             text = " ".join(f"{n:g}" if isinstance(n, float) else f"{n}" for n in numbers)
-            if re.search(r"\d", text) and text not in ("1", "True"):
+            if re.search(r"\d", text) and text not in ("1", "0", "True"):
                 self._used.add(key)
                 factors.append(Stated(text, f'"{key}"'))
         return tuple(factors)
@@ -172,6 +216,11 @@ class Facts:
         named = [(prefix, beside)]
         if path in self._within(""):
             named.append(("", self._by_scope.get("", ())))
+        named += [
+            (f"{scope}/", stated)
+            for scope, stated in self._by_scope.items()
+            if kind_of(scope.rpartition("/")[2]) == "about"
+        ]
         for before, stated in named if stem else ():
             for _, key, value in stated:
                 rest = key.casefold()
@@ -181,6 +230,15 @@ class Facts:
             _DATA.fullmatch(last) or self._is_alone(group, path)
         ):
             yield from ((prefix + key, value) for each, key, value in beside if each == kind)
+
+    def _of_its_entry(self, path: str, kind: str) -> Iterator[tuple[str, object]]:
+        """What an entry with an array's name says: `{"name": "voltage", "unit": "kV"}`."""
+        for scope, stated in self._by_scope.items():
+            names = [value for each, _, value in stated if each == "name"]
+            if scope != path and names == [path.rpartition("/")[2]]:
+                yield from (
+                    (f"{scope}/{key}", value) for each, key, value in stated if each == kind
+                )
 
     def _is_alone(self, group: str, path: str) -> bool:
         """Whether no other array in a group is as long by far."""
@@ -201,13 +259,15 @@ class Facts:
         for _, name, text in self._by_scope.get(scope, ()):
             stem = re.sub(r"[\W_]*units?$", "", name, flags=re.IGNORECASE).casefold()
             time = kind_of(name) == "xunit" or stem == "time"
-            if stem != name.casefold() and stem and (key.casefold().startswith(stem) or time):
+            of_value = stem != name.casefold() and (key.casefold().startswith(stem) and stem)
+            if time or of_value or (key.casefold() == "value" and kind_of(name) == "unit"):
                 own.append((f"{scope}/{name}" if scope else name, text))
         for name, listed in self.values.items():
             if (
                 isinstance(listed, tuple)
                 and kind_of(name.rpartition("/")[2]) == "unit"
                 and len(listed) == len(self._within(scope)) + 1 > 1
+                and _is_of_time(f"{listed[0]}")
             ):
                 own.append((name, listed[0]))
         units = [(name, str(text)) for name, text in own if text and _is_of_time(str(text))]

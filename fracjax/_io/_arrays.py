@@ -36,6 +36,8 @@ class Array(NamedTuple):
     shape: tuple[int, ...]
     dtype: np.dtype
     load: Callable[[], np.ndarray]
+    is_fresh: bool = False
+    """Whether each load gives numbers that nobody else holds."""
 
 
 def array_table(
@@ -110,21 +112,26 @@ def _column(
         if array.dtype.kind == "M":
             return relative(raw())[0]
         with np.errstate(over="ignore"):
-            values = raw().astype(np.float64)
-        values[np.isin(values, facts.missing(path))] = np.nan
+            values = raw().astype(np.float64, copy=not array.is_fresh)
+        if missing := facts.missing(path):
+            values[np.isin(values, missing)] = np.nan
         if (scale, offset) != (1.0, 0.0):
             values = values * scale + offset
-        values[np.abs(values) >= LARGEST] *= np.inf
+        if not (values.size and values.min() > -LARGEST and values.max() < LARGEST):
+            values[np.abs(values) >= LARGEST] *= np.inf
         return values
 
-    title = facts.title(path)
+    count = prod(array.shape) // max(array.shape[axis], 1)
+    title = facts.title(path, index, count)
     return Column(
         length=array.shape[axis],
         read=numbers,
         place=lambda row: f"{label}, sample {row}",
         shown=lambda row: f"{raw()[row]:g}",
-        title=title + "".join(f".{at}" for at in index),
-        units=(Stated("s", "its type"),) if is_stamp else facts.units(path, title.casefold()),
+        title=title,
+        units=(Stated("s", "its type"),)
+        if is_stamp
+        else facts.units(path, title.casefold(), index[0] if index else 0, count),
         scales=facts.scales(path),
         clocks=facts.clocks(path),
         start=relative(raw())[1] if is_stamp and array.dtype.kind == "M" else facts.start(path),
@@ -184,7 +191,7 @@ def _leaves(path: str, value: object) -> Iterator[tuple[str, object]]:
 def _squeezed(array: Array) -> Array:
     """The array without axes of length one."""
     shape = tuple(length for length in array.shape if length != 1)
-    return Array(shape, array.dtype, lambda: array.load().reshape(shape))
+    return Array(shape, array.dtype, lambda: array.load().reshape(shape), array.is_fresh)
 
 
 def _fields(path: str, array: Array) -> Iterator[tuple[str, Array]]:

@@ -1,6 +1,6 @@
 """Parquet, Feather and lines of JSON, by PyArrow."""
 
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterable, Mapping
 from functools import partial
 from os import PathLike, fspath
 from typing import Any
@@ -11,6 +11,8 @@ from fracjax._io._arrays import Array, array_table
 from fracjax._io._files import reading, writing
 from fracjax._io._table import Table
 
+_BATCH = 1_000_000
+"""Rows of a Parquet file that are read at a time."""
 _PARQUET, _FEATHER, _JSON = "a Parquet file", "a Feather file", "lines of JSON"
 
 
@@ -26,10 +28,11 @@ def read_parquet(path: str | PathLike[str]) -> Table:
         file = parquet.ParquetFile(source, pre_buffer=False)
 
         def column(at: int):
-            """A column, read when it is needed: a file may be larger than two of them."""
+            """The pieces of a column, read when needed: a file may be larger than two of them."""
             with reading(source, _PARQUET):
                 # Arrow's threads may still run when the process ends, which aborts it.
-                return file.read([names[at]], use_threads=False).column(0)
+                for batch in file.iter_batches(_BATCH, columns=[names[at]], use_threads=False):
+                    yield batch.column(0)
 
         names = file.schema_arrow.names
         return _table(source, file.schema_arrow, file.metadata.num_rows, column)
@@ -45,7 +48,7 @@ def read_feather(path: str | PathLike[str]) -> Table:
         from pyarrow import feather
 
         content = feather.read_table(source, memory_map=False, use_threads=False)
-        return _table(source, content.schema, len(content), content.column)
+        return _table(source, content.schema, len(content), lambda at: content.column(at).chunks)
 
 
 def read_json_lines(path: str | PathLike[str]) -> Table:
@@ -59,7 +62,7 @@ def read_json_lines(path: str | PathLike[str]) -> Table:
 
         options = json.ReadOptions(use_threads=False)
         content = json.read_json(source, options).flatten()
-        return _table(source, content.schema, len(content), content.column)
+        return _table(source, content.schema, len(content), lambda at: content.column(at).chunks)
 
 
 def write_parquet(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
@@ -86,7 +89,7 @@ def write_feather(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) 
         feather.write_feather(pyarrow.table(dict(columns)), str(part), compression="uncompressed")
 
 
-def _table(source: str, schema, rows: int, column_of: Callable[[int], Any]) -> Table:
+def _table(source: str, schema, rows: int, column_of: Callable[[int], Iterable[Any]]) -> Table:
     """The columns of a table of Arrow's; an absent number reads as no number."""
     facts: dict[str, object] = {
         key.decode("utf-8", "replace"): value
@@ -107,7 +110,7 @@ def _table(source: str, schema, rows: int, column_of: Callable[[int], Any]) -> T
     return array_table(source, arrays, facts)
 
 
-def _array(kind, rows: int, column: Callable[[], Any]) -> Array:
+def _array(kind, rows: int, column: Callable[[], Iterable[Any]]) -> Array:
     """A column as NumPy's type that holds it: moments without their zone, decimals as numbers."""
     import pyarrow
     from pyarrow import types
@@ -127,9 +130,17 @@ def _array(kind, rows: int, column: Callable[[], Any]) -> Array:
         dtype = np.dtype(object)
 
     def load() -> np.ndarray:
-        cast = column()
-        for step in steps:
-            cast = cast.cast(step)
-        return cast.to_numpy()
+        values = np.empty(rows, dtype)
+        end = 0
+        for piece in column():
+            for step in steps:
+                piece = piece.cast(step)
+            part = piece.to_numpy(zero_copy_only=False)
+            if part.dtype.kind == "f" and dtype.kind in "iu":
+                values = values.astype(part.dtype)  # whole numbers, some of them absent
+            values[end : end + len(part)] = part
+            end += len(part)
+        pyarrow.default_memory_pool().release_unused()
+        return values
 
-    return Array((rows,), dtype, load)
+    return Array((rows,), dtype, load, is_fresh=True)

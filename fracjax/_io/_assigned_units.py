@@ -7,12 +7,25 @@ from typing import NamedTuple
 import numpy as np
 
 from fracjax._io._declared import declared_units, title_of
-from fracjax._io._table import SIGNALS, Table, column_label
-from fracjax._io._units import contradicts, is_unknowable, readable, titled, unread
+from fracjax._io._table import SIGNALS, Stated, Table, column_label
+from fracjax._io._units import (
+    contradicts,
+    factored,
+    is_unknowable,
+    likely,
+    of_capitals,
+    readable,
+    titled,
+    unread,
+)
 from fracjax._recording import UNSTATED, InputError, conversion, unit
 
 _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _EXAMPLES = {"time": "s, ms or us", "input": "V, mV or A", "output": "um, mm, V or N"}
+
+
+_MULTIPLE = re.compile(r"[*×]\s*\d|(?<!\w)[\d.]+\s*[*×]|\bx\s?10+\b|\b10+\s?x\b")
+"""A factor in a name, of which nobody knows whether it is in the numbers."""
 
 
 class Scale(NamedTuple):
@@ -79,7 +92,7 @@ def unit_of(
                 f"{table.source}, --scale", f"a unit like {wanted}", raw_unit, "correct it"
             )
         return Unit(wanted, scale.factor * factor, "", scale.offset * factor)
-    declared = [each for each in declared_units(table, column) if not is_unknowable(each.text)]
+    declared = _in_case(table, role, column, stated)
     places = {read.text: read for read in declared if readable(read.text)}
     distinct = dict.fromkeys(unit(readable(text) or "") for text in places)
     wanted = None if stated is None else _of_call(stated, role, table.source, name)
@@ -94,12 +107,28 @@ def unit_of(
             f"give {' or '.join(option_for(role, readable(text) or text) for text in units)}",
         )
     written = declared[0].text if declared else ""
+    if wanted is None and _MULTIPLE.search(name):
+        one = "ms or --clock s" if role == "time" else readable(written) or "V"
+        raise InputError.at(
+            place,
+            "a name without a factor",
+            f'"{name}"',
+            f"give {option_for(role, one)}, the unit of the numbers in the file",
+        )
+    counts = factored(written, of_time=role == "time") if not places else None
+    if counts is not None:
+        to = conversion(counts[1], wanted or counts[1])
+        if to is not None:
+            note = f'{place}: its numbers were taken in "{written}", as {declared[0].place} says.'
+            return Unit(wanted or counts[1], counts[0] * to, note)
     read = readable(written) if written else None
     if wanted is None:
         if not written:
             none = "s" if role == "time" else UNSTATED[SIGNALS[role]]
             words = unread(title_of(table, column))
             note = f'{place}: "{words}" is no unit that is known, and none was taken.'
+            if not words and re.search(r"[\W_]in$", title_of(table, column)):
+                words, note = "in", f'{place}: "in" may be inches or an input, and none was taken.'
             return Unit(none, 1.0, note if words else "", is_stated=False)
         if read is None:
             raise InputError.at(
@@ -109,7 +138,8 @@ def unit_of(
                 f"give {option_for(role, _EXAMPLES[role].split(',')[0])}, or what it is",
             )
         if contradicts(name, read):
-            remedy = f"give {option_for(role, 'UNIT')}, or another column as --{role}"
+            option = option_for(role, likely(name, read))
+            remedy = f"give {option}, or what it is, or another column as --{role}"
             raise InputError.at(place, f'a unit of what "{name}" speaks of', f'"{read}"', remedy)
         return Unit(read, 1.0)
     if not written or (read is not None and unit(read) == unit(wanted)):
@@ -126,6 +156,26 @@ def unit_of(
             "correct it, or the file",
         )
     return Unit(wanted, factor, f"{place}: converted from {written} to {wanted} as given.")
+
+
+def _in_case(table: Table, role: str, column: int, stated: str | None) -> list[Stated]:
+    """The units that the file states of a column, those in capitals as what they mean.
+
+    Raises InputError for one that may mean two units, where the call does not say which.
+    """
+    title, declared = title_of(table, column), []
+    for each in declared_units(table, column):
+        meant = of_capitals(title, each.text)
+        if len(meant) > 1 and stated is None:
+            raise InputError.at(
+                f"{table.source}, {column_label(table.names, column)}",
+                "a unit in capitals and small letters",
+                f'"{each.text}" in a header of capitals alone',
+                f"give {' or '.join(option_for(role, unit) for unit in meant)}",
+            )
+        if not is_unknowable(each.text):
+            declared.append(each._replace(text=meant[0]) if len(meant) == 1 else each)
+    return declared if stated is None else [e for e in declared if not of_capitals(title, e.text)]
 
 
 def _of_call(stated: str, role: str, source: str, name: str) -> str:

@@ -11,13 +11,13 @@ from fracjax._io._clocks import filled, is_counter, is_time
 from fracjax._io._declared import finer_column, title_of, written_unit
 from fracjax._io._table import Table, column_label, enumerated, quoted
 from fracjax._io._units import is_compatible, readable, titled
-from fracjax._io._words import is_direction, quantity, role_of, role_of_letter
+from fracjax._io._words import is_command, is_direction, quantity, role_of, role_of_letter
 from fracjax._recording import MINIMUM_SAMPLES, InputError
 
 _KINDS = {
     "time": ("s",),
-    "input": ("V", "A"),
-    "output": ("m", "N", "rad", "C", "C/m**2"),
+    "input": ("V", "A", "V/m", "A/m"),
+    "output": ("m", "N", "rad", "C", "C/m**2", "T"),
 }
 """What units point to a role where no name does."""
 
@@ -186,6 +186,9 @@ def _recognised(table: Table, wanted: str, chosen: Mapping[str, int]) -> int | N
     free = [c for c in _usable(table, chosen) if _fitting(table, c, chosen)]
     free = [c for c in free if not table.about(c).stamps]
     candidates = [c for c in free if role(table, c) == wanted]
+    if wanted == "input" and candidates and all(is_command(table.names[c]) for c in candidates):
+        # Behind a command its amplifier may be measured as well.
+        candidates += [c for c in free if _speaks_of(table, c, wanted)]
     candidates = candidates or [c for c in free if _speaks_of(table, c, wanted)]
     candidates = candidates or [c for c in free if _letter(table, c) == wanted]
     if len(candidates) > 1:
@@ -198,9 +201,15 @@ def _recognised(table: Table, wanted: str, chosen: Mapping[str, int]) -> int | N
                 [f"{quoted(table.names[c])} {_thumbnail(table.numbers(c))}" for c in candidates]
             )
             + (", the same sample by sample" if alike else ""),
-            " or ".join(f"give --{wanted} {shlex.quote(table.names[c])}" for c in candidates[:2]),
+            " or ".join(f"give --{wanted} {_key(table, c)}" for c in candidates[:2]),
         )
     return candidates[0] if candidates else None
+
+
+def _key(table: Table, column: int) -> str:
+    """What names a column in a call: its name, or its index where others are called the same."""
+    name = table.names[column] if table.names else ""
+    return shlex.quote(name) if name and table.names.count(name) == 1 else f"{column}"
 
 
 def _thumbnail(values: np.ndarray) -> str:
@@ -230,11 +239,15 @@ def _take_the_last(
         for column in _usable(table, chosen)
         if _fitting(table, column, chosen)
         and not table.about(column).stamps
-        and role(table, column) in (None, missing[0])
+        and (role(table, column) in (None, missing[0]) or _is_of_motion(table, column))
         and not _points_to(written_unit(table, column), "time")
     ]
     if len(rest) == 1 and (missing[0] in stated or readable(written_unit(table, rest[0]) or "?")):
         chosen[missing[0]] = rest[0]
+
+
+def _is_of_motion(table: Table, column: int) -> bool:
+    return quantity(titled(title_of(table, column)).name) in ("speed", "acceleration")
 
 
 _KINDS_OF_ROWS = 8
@@ -308,9 +321,15 @@ def _nothing_for(table: Table, missing: list[str], chosen: Mapping[str, int]) ->
     usable = [c for c in _usable(table, chosen) if not table.about(c).stamps]
     cures = [cure for c in range(table.width) if (cure := table.about(c).remedy)]
     alone = [c for c in usable if role(table, c) not in ("time", "counter", "other")]
+    if not alone and len(missing) == 1:
+        alone = [c for c in usable if _points_to(written_unit(table, c), missing[0])]
     both = {"input": "--drive", "output": "--response"}
+    # A column that runs in even steps, of a name that says nothing, is hardly a signal.
+    runs = [c for c in alone if len(alone) == len(missing) + 1 and is_time(table.numbers(c))]
+    alone = [c for c in alone if c not in runs] if len(runs) == 1 else alone
     if len(alone) == len(missing):
-        remedy = f"give {_each_way(table, missing, alone)}"
+        time = f"--time {_key(table, runs[0])} and " if len(runs) == 1 else ""
+        remedy = f"give {time}{_each_way(table, missing, alone, time)}"
     if cures and len(usable) < len(missing):
         remedy = cures[0]
     elif table.width < len(missing):
@@ -340,11 +359,12 @@ def _nothing_for(table: Table, missing: list[str], chosen: Mapping[str, int]) ->
     )
 
 
-def _each_way(table: Table, missing: list[str], columns: list[int]) -> str:
-    """The options that take as many columns as signals are missing, in either order."""
-    names = [shlex.quote(table.names[c]) if table.names else f"{c}" for c in columns]
+def _each_way(table: Table, missing: list[str], columns: list[int], time: str = "") -> str:
+    """The options that take as many columns as signals are missing, in either order; `time`, the
+    option for the time, which the second way repeats."""
+    names = [_key(table, c) for c in columns]
     orders = [names] if len(names) == 1 else [names, names[::-1]]
-    return ", or ".join(
+    return f", or {time}".join(
         " and ".join(f"--{role} {name}" for role, name in zip(missing, order, strict=True))
         for order in orders
     )

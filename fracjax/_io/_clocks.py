@@ -1,15 +1,25 @@
 """When samples were taken: by a column of times, by a count of samples, or by a rate."""
 
+import re
 from collections.abc import Sequence
+from math import isclose
 from typing import NamedTuple
 
 import numpy as np
 
-from fracjax._io._facts import step_of, units_in
-from fracjax._io._table import Fact, Table, column_label
+from fracjax._io._declared import title_of
+from fracjax._io._facts import (
+    NUMBER,
+    is_decimated,
+    scales_time,
+    speaks_of_sampling,
+    step_of,
+    units_in,
+)
+from fracjax._io._table import Fact, Stated, Table, column_label
 from fracjax._io._times import Stamps
-from fracjax._io._units import is_compatible, readable
-from fracjax._recording import InputError, parse_quantity
+from fracjax._io._units import is_compatible, is_spelled_unit, readable, unread
+from fracjax._recording import InputError, conversion, parse_quantity
 
 _UNIFORM = 1e-3
 """Largest departure of a step from the median step, and of a rate from the time column's."""
@@ -79,11 +89,59 @@ def _stated_step(table: Table, facts: Sequence[Fact], listing: str) -> float:
             table.source,
             "a time column or a rate",
             f"neither in {listing}",
-            "give --rate such as 200Hz, or --time as a name or an index from 0",
+            _rates_in(table) or "give --rate such as 200Hz, or --time as a name or an index from 0",
         )
     if max(steps) > (1 + _UNIFORM) * min(steps):
         raise InputError.at(table.source, "one rate", clock_texts, "give --rate such as 200Hz")
+    _require_whole_truth(table, facts, steps[0], clock_texts)
     return steps[0]
+
+
+def _rates_in(table: Table) -> str:
+    """The rates of sampling in lines that were not understood, as options; empty without any."""
+    options = []
+    for said in table.unused:
+        for number, word in re.findall(rf"({NUMBER})\s*([^\W\d]+(?:/s)?)", said.text):
+            hertz = conversion(readable(word) or "V", "Hz")
+            if hertz and speaks_of_sampling(said.text):
+                rate = f"{float(number) * hertz:.10g}Hz"
+                options.append(f'--rate {rate} if "{said.text[:60]}" says that of the samples')
+    return f"give {' or '.join(options[:2])}, else --rate such as 200Hz" if options else ""
+
+
+def _require_whole_truth(
+    table: Table, facts: Sequence[Fact], step: float, clock_texts: str
+) -> None:
+    """Raise `InputError` where a line that was not used may change a stated step [s]: by a unit of
+    time where it has none, or by a number of samples that were averaged."""
+    for said in table.unused:
+        place = f'"{said.text[:60]}" in {said.place}'
+        for word in units_in(said.text):
+            read = readable(word) or ""
+            bare = all(re.fullmatch(r"[-+.\deE]+", fact.value.strip()) for fact in facts)
+            if not (bare and is_compatible(read, "s", "Hz")):
+                continue
+            number = float(facts[0].value)
+            of_time = is_compatible(read, "s")
+            scaled = number * (conversion(read, "s" if of_time else "Hz") or 1.0)
+            rate = 1 / scaled if of_time else scaled
+            raise InputError.at(
+                table.source,
+                f"a unit of {clock_texts}",
+                f"none, but {place}",
+                f"give --rate {rate:.10g}Hz if that is its unit, or --rate {1 / step:.10g}Hz",
+            )
+        if is_decimated(said.text):
+            number = max(
+                map(float, re.findall(rf"(?<![\w.]){NUMBER}(?![\w.])", said.text)), default=0.0
+            )
+            remedy = f"give --rate {1 / step / number:.10g}Hz or" if number > 1 else "give"
+            raise InputError.at(
+                table.source,
+                "the rate of the samples in the file",
+                f"{clock_texts}, and {place}",
+                f"{remedy} --rate {1 / step:.10g}Hz",
+            )
 
 
 def clock_of_count(
@@ -131,10 +189,17 @@ def clock_of_time(
         stuck = ~(steps > 1e-9 * np.median(np.abs(steps)))
         if stuck.any():
             remedy = _mend(times, stuck, slope, second)
+            mean = float(np.mean(times)) * second + float(stamps.zero)
+            back = (steps < 0).any() or not np.ptp(times)
+            if back and stuck.mean() > 0.3 and np.ptp(times) * second < mean / 2:
+                # Steps from row to row.
+                if rate is not None and abs(mean * rate - 1) < _UNIFORM:
+                    return Clock(np.arange(len(times)) / rate, 1 / rate, ())
+                remedy = f"if they are steps from row to row, give --rate {1 / mean:.6g}Hz"
             raise _refusal(table, column, rows, times, stuck, "time to increase", remedy)
     # Where there are gaps, the step between them.
     step = second * (float(steps[steps < 2 * np.median(steps)].mean()) if slope is None else slope)
-    notes = () if is_given else _agreement(table, label, step, about.clocks, stamps)
+    notes = () if is_given else _agreement(table, column, step, about.clocks, stamps)
     if rate is None and not (stamps.unit.is_stated or about.clocks):
         _require_seconds(label, times, step, float(stamps.zero) / second)
     if uniform and slope is None:
@@ -159,13 +224,14 @@ def clock_of_time(
 
 
 def _agreement(
-    table: Table, label: str, step: float, facts: Sequence[Fact], stamps: Stamps
+    table: Table, column: int, step: float, facts: Sequence[Fact], stamps: Stamps
 ) -> tuple[str, ...]:
     """The note on seconds that no file states.
 
     Raises InputError where the file states another step [s], or speaks of a unit of time beside a
     column of none.
     """
+    label = f"{table.source}, {column_label(table.names, column)}"
     stated = {fact.name: step_of(fact, label) for fact in facts}
     other = next((name for name, s in stated.items() if abs(s - step) > _STATED * step), None)
     written = stamps.unit.name if stamps.unit.is_stated else "a unit that is not written"
@@ -184,14 +250,21 @@ def _agreement(
         )
     if stamps.unit.is_stated:
         return ()
-    for said in table.unused:
-        units = [word for word in units_in(said.text) if is_compatible(readable(word) or "", "s")]
+    own = Stated(unread(title_of(table, column)), "its name")
+    for said in (*table.unused, own):
+        words = re.findall(r"[^\W\d_]+", said.text) if said is own else units_in(said.text)
+        read = [readable(word) for word in words if is_spelled_unit(word)]
+        units = [unit for unit in read if unit and is_compatible(unit, "s")]
+        if scales_time(said.text):
+            factors = [float(number) for number in re.findall(NUMBER, said.text)]
+            units += [unit for unit, s in _CLOCKS.items() if any(isclose(s, f) for f in factors)]
+            units = units or ["ms"]
         if units and not stated:
             raise InputError.at(
                 label,
                 "a unit beside the name",
                 f'none, but "{said.text[:60]}" in {said.place}',
-                f"give --clock {readable(units[0])} if that is its unit, or --clock s",
+                f"give --clock {units[0]} if that is its unit, or --clock s",
             )
     return (f"{label}: no unit is written, s was assumed.",) if not stated else ()
 
@@ -204,17 +277,21 @@ def _require_seconds(label: str, times: np.ndarray, step: float, zero: float) ->
     written."""
     begin = zero + float(times[0])
     description = ""
+    remedy = (
+        "give --clock ms where they are milliseconds, --clock s where they are seconds, or --rate "
+        "where samples are counted"
+    )
     if (times == np.round(times)).all():
         description = f"whole numbers {step:g} apart, which may be samples, ticks or milliseconds"
     elif step < 1e-3 and (3e4 < begin < 6e4 or 7e5 < begin < 8e5):
         description = f"numbers from {begin:.6g}, which may be days"
+        remedy = "give --clock days, or --clock s where they are seconds"
     if description:
         raise InputError.at(
             label,
             "seconds, or a unit beside the name",
             description,
-            "give --clock ms where they are milliseconds, --clock s where they are seconds, or "
-            "--rate where samples are counted",
+            remedy,
         )
 
 
@@ -282,6 +359,8 @@ def _mend(times: np.ndarray, stuck: np.ndarray, slope: float | None, second: flo
         rows, span = changes[-1] - changes[0], second * (times[changes[-1]] - times[changes[0]])
         rate = _roundest((rows - 1) / span, (rows + 1) / span)
         return f"if the stamps are rounded, give --rate {rate:.10g}Hz"
+    if (np.diff(times) < 0).all():
+        return "turn the rows round, the last first"
     row = int(stuck.argmax()) + 1
     if stuck.sum() == 1 and _are_even(np.diff(np.delete(times, row))):
         return "delete that line, which is there twice"

@@ -4,7 +4,7 @@ import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
 
-from fracjax._io._lexicon import by_word
+from fracjax._io._lexicon import WORDS, by_word
 from fracjax._io._table import Fact, Stated
 from fracjax._io._units import (
     contradicts,
@@ -14,14 +14,16 @@ from fracjax._io._units import (
     stripped,
     titled,
 )
-from fracjax._io._words import role_of
+from fracjax._io._words import quantity, role_of
 from fracjax._recording import InputError, parse_quantity
 
 _KIND = by_word("keys")
 _MARKS = re.compile(r"^[\s#%;!*/'$&@|]+")
+NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _PAIR = re.compile(r"\s*([^:=]+?)\s*[:=]\s*(.*?)\s*")
 _PER_COUNT = re.compile(r"\d\s*[^\W\d]+\s*(?:/|per)\s*(?:count|lsb|bit|digit)s?\b", re.IGNORECASE)
 _NUMBERED = re.compile(r"(.*?)[\s_]*(\d+)")
+_FACTORS = {kind: frozenset(words) for kind, words in WORDS["factors"].items()}
 
 
 class Said(NamedTuple):
@@ -108,7 +110,7 @@ def fact(
         text = text.replace(",", ".")
     text = re.sub(r"(?<=\d),(?=\d{3}(?!\d))", "", text)
     default = "s" if kind == "step" else "Hz"
-    parts = re.fullmatch(r"([-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?)\s*(.*)", text)
+    parts = re.fullmatch(rf"({NUMBER})\s*(.*)", text)
     if parts is None:
         return None
     written = stripped(parts[2]) or titled(key or name).unit
@@ -173,6 +175,8 @@ def beside(
             _take_clocks(facts, said, kind, data, decimal)
         elif kind == "unit" and not said.column:
             _take_units(facts, said, data, names)
+        elif kind in ("scale", "offset", "unapplied"):
+            _take_factors(facts, said, data, names)
         elif kind == "name" and not names:
             for at, text in _spread(said, data):
                 facts.names.setdefault(at, text)
@@ -276,6 +280,9 @@ def units_in(text: str) -> Iterator[str]:
     before = ""
     for match in _WORD.finditer(text):
         word = match[0].rstrip(".!?")
+        if not is_spelled_unit(word) and is_spelled_unit(titled(word).unit):
+            # A name with its unit, such as time/ms.
+            word, before = titled(word).unit, ""
         ahead, behind = text[: match.start()].rstrip(" \"'"), text[match.end() :].lstrip(" \"'")
         lead = before.casefold() in _LEADS or ahead.endswith((":", "=", "[", "("))
         if (
@@ -292,7 +299,36 @@ def units_in(text: str) -> Iterator[str]:
 def speaks(text: str) -> bool:
     """Whether a line that nobody understood holds a unit, a factor, a rate or a start."""
     pairs = re.findall(r"(?<![\w.])[-+]?\d[\d.]*(?:[eE][-+]?\d+)?\s*([^\W\d][^\s,;)\]\"']*)", text)
-    return any(units_in(text)) or any(map(is_spelled_unit, pairs))
+    return (
+        any(units_in(text))
+        or any(map(is_spelled_unit, pairs))
+        or bool(_PER_COUNT.search(text))
+        or not _words_of(text).isdisjoint(_FACTORS["factor"])
+        or is_decimated(text)
+    )
+
+
+def is_decimated(text: str) -> bool:
+    """Whether a line says that fewer samples were kept than its rate took."""
+    several = bool(re.search(r"[2-9]|\d\d", text))
+    return several and not _words_of(text).isdisjoint(_FACTORS["decimation"])
+
+
+def speaks_of_sampling(text: str) -> bool:
+    """Whether a line speaks of how often samples were taken, and of all that were."""
+    return not (_words_of(text).isdisjoint(_FACTORS["sampling"]) or is_decimated(text))
+
+
+def scales_time(text: str) -> bool:
+    """Whether a line speaks of a factor of times, as `time_scale = 0.001` does."""
+    words = _words_of(text)
+    return not words.isdisjoint(_FACTORS["factor"]) and any(quantity(w) == "time" for w in words)
+
+
+def _words_of(text: str) -> set[str]:
+    """The words of a line in small letters, parted where its case changes."""
+    parted = re.sub(r"(?<=[a-zäöü])(?=[A-Z])", " ", text)
+    return set(re.findall(r"[^\W\d_]+", parted.casefold()))
 
 
 def _spread(said: Said, data: Sequence[int], names: Sequence[str] = ()) -> list[tuple[int, str]]:
@@ -330,10 +366,21 @@ def _take_clocks(facts: Beside, said: Said, kind: str, data: Sequence[int], deci
             clocks[at] = (*clocks.get(at, ()), by_text[text])
 
 
+def _take_factors(facts: Beside, said: Said, data: Sequence[int], names: Sequence[str]) -> None:
+    """Add the factors, or what is added, in the cell above each column, but for those that change
+    nothing."""
+    for at, text in _spread(said, data, names):
+        facts.used.add(said.place)
+        if re.search(r"\d", text) and not re.fullmatch(r"[01](\.0*)?", text):
+            facts.scales.setdefault(at, []).append(Stated(text, said.place))
+
+
 def _take_units(facts: Beside, said: Said, data: Sequence[int], names: Sequence[str]) -> None:
     """Add the units of a line: in the cell above each column, or one for the last."""
     for at, text in _spread(said, data, names):
         _state(facts, at, text, said.place)
     filled = [value for value in said.values if value.strip()]
-    if len(filled) == 1 and len(data) in (1, 2):
+    # The unit of a rate or a step stands in a line of its own as well.
+    of_clock = len(filled) == 1 and is_compatible(readable(stripped(filled[0])) or "V", "s", "Hz")
+    if len(filled) == 1 and len(data) in (1, 2) and not of_clock:
         _state(facts, data[-1], filled[0], said.place)

@@ -39,11 +39,18 @@ class _Row(NamedTuple):
     cells: list[str]
 
 
-def header_of(source: str, lines: Sequence[str], layout: Layout, hints: Hints) -> Header:
+def header_of(
+    source: str,
+    lines: Sequence[str],
+    layout: Layout,
+    hints: Hints,
+    below: Sequence[tuple[int, str]] = (),
+) -> Header:
     """The header of a table in lines of text.
 
     The rows next above the table that are as wide as it are its names, its units, and remarks; all
-    lines above and all text beside it may state units, names, steps and rates.
+    lines above, those `below` it with their numbers, and all text beside it may state units, names,
+    steps and rates.
 
     Raises InputError where a row of names has too few or too many.
     """
@@ -57,7 +64,12 @@ def header_of(source: str, lines: Sequence[str], layout: Layout, hints: Hints) -
     if not above and hints.names_row is None:
         _check_units(source, lines, layout)
     names = _names(names_row, layout)
-    said = with_columns(_said(lines, layout, names_row, units_row))
+    behind = [
+        each
+        for number, line in below
+        for each in said_in(line, _cells(line, layout), f"line {number}")
+    ]
+    said = with_columns([*_said(lines, layout, names_row, units_row), *behind])
     facts = beside(said, [*layout.data], names, layout.decimal)
     extra = _beyond(names_row, units_row, layout)
     if not names and facts.names:
@@ -88,13 +100,20 @@ def _rows_above(lines: Sequence[str], layout: Layout) -> list[_Row]:
     rows: list[_Row] = []
     for at in range(layout.start - 1, -1, -1):
         line = lines[at]
-        if not line.strip(' \t"' + layout.separator):
+        if not line.strip(' \t"' + layout.separator) or _is_of_keys(line, layout):
             continue
         row = _row(at, line, layout)
         if row is None or len(rows) == _MOST_ROWS:
             break
         rows.append(row)
     return rows
+
+
+def _is_of_keys(line: str, layout: Layout) -> bool:
+    """Whether each cell of a line is a key with its value, such as `Rate: 200 Hz`."""
+    cells = [cell for cell in cells_of(line, layout.separator) if cell]
+    keys = [cell.partition(":")[0] for cell in cells if ":" in cell]
+    return len(keys) == len(cells) > 1 and any(kind_of(key) for key in keys)
 
 
 def _row(at: int, line: str, layout: Layout) -> _Row | None:
@@ -341,7 +360,8 @@ def _check_units(source: str, lines: Sequence[str], layout: Layout) -> None:
             f"{source}, line {at + 1}",
             f"{layout.width} units, one for each column",
             f"{len(given)}",
-            f"complete that line, or give --skip-rows {at + 1}, --unit drive=V and --unit response=um",
+            f"complete that line, or give --skip-rows {at + 1}, --unit drive=V "
+            "and --unit response=um",
         )
 
 

@@ -155,8 +155,7 @@ def _timed(
             uniform=timing.uniform,
             is_given=timing.unit is not None,
         )
-        note = "" if stamps.unit.scale != 1.0 else stamps.unit.note
-        clock = clock._replace(notes=(note, *stamps.notes, *clock.notes))
+        clock = clock._replace(notes=(stamps.unit.note, *stamps.notes, *clock.notes))
         parts.append(Part(table, column, rows, values[rows], clock))
     return parts
 

@@ -91,7 +91,7 @@ def _next_block(
         )
         if _row(lines[start], layout) is None or not _goes_on(lines, start, layout):
             continue
-        text_only = all(_is_text(line, layout) for line in lines[at:start])
+        text_only = all(is_text(line, layout) for line in lines[at:start])
         return start if named or text_only else None
     return None
 
@@ -102,7 +102,8 @@ def _goes_on(lines: Sequence[str], start: int, layout: Layout) -> bool:
     return start + MINIMUM_SAMPLES <= len(lines) and all(rows)
 
 
-def _is_text(line: str, layout: Layout) -> bool:
+def is_text(line: str, layout: Layout) -> bool:
+    """Whether no cell of a line holds a value."""
     cells = cells_of(line, layout.separator)
     return not any(kind_of(cell) in _VALUES for cell in cells)
 
@@ -114,7 +115,7 @@ def _is_end(lines: Sequence[str], at: int, layout: Layout) -> bool:
     """
     width = len(cells_of(lines[at], layout.separator))
     apart = layout.separator == " " or width != layout.width
-    return apart and all(_is_text(line, layout) for line in lines[at:])
+    return apart and all(is_text(line, layout) for line in lines[at:])
 
 
 def _long_blocks(blanks: Sequence[int], count: int, stated: bool) -> list[int]:

@@ -17,9 +17,9 @@ from fracjax._io._decoding import Text, text_of
 from fracjax._io._exact import exact_of_text
 from fracjax._io._files import EXPORT, text_signature, whole
 from fracjax._io._header import Header, header_of
-from fracjax._io._layout import Layout, cells_of, layout_of
+from fracjax._io._layout import Layout, cells_of, is_comment, layout_of
 from fracjax._io._numbers import numbers_of
-from fracjax._io._rows import rows_of
+from fracjax._io._rows import is_text, rows_of
 from fracjax._io._stamps import seconds_of
 from fracjax._io._table import NO_HINTS, Column, Hints, Stated, Table, column_label
 from fracjax._io._unit_columns import with_units_of_rows
@@ -45,7 +45,7 @@ def read_text(path: str | PathLike[str], hints: Hints = NO_HINTS) -> Table:
     source = fspath(path)
     text = text_of(source)
     lines, layout, quick = _laid_out(source, text, hints)
-    header = header_of(source, lines, layout, hints)
+    header = header_of(source, lines, layout, hints, _below(text, layout))
     if quick is not None:
         parsed = [_Parsed() if each is None else each for each in quick]
         count = len(next(each.values for each in parsed if each.values is not None))
@@ -71,6 +71,25 @@ def read_text(path: str | PathLike[str], hints: Hints = NO_HINTS) -> Table:
         for at in range(layout.width)
     )
     return with_units_of_rows(Table(source, header.names, columns, breaks, header.unused))
+
+
+_TAIL = 4_000
+"""Bytes at the end of a file in which lines of text below its table are looked for."""
+
+
+def _below(text: Text, layout: Layout) -> list[tuple[int, str]]:
+    """The lines of text at the end of a file, with their numbers in it, from 1."""
+    if text.encoding not in ("utf-8", "ascii", "cp1252"):
+        return []
+    tail = text.raw[-_TAIL:].decode(text.encoding, "replace").split("\n")
+    number = text.raw.count(b"\n") + 1
+    lines = []
+    for at, line in enumerate(reversed(tail[1:])):
+        if not is_comment(line) and not is_text(line, layout):
+            break
+        if line.strip():
+            lines.append((number - at, line))
+    return lines[::-1]
 
 
 def _column(

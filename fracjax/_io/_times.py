@@ -51,6 +51,8 @@ def stamps_of(table: Table, time: int, stated: str | None, wrap: str | None) -> 
         own = Unit("s", 1.0)
     elif not unit(own.name).is_compatible_with(unit("s")):
         raise InputError.at(label, "a time", f'a column in "{own.name}"', "give another as --time")
+    if own.scale != 1.0:
+        return Stamps(about.numbers * own.scale, own._replace(scale=1.0))
     stamps = _exact(Stamps(about.numbers, own), table, time)
     stamps = _with_finer(stamps, table, time)
     stamps = _of_one_unit(stamps, label)

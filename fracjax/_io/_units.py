@@ -7,16 +7,16 @@ from typing import NamedTuple
 
 from fracjax._io._lexicon import WORDS, by_word
 from fracjax._io._words import quantity
-from fracjax._recording import InputError, unit
+from fracjax._recording import PREFIXED, InputError, unit
 
 _CANONICAL = by_word("spellings")
 _CLOCKS = by_word("clocks")
 FOREIGN_UNITS = frozenset(w for w in _CANONICAL if not w.isascii() and len(w) > 1)
-_RATES = frozenset(WORDS["units"]["rates"])
+_MISREAD = frozenset(WORDS["units"]["misread"])
 _UNKNOWABLE = frozenset(WORDS["units"]["unknowable"])
 _PREFIX = "(?:[pnumcdkMGµμ]?)"
 _PLAIN = (
-    rf"(?:{_PREFIX}(?:V|A|m|s|N|Hz|C|Pa|rad|W|F|T|g|J|eV|Wb)|sec|secs|seconds?|msec|usec|mins?|hours?"
+    rf"(?:{_PREFIX}(?:V|A|m|s|Nm|N|Hz|C|Pa|rad|W|F|T|g|J|eV|Wb)|secs?|(?:nano|micro|milli)?seconds?|[mun]secs?|mins?|hours?"
     r"|volts?|microns?|micrometers?|micrometres?|nanometers?|nanometres?|millimeters?|inch|mils?"
     r"|deg|degrees?|mdeg|arcsec|newtons?|bar|amps?|ohm|Ω|%|ppm|ustrain|microstrain)"
 )
@@ -42,7 +42,8 @@ _DIMENSIONS = {
     "charge": ("C", "C/m**2"),
     "angle": ("rad", "m"),
     "frequency": ("Hz",),
-    "speed": ("m/s",),
+    "speed": ("m/s", "rad/s"),
+    "acceleration": ("m/s**2",),
     "temperature": ("K",),
     "counter": (),
 }
@@ -68,7 +69,7 @@ def readable(text: str) -> str | None:
 def _readable(text: str) -> str | None:
     if is_unknowable(text):
         return None
-    if text.casefold() in _RATES:
+    if text.casefold() in _MISREAD:
         return _CANONICAL[text.casefold()]
     for spelling in (text, *_respelled(text)):
         try:
@@ -81,13 +82,70 @@ def _readable(text: str) -> str | None:
 
 def _respelled(text: str) -> list[str]:
     """Other spellings of the same: foreign words, powers written on, characters of one width."""
-    plain = unicodedata.normalize("NFKC", text).strip().replace("−", "-").replace("μ", "u")
+    plain = text.replace("$", "").replace("\\mu", "u")  # as LaTeX writes $\\mu$m
+    plain = unicodedata.normalize("NFKC", plain).strip().replace("−", "-").replace("μ", "u")
     plain = re.sub(r"^[\[({<]\s*(.*?)\s*[\])}>]$", r"\1", plain)
     powers = re.sub(r"([A-Za-zµΩ])\s*\^?\s*(-[1-4]|[2-4])(?![\d.])", r"\1**\2", plain)
     powers = re.sub(r"\s*[·⋅∙×]\s*|(?<=[\w)])\s+(?=[A-Za-zµΩ])", "*", powers)
     word = _CANONICAL.get(text.casefold()) or _CANONICAL.get(plain.casefold(), "")
     parts = [_CANONICAL.get(part.strip().casefold(), part) for part in plain.split("/")]
     return [each for each in (word, plain, powers, "/".join(parts)) if each]
+
+
+_COUNT = r"(?:counts?|cts?|lsb|bits?|digits?)"
+_NUMBER = r"(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
+_FACTORED = re.compile(
+    rf"(?:1?\s*{_COUNT}\s*=\s*(?P<each>{_NUMBER})|(?P<per>{_NUMBER})(?=.*/\s*{_COUNT}$)"
+    rf"|[×x]?\s*10\s*(?:\^|\*\*)\s*(?P<power>-?\d+)|1\s*/\s*(?P<part>\d+)|[×x]?\s*1(?P<ten>[eE]-?\d+)"
+    rf"|(?P<plain>{_NUMBER}))\s*[*·×]?\s*(?P<unit>[^\W\d]+?)(?:\s*/\s*{_COUNT})?",
+    re.IGNORECASE,
+)
+
+
+@lru_cache(maxsize=512)
+def factored(text: str, *, of_time: bool = False) -> tuple[float, str] | None:
+    """A number and a unit that stand for a unit, such as `1/100 mm`, `10^-6 m` or `5 nm/count`.
+
+    Of times any number is one, as in `0.2 ms`; of a signal `10 V` may be its range.
+    """
+    parts = _FACTORED.fullmatch(unicodedata.normalize("NFKC", text).replace("−", "-").strip())
+    read = readable(parts["unit"]) if parts else None
+    if parts is None or read is None or (parts["plain"] and not of_time):
+        return None
+    if parts["power"]:
+        return 10.0 ** int(parts["power"]), read
+    if parts["part"]:
+        return 1 / int(parts["part"]), read
+    ten = f"1{parts['ten']}" if parts["ten"] else None
+    return float(parts["each"] or parts["per"] or ten or parts["plain"]), read
+
+
+def of_capitals(title: str, written: str) -> list[str]:
+    """What a unit may mean in a header of capitals alone, where case says nothing: MV is mV or MV.
+
+    Nothing of any other header. Nobody records in megametres or megaseconds.
+    """
+    if written == "Ms":
+        return ["Ms", "ms"]
+    if not (title.isupper() and written.isupper() and len(re.findall(r"[^\W\d_]", title)) > 4):
+        return []
+    fitting = cased(title, written)
+    return fitting if fitting != [written] else []
+
+
+def likely(name: str, written: str) -> str:
+    """A unit of what a name speaks of, where the written one is of something else: the one that is
+    spelled alike, else a usual one; empty where the name speaks of nothing."""
+    return [*cased(name, written), *_DIMENSIONS.get(quantity(name) or "", ()), ""][0]
+
+
+def cased(title: str, written: str) -> list[str]:
+    """The common units that differ from a written one at most by capitals, and may be that of what
+    a name speaks of."""
+    kinds = _DIMENSIONS.get(quantity(title) or "", ()) or _SIGNALS
+    low = written.casefold()
+    spellings = {spelling for spelling in PREFIXED if spelling.casefold() == low}
+    return [s for s in sorted(spellings - {"Mm", "Ms"}) if is_compatible(s, *kinds)]
 
 
 @lru_cache(maxsize=1024)
@@ -132,8 +190,13 @@ def titled(title: str) -> Titled:
     title = re.sub(r"(\.\d+)+$", "", title).strip()
     for match in reversed([*_BRACKETS.finditer(title)]):
         inner = match[match.lastindex or 0]
-        if inner and (readable(inner) is not None or is_unknowable(inner)):
-            name = f"{title[: match.start()]} {title[match.end() :]}".strip(" _")
+        name = f"{title[: match.start()]} {title[match.end() :]}".strip(" _")
+        if inner and (
+            readable(inner) is not None
+            or is_unknowable(inner)
+            or of_capitals(title, inner)
+            or factored(inner, of_time=quantity(name) == "time")
+        ):
             return Titled(name or title, inner)
     if "[" in title or "(" in title:
         return Titled(_BRACKETS.sub("", title).strip(" _") or title, "")
@@ -149,6 +212,8 @@ def titled(title: str) -> Titled:
         if stroke in ("/", "in") and quantity(name) and not quantity(rest):
             return Titled(name, rest)
     words = [word for word in re.split(r"[_.\-]+", title) if word]
+    if len(words) > 1 and quantity(title) and of_capitals(title, words[-1]):
+        return Titled("_".join(words[:-1]), words[-1])
     for count in (2, 1):
         name, rest = "_".join(words[:-count]), "/".join(words[-count:])
         if name and _suits(name, rest):
@@ -192,7 +257,8 @@ def _suits(name: str, rest: str, *, blank: bool = False) -> bool:
         return False
     if spoken is None and blank and len(rest) == 1 and rest != "V":
         return False
-    kinds = _DIMENSIONS.get(spoken or "", _SIGNALS)
+    # A sample rate is no count.
+    kinds = ("Hz",) if spoken == "counter" else _DIMENSIONS.get(spoken or "", _SIGNALS)
     electrical = spoken in ("length", "force", "angle", "charge") and not blank
     kinds = (*kinds, "V") if electrical else kinds
     if spoken is None and is_compatible(read, "s"):

@@ -61,8 +61,7 @@ def role_of(text: str) -> str | None:
     low = text.casefold()
     spoken = _spoken(text)
     if "time" not in spoken:
-        commanded = not _SIGNALS["commands"].isdisjoint(words)
-        commanded = commanded or any(word in low for word in _WIDE_COMMANDS)
+        commanded = is_command(text)
         sensed = not _SIGNALS["sensors"].isdisjoint(words)
         if commanded != sensed:
             return "input" if commanded else "output"
@@ -80,6 +79,13 @@ def role_of(text: str) -> str | None:
             if any(not word.isascii() and word in low for word in spoken)
         }
     return directions.pop() if len(directions) == 1 else None
+
+
+@lru_cache(maxsize=1024)
+def is_command(text: str) -> bool:
+    """Whether a name speaks of what was commanded."""
+    wide = any(word in text.casefold() for word in _WIDE_COMMANDS)
+    return wide or not _SIGNALS["commands"].isdisjoint(_words(text))
 
 
 @lru_cache(maxsize=1024)

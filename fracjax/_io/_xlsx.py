@@ -2,14 +2,18 @@
 
 import csv
 import io
+import re
 from collections.abc import Mapping, Sequence
 from datetime import date, datetime
 from functools import partial
+from itertools import groupby
 from os import PathLike, fspath
 from typing import NamedTuple
+from zipfile import ZipFile
 
 import numpy as np
 
+from fracjax._io._facts import speaks
 from fracjax._io._files import plain, reading, writing
 from fracjax._io._header import header_of
 from fracjax._io._layout import layout_of
@@ -17,6 +21,7 @@ from fracjax._io._numbers import Parsed, numbers_of
 from fracjax._io._stamps import seconds_of
 from fracjax._io._table import NO_HINTS, Column, Fact, Hints, Stated, Table, column_label
 from fracjax._io._unit_columns import with_units_of_rows
+from fracjax._io._units import is_unit
 from fracjax._recording import LARGEST, InputError
 
 _KIND = "an XLSX file"
@@ -107,9 +112,11 @@ def read_xlsx(path: str | PathLike[str], hints: Hints = NO_HINTS) -> Table:
                 sheet.reset_dimensions()
                 rows = list(sheet.iter_rows(values_only=True))
                 cells, beside = _columns(source, plain(sheet.title), rows, get_column_letter, hints)
+                cells = _with_formats(cells, sheet)
                 columns, unused = columns + cells, unused + beside
         finally:
             book.close()
+        unused += _remarks(source)
     if not columns:
         raise InputError.at(
             source, "rows of numbers", "no number in any sheet", "export the recording as CSV"
@@ -166,7 +173,8 @@ def _columns(
     lines = ["" if at < skip else _as_line(row, widest) for at, row in enumerate(rows[:_HEAD])]
     layout = layout_of(lines, skip, ("\t",)) if widest else None
     if layout is None:
-        return [], []
+        said = [(at, text) for at, line in enumerate(lines, 1) if speaks(text := plain(line))]
+        return [], [Stated(text, f'sheet "{sheet}", row {at}') for at, text in said]
     header = header_of(source, lines, layout, hints)
     columns = []
     body = rows[layout.start :]
@@ -193,6 +201,37 @@ def _columns(
                 )
             )
     return columns, [*header.unused]
+
+
+def _remarks(source: str) -> list[Stated]:
+    """The comments on cells that speak of units, factors or rates."""
+    said = []
+    with ZipFile(source) as parts:
+        for name in parts.namelist():
+            if re.match(r"xl/.*comment", name, re.IGNORECASE) and name.endswith(".xml"):
+                texts = re.findall(r"<(?:t|text)\b[^>]*>([^<]+)<", parts.read(name).decode("utf-8"))
+                said += [Stated(text, "a comment on a cell") for text in texts if speaks(text)]
+    return said
+
+
+_OF_FORMAT = re.compile(r'"\s*([^"]+?)\s*"')
+
+
+def _with_formats(columns: list[_Cells], sheet) -> list[_Cells]:
+    """The columns with the units that stand in the formats of their first numbers, `0.00" mV"`."""
+    from openpyxl.utils import column_index_from_string
+
+    formatted = []
+    for first, group in groupby(columns, lambda cells: cells.first):
+        row = next(sheet.iter_rows(min_row=first, max_row=first), ())
+        for cells in group:
+            at = column_index_from_string(cells.letter) - 1
+            written = _OF_FORMAT.search(row[at].number_format or "") if at < len(row) else None
+            if written and is_unit(written[1]) and getattr(row[at], "value", None) is not None:
+                stated = Stated(written[1], f"the format of {cells.letter}{first}")
+                cells = cells._replace(units=(*cells.units, stated))
+            formatted.append(cells)
+    return formatted
 
 
 def _as_line(row: Sequence[object], width: int) -> str:

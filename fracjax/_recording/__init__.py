@@ -20,11 +20,12 @@ from fracjax._recording._signals import (
     varying,
 )
 from fracjax._recording._spectrum import fastest, hann, thinned
-from fracjax._recording._units import UNSTATED, conversion, parse_quantity, unit
+from fracjax._recording._units import PREFIXED, UNSTATED, conversion, parse_quantity, unit
 
 __all__ = [
     "LARGEST",
     "MINIMUM_SAMPLES",
+    "PREFIXED",
     "UNSTATED",
     "InputError",
     "Recording",

@@ -46,6 +46,9 @@ _SIMPLE = {
     for symbol, (ten, base) in _SYMBOLS.items()
     for prefix, power in _PREFIXES.items()
 } | {name: (0, {name: 1}) for name in UNSTATED.values()}
+_SIMPLE |= {f"{prefix}Nm": (power, _SYMBOLS["J"][1]) for prefix, power in _PREFIXES.items()}
+PREFIXED = frozenset(_SIMPLE)
+"""The common units with their prefixes."""
 
 _ONE_AT_A_TIME = threading.Lock()
 """pint reads its definitions on first use; a second thread would find half of them."""
@@ -118,7 +121,9 @@ def _by_pint(name: str) -> Unit | None:
 
 
 def _spellings(name: str) -> Iterator[str]:
-    return iter((name, name.lower()))
+    """A name, and in small letters where these can mean nothing else: Nm is no nm."""
+    alike = sum(each.lower() == name.lower() for each in PREFIXED)
+    return iter((name, name.lower()) if alike < 2 else (name,))
 
 
 @lru_cache(maxsize=1024)

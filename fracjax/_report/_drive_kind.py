@@ -50,8 +50,13 @@ def kind_of_drive(recording: Recording) -> str:
 def _moving(drive: np.ndarray) -> np.ndarray:
     """The drive (N,) without a rest at its beginning and end, which would hide its kind."""
     far = 0.05 * np.ptp(drive)
-    start = int(np.argmax(np.abs(drive - drive[0]) > far))
-    stop = drive.size - int(np.argmax(np.abs(drive - drive[-1])[::-1] > far))
+
+    def away(value: float) -> np.ndarray:
+        """Where the drive is far from a value, without a second drive in memory."""
+        return (drive > value + far) | (drive < value - far)
+
+    start = int(np.argmax(away(drive[0])))
+    stop = drive.size - int(np.argmax(away(drive[-1])[::-1]))
     lengths = start, drive.size - stop
     return drive[start:stop] if drive.size // 50 < max(lengths) < drive.size // 2 else drive
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
-from .._fit import Comparison, Fit, ResidualAnalysis, analyse_residuals
+from .._fit import Comparison, Fit, Predicted, ResidualAnalysis, analyse_residuals
 from ._recordings_section import MOST_RECORDINGS, recordings_section
 from ._text import (
     Figures,
@@ -37,14 +37,16 @@ def fit_content(fits: Sequence[Fit]) -> dict[str, Any]:
     return _content([fit for fit, _ in rank_fits(fits)])
 
 
-def _content(best_first: Sequence[Fit]) -> dict[str, Any]:
-    """The same of fits that are in order."""
+def _content(best_first: Sequence[Fit], predicted: Sequence[Predicted] = ()) -> dict[str, Any]:
+    """The same of fits that are in order, with what they predict of recordings held out."""
     downloads = [
         download(f"fit_{file_name(fit.model.name)}.json", fit.to_dict()) for fit in best_first
     ]
     badge, verdict = fit_badge(best_first)
     return {
-        **common_content(best_first, key_figures(best_first), tests=_tests(best_first[0])),
+        **common_content(
+            best_first, key_figures(best_first), tests=_tests(best_first[0]), predicted=predicted
+        ),
         "title": f"Fit of {sources(best_first[0])}",
         "sentence": fit_sentence(best_first),
         "badge": badge,
@@ -58,7 +60,7 @@ def _content(best_first: Sequence[Fit]) -> dict[str, Any]:
 
 def comparison_content(comparison: Comparison) -> dict[str, Any]:
     """The content of the report of fits, with the scores on held-out data."""
-    content = _content(comparison.fits)
+    content = _content(comparison.fits, comparison.predicted)
     headers, rows = key_figures(comparison)
     held_out = ("Held out", comparison.method)
     attached = download("comparison.json", comparison.to_dict())
@@ -76,11 +78,12 @@ def common_content(
     figures: Figures,
     diagnosis: Diagnosis | None = None,
     tests: Sequence[ResidualAnalysis] = (),
+    predicted: Sequence[Predicted] = (),
 ) -> dict[str, Any]:
     """The content that reports of fits and diagnoses share, with the tests of residuals."""
     headers, rows = figures
     return {
-        **recordings_section(fits[:_MOST_MODELS], noise_of(fits[0]), diagnosis, tests),
+        **recordings_section(fits[:_MOST_MODELS], noise_of(fits[0]), diagnosis, tests, predicted),
         "headers": headers,
         "rows": rows,
         "bode": None,

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING, Any, NamedTuple
 
-from .._fit import Fit, ResidualAnalysis
+from .._fit import Fit, Predicted, ResidualAnalysis
 from .._prepare import Noise
 from .._show import CANDIDATES, COLOURS
 from ._embedding import embedded
@@ -36,11 +36,12 @@ def recordings_section(
     noise: Noise,
     diagnosis: Diagnosis | None = None,
     tests: Sequence[ResidualAnalysis] = (),
+    predicted: Sequence[Predicted] = (),
 ) -> dict[str, Any]:
     """The template's content: the elements of the plots, the layers to choose from, the scripts.
 
     `fits` are of the same recordings; of a diagnosis its axes and candidates are drawn too, and
-    the tests of residuals.
+    the tests of residuals; behind the recordings those held out, as `predicted`.
     """
     axes = () if diagnosis is None else diagnosis.axes
     candidates = _candidates(diagnosis)
@@ -57,6 +58,12 @@ def recordings_section(
         )
         for index, take in enumerate(takes[:MOST_RECORDINGS])
     ]
+    drawn_takes = len(plots)
+    sources = [Path(take.recording.source).name for take in takes[:MOST_RECORDINGS]]
+    for one in predicted[:MOST_RECORDINGS]:
+        curves = [Curve(*each) for each in zip(names, one.responses, COLOURS, strict=False)]
+        plots.append(linked_plots(one.recording, one.scored, curves, noise.sigma))
+        sources.append(f"{Path(one.recording.source).name}, held out: no fit has seen it")
     located = strips(axes) if axes else []
     link(plots, located, names, noise.unit)
     drawn = [figure for plot in plots for figure in plot.figures]
@@ -66,13 +73,13 @@ def recordings_section(
     return {
         "recordings": [
             {
-                "source": Path(take.recording.source).name,
+                "source": source,
                 "elements": elements[5 * index : 5 * index + 5],
                 "note": _note(plot),
             }
-            for index, (take, plot) in enumerate(zip(takes, plots, strict=False))
+            for index, (source, plot) in enumerate(zip(sources, plots, strict=True))
         ],
-        "omitted": len(takes) - len(plots),
+        "omitted": len(takes) - drawn_takes,
         "strips": elements[len(drawn) - len(located) : len(drawn)],
         "residual_tests": [
             {

@@ -156,12 +156,12 @@ def _scores(
     if held_out_scores:
         e_r = [None if errors is None else errors.e_r for errors in held_out_scores]
         nrmse = [None if errors is None else errors.nrmse_percent for errors in held_out_scores]
-        rows.append(["e_r, held-out data", *(figure(value) for value in e_r)])
+        rows.append(["relative error, held-out data", *(figure(value) for value in e_r)])
         rows.append(["NRMSE fit, held-out data [%]", *(figure(value, 4) for value in nrmse)])
     if noise.method != "residual":
         rows.append(["RMSE over noise floor", *(figure(s.rmse / noise.sigma) for s in scores)])
     rows += [
-        ["e_r", *(figure(s.e_r) for s in scores)],
+        ["relative error", *(figure(s.e_r) for s in scores)],
         ["NRMSE fit", *(f"{s.nrmse_percent:.4g} %" for s in scores)],
         ["R²", *(f"{s.r_squared:.7g}" for s in scores)],
         ["BIC", *(f"{bic:.1f}" for bic in bics)],
@@ -186,7 +186,7 @@ def frequency_figures(fits: Sequence[FrequencyFit]) -> Figures:
     rows = [
         ["amplitude residual [dB rms]", *(figure(fit.amplitude_rms_dB) for fit in fits)],
         ["phase residual [degrees rms]", *(figure(fit.phase_rms_deg) for fit in fits)],
-        ["e_r", *(figure(fit.e_r) for fit in fits)],
+        ["relative error", *(figure(fit.e_r) for fit in fits)],
         ["BIC", *(f"{fit.bic:.1f}" for fit in fits)],
         ["free parameters", *(str(len(fit.estimates)) for fit in fits)],
     ]
@@ -216,8 +216,8 @@ def crosscheck_figures(crosscheck: Crosscheck) -> Figures:
     methods = crosscheck.rows
     unit = crosscheck.fit.preparation.takes[0].recording.response_unit
     rows = [
-        ["e_RMS", *(f"{row.rmse:.5g}" for row in methods), pretty_unit(unit)],
-        ["e_r", *(f"{row.e_r:.5g}" for row in methods), ""],
+        ["rms error", *(f"{row.rmse:.5g}" for row in methods), pretty_unit(unit)],
+        ["rel. error", *(f"{row.e_r:.5g}" for row in methods), ""],
         ["over the best", *(f"{row.over_best:.6g}" for row in methods), ""],
         ["agrees", *("yes" if row.agrees else "no" for row in methods), ""],
         *(

@@ -1,5 +1,7 @@
 """What the page says of an inverse in a loop."""
 
+from types import SimpleNamespace
+
 import numpy as np
 
 from fracjax import Recording, blocks, fit, write
@@ -42,3 +44,16 @@ def test_a_fit_has_its_promise_on_the_page(tmp_path):
     page._begin("promise")
     ended(page)
     assert "a time above 0 s" in page.stage.value
+
+
+def test_an_upload_of_a_name_that_is_taken_asks(tmp_path):
+    (tmp_path / "loop.csv").write_bytes(b"first")
+    page = _Page(Workspace(tmp_path))
+    page._upload(SimpleNamespace(new={"loop.csv": "second", "other.csv": b"third"}))
+    assert (tmp_path / "loop.csv").read_bytes() == b"first"
+    assert (tmp_path / "other.csv").read_bytes() == b"third"
+    assert page.replace.visible
+    assert "Replace loop.csv" in page.replace.label
+    page.replace.clicks += 1
+    assert (tmp_path / "loop.csv").read_bytes() == b"second"
+    assert not page.replace.visible

@@ -51,6 +51,8 @@ def test_uploads_are_bounded_and_overwrite_nothing(workspace, monkeypatch):
     with pytest.raises(InputError, match="a new name"):
         workspace.add("a.csv", b"other")
     assert (workspace.folder / "a.csv").read_bytes() == before
+    workspace.add("a.csv", b"other", replace=True)
+    assert (workspace.folder / "a.csv").read_bytes() == b"other"
 
 
 def test_roles_columns_and_recordings(workspace):

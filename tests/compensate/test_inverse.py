@@ -62,7 +62,7 @@ def test_a_simulation_on_a_grid_of_its_own_agrees(name):
 @pytest.mark.parametrize("name", ["lfdh", "creep"])
 def test_a_closed_form_needs_no_more_than_the_grid_does(name):
     found = fj.compensate(model(LINEAR[name]), wanted())
-    assert found.method in ("closed form", "fixed point")
+    assert found.method in ("closed form", "successive correction")
     assert found.iterations <= 4
 
 
@@ -163,7 +163,7 @@ def test_plays_beside_a_law_and_behind_a_curve_are_inverted_by_contraction(motio
     block = (blocks.FOH(-0.5, 0.55, 1e-7, -1e-3, 0.5) + MEMORY) >> curved
     found = fj.compensate(model(block), wanted(motion + 0.5), history="rest")
     assert found.verdict == "followed"
-    assert found.method == "fixed point"
+    assert found.method == "successive correction"
 
 
 # Plays of a curve ---------------------------------------------------------------------------------
@@ -205,7 +205,7 @@ def test_prandtl_ishlinskii_is_compensated_in_closed_form(motion):
     assert found.warnings == ()
     again = fj.compensate(fj.parse_model("prandtl_ishlinskii >> creep + resonance"), wanted(motion))
     assert again.verdict == "followed"
-    assert again.method in ("closed form", "fixed point")
+    assert again.method in ("closed form", "successive correction")
 
 
 def test_slopes_of_both_signs_are_iterated_and_said(tmp_path):

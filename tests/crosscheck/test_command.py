@@ -49,7 +49,15 @@ def test_the_command_prints_one_table(loop, checked, monkeypatch, capsys):
     assert "5 of 5 others agree with it" in out
     heads, rows = crosscheck_figures(checked)
     assert {len(row) for row in rows} == {len(heads)}
-    for label in ("e_RMS", "e_r", "alpha", "k_h", "evaluations", "seconds", "agrees"):
+    for label in (
+        "rms error",
+        "rel. error",
+        "alpha",
+        "k_h",
+        "evaluations",
+        "seconds",
+        "agrees",
+    ):
         assert f"\n{label} " in out
     assert "Written" not in out
     assert calls[0] | {"recordings": None} == {

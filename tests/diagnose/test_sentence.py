@@ -47,32 +47,33 @@ HELD_OUT = HeldOut("stretches", 0.3, 0.1, (0.3,), (0.1,), "a.csv")
 
 def test_the_first_place_that_stands_out_is_told():
     assert where_of(AXES, "missing") == (
-        "The mismatch stands out along level, at 1 to 2, 4 to 5.5 V; it also shows along harmonics."
+        "The mismatch depends on the level of the drive, most at 1 to 2, 4 to 5.5 V; it also "
+        "depends on the harmonic of the drive."
     )
     assert where_of(AXES[2:], "missing") == (
-        "The mismatch stands out along harmonics, at 1.5 to 2.5."
+        "The mismatch depends on the harmonic of the drive, most at 1.5 to 2.5."
     )
     assert where_of([axis("frequency", "Hz", 1e-4)], "missing") == (
-        "The mismatch stands out along frequency as a whole."
+        "The mismatch depends on frequency."
     )
     nowhere = "The residual does not exceed the noise anywhere."
     assert where_of(AXES, "none") == nowhere
-    assert where_of(AXES[1:2], "unexplained") == "The mismatch stands out along no axis."
+    assert where_of(AXES[1:2], "unexplained") == "The mismatch depends on nothing in particular."
     # Where none does by itself, what a named effect changes still has a place.
     assert where_of(AXES[1:2], "missing", ["creep"]) == (
-        "The mismatch stands out along no axis; the changes by creep lie along time, at 0 to 1 s."
+        "The mismatch depends on nothing in particular; the changes by creep depend on time, most "
+        "at 0 to 1 s."
     )
     assert where_of([*AXES[1:2], AXES[2]], "missing", ["creep", "delay"]) == (
-        "The mismatch stands out along harmonics, at 1.5 to 2.5; the changes by creep and delay "
-        "lie "
-        "along time, at 0 to 1 s."
+        "The mismatch depends on the harmonic of the drive, most at 1.5 to 2.5; the changes by "
+        "creep and delay depend on time, most at 0 to 1 s."
     )
 
 
 def test_of_several_recordings_each_is_told_first_where_most_is_left():
     residuals = [("a.csv", 1.02), ("b.csv", 4.16), ("c.csv", 2.5)]
     assert where_of(AXES[2:], "missing", residuals=residuals) == (
-        "The mismatch stands out along harmonics, at 1.5 to 2.5. "
+        "The mismatch depends on the harmonic of the drive, most at 1.5 to 2.5. "
         "The residual is 4.2 times the noise in b.csv, 2.5 in c.csv, 1 in a.csv."
     )
     many = [*residuals, ("d.csv", 1.1), ("e.csv", 1.0), ("f.csv", 0.9)]
@@ -158,12 +159,12 @@ def test_what_is_missing_is_told_with_what_it_brings():
         f"delay, resonance.{falls}"
     )
     beyond = "foh and the recording differ by more than the noise"
-    unknown = "and no effect of the catalogue explains it."
-    place = "along level, at 1 to 2, 4 to 5.5 V; it also shows along harmonics"
-    assert said("unexplained") == f"{beyond} {place}, {unknown}"
-    assert said("unexplained", axes=AXES[1:2]) == (
-        f"{beyond} along no axis in particular, {unknown}"
+    unknown = "and no effect of the catalogue explains it; the difference depends on"
+    assert said("unexplained") == (
+        f"{beyond}, {unknown} the level of the drive, most at 1 to 2, 4 to 5.5 V; it also depends "
+        "on the harmonic of the drive."
     )
+    assert said("unexplained", axes=AXES[1:2]) == f"{beyond}, {unknown} nothing in particular."
 
 
 def test_what_even_path_curves_leave_is_told():

@@ -11,7 +11,7 @@ from scipy.signal import lfilter, lsim
 
 import fracjax as fj
 from fracjax._fit import estimate_row, with_profiled_intervals
-from fracjax._fit._compare import HeldOutScores, _correlation_length, _folds
+from fracjax._fit._held_out import HeldOutScores, _correlation_length, _folds
 from fracjax._parameters import replace_parameters
 from fracjax._prepare import prepare
 from fracjax._report import fit_sentence

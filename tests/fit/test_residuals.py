@@ -44,8 +44,8 @@ def test_on_noise_all_is_well_and_the_p_values_are_uniform():
 
 def test_findings_on_noise_are_plain():
     told = analyse(noise(1)).findings
-    assert [t.split(" (")[0] for t in told[1:]] == [
-        "It is white",
+    assert [t.split(" (")[0] for t in told] == [
+        "The residual is white",
         "It is not correlated with the drive",
         "Its distribution is normal",
         "Its standard deviation is constant",

@@ -83,7 +83,11 @@ def test_what_speaks_of_something_else_is_no_unit_and_is_listed(put):
         read(path)
     taken = read_segments(path, time_unit="ms")[0]
     is_the_loop(taken.recording, ("drive units", "response units"))
-    assert [line.partition(": ")[2] for line in taken.unused] == ["range: 10 V", "lock-in at 3 kHz"]
+    assert [line.partition(": ")[2] for line in taken.unused] == [
+        "range: 10 V",
+        "voltage amplifier gain 20",
+        "lock-in at 3 kHz",
+    ]
 
 
 def test_two_units_of_one_column_stop_with_the_options_that_settle_it(put):

@@ -279,14 +279,14 @@ REFUSED = {
     "strange names": (
         lines_of(names=("a", "b", "c")),
         {},
-        'for input and output, found 3 .*"a", "b", "c"; give --input and --output as a name',
+        'for input and output, found 3 .*"a", "b", "c"; give --time a and --input b',
     ),
     "three nameless": (
         lines_of(DRIVE, RESPONSE, RESPONSE, names=()),
         {"rate": 200},
         r"found 3 column\(s\) without names; give --input and --output",
     ),
-    "one told": (lines_of(names=()), {"input": 1}, "columns for output, .* give --output"),
+    "one told": (lines_of(names=()), {"input": 1}, "columns for output, .*--time 0 and --output 2"),
     "two responses": (
         lines_of(names=("u_V", "x_um", "y_um")),
         {"rate": 200},

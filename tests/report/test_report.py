@@ -12,7 +12,7 @@ import numpy as np
 import pytest
 
 import fracjax as fj
-from fracjax._fit import Estimate
+from fracjax._fit import Estimate, compare_fits
 from fracjax._models import Model
 from fracjax._report import write_report
 from fracjax._report._text import (
@@ -194,6 +194,18 @@ def test_fits_and_their_comparison(fitted, tmp_path):
     assert "foh describes loop <1>.csv best of 2 models by BIC" in page.text
     assert "not converged" in page.text
     assert key_figures([fitted, worse])[0] == ["", "foh", "worse"]
+
+
+def test_what_a_fit_predicts_of_a_recording_held_out_is_drawn_over_it(fitted, tmp_path):
+    own = fitted.preparation.takes[0].recording
+    other = replace(own, source="other.csv")
+    compared = compare_fits([fitted], holdout=other)
+    (predicted,) = compared.predicted
+    error = (other.response - predicted.responses[0])[predicted.scored]
+    assert compared.rows[0].unseen.rmse == pytest.approx(np.sqrt(np.mean(error**2)))
+    page = page_of(compared, tmp_path)
+    assert "other.csv, held out: no fit has seen it" in page.text
+    assert page.text.count("Response, residual and drive over time") == 2
 
 
 def test_without_measured_noise_models_are_ranked_by_what_they_leave(fitted):

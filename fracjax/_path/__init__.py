@@ -12,7 +12,6 @@ from ._expansion import kinds_of as kinds_of
 from ._expansion import scanned_modes as scanned_modes
 from ._law import Inner as Inner
 from ._law import Prior as Prior
-from ._law import Whitening as Whitening
 from ._law import log_likelihood as log_likelihood
 from ._named import SURE as SURE
 from ._posterior import DIRECTIONS as DIRECTIONS
@@ -35,3 +34,4 @@ from ._signal import Signal as Signal
 from ._view import MISFIT as MISFIT
 from ._view import PathView as PathView
 from ._view import view_of as view_of
+from ._whitening import Whitening as Whitening

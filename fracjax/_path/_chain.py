@@ -27,9 +27,10 @@ from ._filters import (
     filters_of,
     time_constant_of,
 )
-from ._law import Inner, PathLaw, Settled, Whitening, log_likelihood
+from ._law import Inner, PathLaw, Settled, log_likelihood
 from ._posterior import EACH
 from ._signal import Signal, response_of, span_of
+from ._whitening import Whitening
 
 DRIVE_SIDE = ("drive_lag", "delay", "slew_rate_limit")
 """The effects that change the drive before its path."""

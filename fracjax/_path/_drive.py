@@ -15,8 +15,10 @@ from math import comb
 
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator
-from scipy.ndimage import maximum_filter1d, uniform_filter1d
+from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
+
+from ._kernels import smoothness
 
 _ORDER = 6
 """Of the differences."""
@@ -35,9 +37,6 @@ _MOVES = 5.0
 """The slope, over its standard deviation, from which a drive moves."""
 _NEAR = 3.0
 """How far the ends of a hold may be from its mean, over their errors."""
-_CORNER = 0.06
-"""The rms of f(1 - f)/2 about its mean of 1/12 for a corner at any place f between samples, and at
-a sample, where it is none, over the largest fourth difference that it makes."""
 _NORMAL_MEDIAN = 0.6745
 """Median of the absolute value of a standard normal variable."""
 
@@ -53,7 +52,7 @@ def denoised(drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     fits, shorter, variance = np.ones(drive.size, dtype=bool), drive, 1.0
     stands = np.zeros(drive.size, dtype=bool)
     for window in (w for w in _WINDOWS if w <= drive.size):
-        cubic = savgol_filter(drive, window, 3)
+        cubic = np.asarray(savgol_filter(drive, window, 3))
         # A cubic's middle has 9/4 over the window of the noise's variance.
         strayed, own = ((cubic - shorter) / level) ** 2, 2.25 / window
         rest = uniform_filter1d(((drive - cubic) / level) ** 2, window)
@@ -64,7 +63,7 @@ def denoised(drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
             for new, old in ((cubic, smooth), (level * np.sqrt(own), error))
         )
         shorter, variance = cubic, own
-        slope = savgol_filter(drive, window, 1, deriv=1)
+        slope = np.asarray(savgol_filter(drive, window, 1, deriv=1))
         stands = np.where(fits, np.abs(slope) <= _MOVES * level * np.sqrt(12 / window**3), stands)
     for hold in _runs(stands):
         _settle(smooth[hold], error[hold], drive[hold], level)
@@ -89,20 +88,17 @@ def _settle(smooth: np.ndarray, error: np.ndarray, drive: np.ndarray, level: flo
 
 
 def unresolved(drive: np.ndarray) -> np.ndarray:
-    """How far the mean of a drive (N,) about each sample may be from that of a smooth curve through
-    its samples, in its unit.
+    """How far the mean of a drive (N,) about each sample may be from that of a curve through its
+    samples, in its unit, where it is not smooth.
 
-    A corner has a large fourth difference.  One at a sample bends the drive there alone; one
-    between two samples, a part f of the way, bends it by 1 - f and f of what it is, and is off by
-    f (1 - f)/2 of it.
+    A corner at a sample bends the drive there alone; one between two samples, a part f of the way,
+    bends it by 1 - f and f of what it is, and is off by f (1 - f)/2 of it.
     """
-    fourth = np.abs(np.convolve(drive, [1, -4, 6, -4, 1], "same"))
-    fourth[:2], fourth[-2:] = 0.0, 0.0
     bends = np.pad(np.abs(np.diff(drive, 2)), 1)
     whole = np.maximum(bends[:-1] + bends[1:], 1e-300)
     between = 0.5 * bends[:-1] * bends[1:] / whole
     off = np.maximum(np.append(between, 0.0), np.insert(between, 0, 0.0))
-    return np.minimum(_CORNER * np.asarray(maximum_filter1d(fourth, 5)), off)
+    return off * (1 - smoothness(drive, periodic=False))
 
 
 def delayed(drive: np.ndarray, steps: float, *, periodic: bool) -> np.ndarray:

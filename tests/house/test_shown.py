@@ -23,7 +23,7 @@ def shown() -> dict[str, object]:
     frequency_fit = fj.fit_frequency_response("lfdh", table, starts=1)
     trajectory = fj.Trajectory(recording.response - recording.response[0], STEP, "um")
     tones = 50 + 40 * np.sin(2 * np.pi * 2 * STEP * np.arange(400))
-    lines = sum(np.cos(2 * np.pi * k * np.arange(400) / 100 + k) for k in (3, 5))
+    lines = np.cos(np.pi * np.outer([3, 5], np.arange(400)) / 50 + [[3], [5]]).sum(axis=0)
     linear = fj.parse_model("creep")
     results = [
         fit,

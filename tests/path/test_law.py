@@ -63,8 +63,9 @@ def test_the_curve_is_the_mean_of_the_posterior(settled, matrices):
     within, curve, covariance = matrices
     white = WHITENING(np.eye(SIZE))
     solved = white.T @ np.linalg.solve(covariance, WHITENING(RESPONSE))
-    own, slope, at = settled.curve(RESPONSE)
+    own, before, slope, at = settled.curve(RESPONSE)
     np.testing.assert_allclose(own, curve @ solved, atol=1e-7)
+    np.testing.assert_array_equal(before, own)
     curves = settled.law.curves
     exact = curves.slope.toarray() @ within @ (curves.basis.T @ solved)
     np.testing.assert_allclose(slope, exact, atol=1e-6 * np.abs(exact).max())

@@ -202,6 +202,7 @@ def test_what_a_fit_predicts_of_a_recording_held_out_is_drawn_over_it(fitted, tm
     compared = compare_fits([fitted], holdout=other)
     (predicted,) = compared.predicted
     error = (other.response - predicted.responses[0])[predicted.scored]
+    assert compared.rows[0].unseen is not None
     assert compared.rows[0].unseen.rmse == pytest.approx(np.sqrt(np.mean(error**2)))
     page = page_of(compared, tmp_path)
     assert "other.csv, held out: no fit has seen it" in page.text

@@ -99,17 +99,23 @@ def with_refits(view: ModelView, refits: Sequence[Explanation]) -> Posterior:
     share = tempered.count / law.count
     by_names = {frozenset(e.names): e for e in refits}
 
-    def again(hypothesis: Hypothesis) -> Hypothesis:
-        refit = by_names.get(frozenset(hypothesis.names))
-        if refit is None:
-            return hypothesis
+    def gain(hypothesis: Hypothesis) -> float:
+        """What the refit of a hypothesis is more likely than its columns."""
         chosen, sizes = hypothesis.columns(law.kinds)
         linear = tempered.inner.given(chosen, sizes).square
-        square = refit.fitted.solved.cost * share
-        gain = float(
+        square = by_names[frozenset(hypothesis.names)].fitted.solved.cost * share
+        return float(
             log_likelihood(square, 0.0, tempered.count)
             - log_likelihood(linear, 0.0, tempered.count)
         )
-        return hypothesis._replace(log_posterior=hypothesis.log_posterior + gain)
 
-    return Posterior.of([again(h) for h in search(law, least).hypotheses])
+    listed = search(law, least).hypotheses
+    gains = {frozenset(h.names): gain(h) for h in listed if frozenset(h.names) in by_names}
+
+    def again(hypothesis: Hypothesis) -> Hypothesis:
+        """With the χ² of its refit; without one, with what the refits of its parts have lost."""
+        names = frozenset(hypothesis.names)
+        lost = min([0.0, *(value for part, value in gains.items() if part < names)])
+        return hypothesis._replace(log_posterior=hypothesis.log_posterior + gains.get(names, lost))
+
+    return Posterior.of([again(h) for h in listed])

@@ -58,6 +58,12 @@ def test_small_tones_leave_tables_of_the_frequency_response(loop, quick, monkeyp
     assert abs(table.response) == pytest.approx(0.2)
 
 
+@pytest.mark.slow
+def test_the_demo_ends_as_the_readme_says(empty_folder, capsys):
+    assert run(["demo"]) == 0
+    assert "foh leaves out minor_loop_memory" in capsys.readouterr().out
+
+
 def test_demo(quick, capsys):
     Path("other.csv").write_text("mine")
     assert run(["demo"]) == 0

@@ -56,7 +56,8 @@ _FINER = (1.0, 3.0, 9.0)
 _AGAIN = 4
 """How often the columns are made again about the curve without their effects, at most."""
 _PART = 0.25
-"""The least share of what the best hypothesis explains for an effect to be tried in series."""
+"""The least share of what the best hypothesis explains beyond the best without an effect in series
+for one to be tried."""
 _PARTICIPATIONS = (0.1, 0.4)
 """The shares of a second mode at first."""
 
@@ -218,20 +219,21 @@ class Expansion:
                 )
 
     def proposed(self) -> Iterator[tuple[Chain, Hypothesis]]:
-        """The chain longer by each effect whose columns explain much, and what is beside it."""
+        """The chain longer by each effect whose columns explain much of what no other effect does,
+        and what is beside it."""
         listed, chain = self._untempered, self.line.chain
         if len(chain) == MOST_EFFECTS:
             return
         values = {frozenset(h.names): h.log_posterior for h in listed}
-        none = values[frozenset()]
-        much = _PART * (listed[0].log_posterior - none)
+        without = next(h.log_posterior for h in listed if not {*h.names} & {*IN_SERIES})
+        much = _PART * (listed[0].log_posterior - without)
         beside = _but(listed[0], IN_SERIES)
         leading = {name: h for h in reversed(listed) for name in h.names if name in IN_SERIES}
         alone = {h.names[0]: h for h in listed if len(h.names) == 1}
         stages: dict[str, list[tuple[Stage, Hypothesis]]] = {}
         for name in sorted(leading, key=lambda name: -leading[name].log_posterior):
             own, is_second = leading[name], name == MODE.effect and _has_mode(chain)
-            gain = own.log_posterior - values.get(frozenset(own.names) - {name}, none)
+            gain = own.log_posterior - values.get(frozenset(own.names) - {name}, without)
             # About one mode that follows two as well as it can a second looks like nothing.
             if (gain <= 0 or gain < much) and not is_second:
                 continue

@@ -326,7 +326,7 @@ def test_a_model_that_follows_nothing_is_no_agreement_even_without_a_measured_no
     """Drive and response are smooth, and have nothing to do with each other."""
     generator = np.random.default_rng(0)
     drive, response = (
-        lfilter([0.0025], np.convolve([1, -0.95], [1, -0.95]), generator.standard_normal(1500))
+        lfilter([0.0025], np.convolve([1, -0.95], [1, -0.95]), generator.standard_normal(700))
         for _ in range(2)
     )
     recording = fj.Recording(50 * np.asarray(drive), 5 * np.asarray(response), 1e-2, "V", "um")

@@ -28,11 +28,10 @@ from fracjax._inside._inquire import _Inquiry
 from fracjax._prepare import prepare
 from fracjax._solve import solve_from
 
-W, ZETA, STEP, SAMPLES = 2 * np.pi * 4.0, 0.05, 0.02, 1200
+W, ZETA, STEP, SAMPLES = 2 * np.pi * 4.0, 0.05, 0.02, 700
 FORCES = {
     "": lambda x, v: 0.0,
     "cubic_stiffness": lambda x, v: -0.8 * x**3,
-    "quadratic_damping": lambda x, v: -0.004 * v * abs(v),
     "dry_friction": lambda x, v: -0.35 * np.tanh(v / 0.02),
     "cubic_stiffness + quadratic_damping": lambda x, v: -0.8 * x**3 - 0.008 * v * abs(v),
 }
@@ -41,7 +40,7 @@ FORCES = {
 def recorded(law: str, level: float, seed: int) -> fj.Recording:
     """A multisine of many lines on an oscillator with a force inside, with noise of .1 %."""
     rng = np.random.default_rng(seed)
-    lines, phases = np.arange(2, 150), rng.uniform(0, 2 * np.pi, 148)
+    lines, phases = np.arange(2, 88), rng.uniform(0, 2 * np.pi, 86)
     rates = 2 * np.pi * lines / (SAMPLES * STEP)
 
     def drive(t):
@@ -63,7 +62,17 @@ def recorded(law: str, level: float, seed: int) -> fj.Recording:
 @pytest.fixture
 def few(monkeypatch):
     """A catalogue of two effects: compiling the others takes most of the time."""
-    chosen = {name: INSIDE[name] for name in ("cubic_stiffness", "quadratic_stiffness")}
+    choose(monkeypatch, "cubic_stiffness", "quadratic_stiffness")
+
+
+@pytest.fixture
+def alike(monkeypatch):
+    """A catalogue of effects that could pass for one another."""
+    choose(monkeypatch, "dry_friction", "hysteretic_spring", "quadratic_damping", "cubic_stiffness")
+
+
+def choose(monkeypatch, *names):
+    chosen = {name: INSIDE[name] for name in names}
     monkeypatch.setattr(_inquire, "INSIDE", chosen)
     monkeypatch.setattr(_columns, "INSIDE", chosen)
 
@@ -79,23 +88,19 @@ def asked(law: str):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("law", [law for law in FORCES if law])
-def test_effects_are_named_and_no_others(law):
-    is_named_and_predicts(law)
-
-
-def is_named_and_predicts(law):
+@pytest.mark.parametrize("law", ["dry_friction", "cubic_stiffness + quadratic_damping"])
+def test_effects_are_named_and_no_others(law, alike):
     inside, test = asked(law)
     assert {*inside.names} == {*law.split(" + ")}
     assert inside.base_error is not None
     assert inside.extended_error is not None
-    assert inside.base_error > 4 * inside.extended_error or law == "quadratic_damping"
+    assert inside.base_error > 4 * inside.extended_error
     assert inside.extended_error < 8e-3 * np.ptp(test.response)
     parameters = fj.Model(inside.block).parameters
     assert float(parameters["oscillator.frequency"].value) == pytest.approx(4.0, rel=0.02)
-    if law == "cubic_stiffness":
+    if law != "dry_friction":
         assert float(parameters["cubic_stiffness.stiffness"].value) == pytest.approx(0.8, rel=0.05)
-    elif law == "dry_friction":
+    else:
         assert float(parameters["dry_friction.coulomb"].value) == pytest.approx(0.35, rel=0.1)
 
 

@@ -65,12 +65,6 @@ def few(monkeypatch):
     choose(monkeypatch, "cubic_stiffness", "quadratic_stiffness")
 
 
-@pytest.fixture
-def alike(monkeypatch):
-    """A catalogue of effects that could pass for one another."""
-    choose(monkeypatch, "dry_friction", "hysteretic_spring", "quadratic_damping", "cubic_stiffness")
-
-
 def choose(monkeypatch, *names):
     chosen = {name: INSIDE[name] for name in names}
     monkeypatch.setattr(_inquire, "INSIDE", chosen)
@@ -88,8 +82,16 @@ def asked(law: str):
 
 
 @pytest.mark.slow
-@pytest.mark.parametrize("law", ["dry_friction", "cubic_stiffness + quadratic_damping"])
-def test_effects_are_named_and_no_others(law, alike):
+@pytest.mark.parametrize(
+    ("law", "alike"),
+    [
+        ("dry_friction", ["hysteretic_spring"]),
+        ("cubic_stiffness + quadratic_damping", ["quadratic_stiffness", "hysteretic_spring"]),
+    ],
+)
+def test_effects_are_named_and_no_others(law, alike, monkeypatch):
+    """Of those of the law and what could pass for them."""
+    choose(monkeypatch, *law.split(" + "), *alike)
     inside, test = asked(law)
     assert {*inside.names} == {*law.split(" + ")}
     assert inside.base_error is not None

@@ -75,6 +75,8 @@ def diagnose_command(
     next_experiment.csv, the drive that would distinguish them.  --mask and, for several recordings,
     --repeat may be given more than once.
     """
+    from .._diagnose import ANY_LOOP
+
     data, models = given.understood(recordings, [name] if name else [])
     model = models[0] if models else None
     requested: dict[str, Any] = {
@@ -85,7 +87,9 @@ def diagnose_command(
         "max_time": max_time,
     }
     settings = given.how(data)
-    content = Content("diagnosis", [each.source for each in data], [m.name for m in models])
+    # Without a model its place is taken by one of a loop of any shape.
+    named = [m.name for m in models] or [ANY_LOOP]
+    content = Content("diagnosis", [each.source for each in data], named)
     with folder(out, content), stages(results.quiet, max_time) as progress:
         diagnosis = diagnose_and_save(
             model, data, out, results, progress, **requested, **asked, **settings

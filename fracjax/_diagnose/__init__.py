@@ -1,6 +1,7 @@
 """Diagnosis: where model and recording differ, and what physics was left out."""
 
 from ._diagnose import diagnose as diagnose
+from ._extension import ANY_LOOP as ANY_LOOP
 from ._result import Axis as Axis
 from ._result import Candidate as Candidate
 from ._result import Diagnosis as Diagnosis

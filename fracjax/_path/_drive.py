@@ -10,7 +10,6 @@ Fuller, Measurement Error Models (1987).
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from math import comb
 
 import numpy as np
@@ -18,6 +17,7 @@ from scipy.interpolate import Akima1DInterpolator
 from scipy.ndimage import uniform_filter1d
 from scipy.signal import savgol_filter
 
+from .._recording import runs_of
 from ._kernels import smoothness
 
 _ORDER = 6
@@ -65,15 +65,10 @@ def denoised(drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
         shorter, variance = cubic, own
         slope = np.asarray(savgol_filter(drive, window, 1, deriv=1))
         stands = np.where(fits, np.abs(slope) <= _MOVES * level * np.sqrt(12 / window**3), stands)
-    for hold in _runs(stands):
+    for first, stop in runs_of(stands):
+        hold = slice(first, stop)
         _settle(smooth[hold], error[hold], drive[hold], level)
     return smooth, error
-
-
-def _runs(mask: np.ndarray) -> Iterator[slice]:
-    """The stretches in which a mask (N,) holds."""
-    turns = np.flatnonzero(np.diff(np.pad(mask.astype(int), 1)))
-    return (slice(first, last) for first, last in turns.reshape(-1, 2).tolist())
 
 
 def _settle(smooth: np.ndarray, error: np.ndarray, drive: np.ndarray, level: float) -> None:

@@ -190,6 +190,11 @@ class Expansion:
         """How adequate the law behind the chain is beside a hypothesis."""
         return adequacy(self.settled, response_of(self.line.signals), self.sized(hypothesis))
 
+    @cached_property
+    def own_adequacy(self) -> float:
+        """The same beside what fits best and does not belong in series."""
+        return self.adequacy(_but(self.best, IN_SERIES))
+
     def hypotheses(self, excess: float, front: Expansion | None = None) -> Iterator[Hypothesis]:
         """The hypotheses behind the chain, tempered by a misfit κ - 1.  What belongs in series is
         there exactly or not at all.
@@ -203,7 +208,7 @@ class Expansion:
         best, share = listed[0], self.law.tempered(excess).count / self.law.count
         whole = share * self.adequacy(_placed(best, places))
         if front is not None and front is not self:
-            other = share * front.adequacy(_but(front.best, IN_SERIES))
+            other = share * front.own_adequacy
             chance = share**2 * abs(self.settled.freedom - front.settled.freedom) / 2
             whole = other + (whole - other) / np.sqrt(1 + np.pi * chance / 8)
         # Relative to the best columns, beside which the law behind the chain is adequate or not.

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
@@ -11,10 +11,11 @@ from .._computing import Clock, computing, within
 from .._fit import settle
 from .._inside import inquire_inside
 from .._models import Model
-from .._path import Visible, can_show
+from .._path import PathView, Visible, can_show
 from .._prepare import (
     HistoryOption,
     Mask,
+    Preparation,
     Take,
     measured_noise,
     model_of,
@@ -31,9 +32,9 @@ from .._solve import Progress, discretisation_warnings, silent
 from ._drive import parted, thinned, unrounded, without_spikes, wrong_way
 from ._extension import ANY_LOOP, extended_by, extended_inside
 from ._findings import Findings
-from ._fitted import fitted
+from ._fitted import Fitted, fitted
 from ._held_out import predict_recording, predict_stretches
-from ._inquiry import inquire, inquired_inside
+from ._inquiry import inquire, inquired_inside, is_described, unnamed
 from ._next_experiment import propose
 from ._result import Diagnosis, NextExperiment
 from ._sentence import (
@@ -44,7 +45,7 @@ from ._sentence import (
     sentence_of,
     where_of,
 )
-from ._views import path_view, signals_of, with_residual_as_noise
+from ._views import ModelView, model_view, path_view, signals_of, with_residual_as_noise
 
 _SO_FAR = (
     " This is the verdict so far: the time was over, or it was interrupted, before all fits had "
@@ -137,17 +138,14 @@ def diagnose(
             settling=settling,
             mask=mask,
         )
-        progress("following the path of the drive")
-        path, preparation = path_view(preparation)
-        progress(f"fitting {law.name} from {_STARTS} starts")
-        solved = settle(law.block, preparation, history=history, starts=_STARTS, seed=seed)
-        preparation = solved.preparation
-        progress("correcting the discretisation error")
-        base = fitted([solved.block], preparation)
-        other = with_residual_as_noise(base)
-        if other is not None:
-            base = fitted([base.solved.block], other)
-            path, preparation = path_view(other)
+        fit = partial(_fitted, law, history=history, seed=seed, progress=progress)
+        is_machine = isinstance(law.block, AbstractMachine | Within)
+        path, view = None, None
+        if model is None:
+            path, base = _without_model(preparation, fit, progress)
+        else:
+            path, base, view = _with_model(preparation, fit, progress, has_path=not is_machine)
+        preparation = base.preparation
         unseen = None if holdout is None else held_out_take(preparation.takes[0], holdout)
         predict = predict_stretches if unseen is None else partial(predict_recording, take=unseen)
         # A model with rates of its own may lead its drive; one without follows with odd parameters.
@@ -155,25 +153,70 @@ def diagnose(
         doubts = [t for t in (wrong_way(r, law.block, follows=follows) for r in listed) if t]
         # The misfit of a fit that had to end early is not that of its model.
         may_name = not doubts and not clock.is_over
+        inquiry = unnamed(base, path, view)
         extension = None
-        machine = base.solved.block
-        if may_name and isinstance(machine, AbstractMachine | Within):
-            inside = inquire_inside(machine, preparation, progress=progress)
-            inquiry = inquired_inside(base, path, inside)
+        if may_name and is_machine:
+            inside = inquire_inside(base.solved.block, preparation, progress=progress)
+            inquiry = inquired_inside(inquiry, inside)
             extension = extended_inside(law, inside, preparation)
-        else:
-            asked, block = model is not None, law.block
-            inquiry = inquire(
-                base, block, path, progress, clock, has_model=asked, may_name=may_name
-            )
-            if may_name:
-                extension = extended_by(inquiry, law, predict, history, progress, clock)
+        elif may_name:
+            inquiry = inquire(inquiry, law.block, progress, clock)
+            extension = extended_by(inquiry, law, predict, history, progress, clock)
         findings = Findings(law, inquiry, unseen, predict, tuple(doubts), extension)
         if findings.is_refuted:
             findings = replace(findings, inquiry=inquiry.unnamed(), extension=None)
         shows = can_show(signals_of(preparation), listed[0].response_unit)
         limits = limits or recorded_limits(listed)
         return _concluded(findings, shows, limits, corrected, progress, clock)
+
+
+def _fitted(
+    law: Model,
+    preparation: Preparation,
+    *,
+    history: HistoryOption | None,
+    seed: int,
+    progress: Progress,
+) -> tuple[Fitted, bool]:
+    """The law fitted, and whether its residual has told more of the noise than the recordings."""
+    progress(f"fitting {law.name} from {_STARTS} starts")
+    solved = settle(law.block, preparation, history=history, starts=_STARTS, seed=seed)
+    progress("correcting the discretisation error")
+    base = fitted([solved.block], solved.preparation)
+    other = with_residual_as_noise(base)
+    return (base, False) if other is None else (fitted([base.solved.block], other), True)
+
+
+Fitting = Callable[[Preparation], tuple[Fitted, bool]]
+"""From a preparation to what `_fitted` returns."""
+
+
+def _without_model(
+    preparation: Preparation, fit: Fitting, progress: Progress
+) -> tuple[PathView, Fitted]:
+    """Recordings under path curves, and the fit of the law that stands for any."""
+    progress("following the path of the drive")
+    path, known = path_view(preparation)
+    base, is_renewed = fit(known)
+    return (path_view(base.preparation)[0] if is_renewed else path), base
+
+
+def _with_model(
+    preparation: Preparation, fit: Fitting, progress: Progress, *, has_path: bool
+) -> tuple[PathView | None, Fitted, ModelView]:
+    """The fit of a model and its view, and where it does not describe the recordings, these under
+    path curves, whose noise is then what path curves leave where it was not known."""
+    base, _ = fit(preparation)
+    progress("computing the columns of every effect")
+    view = model_view(base)
+    if not has_path or is_described(view):
+        return None, base, view
+    progress("following the path of the drive")
+    if not preparation.has_unknown_noise:
+        return path_view(base.preparation)[0], base, view
+    path, known = path_view(preparation)
+    base, _ = fit(known)
+    return path, base, model_view(base)
 
 
 def held_out_take(first: Take, holdout: Recording) -> Take:

@@ -93,7 +93,7 @@ def extended_by(
 def _layer(inquiry: Inquiry, name: str) -> Layer:
     """An effect with the shape that it has under path curves."""
     effect, setting = EFFECTS[name], inquiry.base.preparation.setting
-    return Layer(effect, block_of(effect, inquiry.path.shape_of(name), setting))
+    return Layer(effect, block_of(effect, inquiry.curves.shape_of(name), setting))
 
 
 def _with(layers: Sequence[Layer], block: AbstractBlock, preparation: Preparation) -> Fitted:

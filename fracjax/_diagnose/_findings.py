@@ -18,7 +18,7 @@ from ._fitted import Fitted
 from ._held_out import Predict, Prediction, of_determined
 from ._inquiry import Inquiry
 from ._layers import written
-from ._places import Residual, acting_at, freedom_of, locate
+from ._places import Residual, acting_at, doubt_of, freedom_of, locate
 from ._result import Axis, Candidate, HeldOut, NamedEffect, Shape, Verdict
 from ._shape import HYSTERESIS_SHAPE, entry_of
 from ._thresholds import ADEQUATE, DETECTED, REFUTED, SIGNIFICANCE
@@ -218,8 +218,7 @@ class Findings:
     @property
     def doubt(self) -> float:
         """Three standard errors of the excess, with that of the noise level."""
-        freedom = freedom_of(self.base.preparation, self.base.solved.kurtosis)
-        return float(3 * np.sqrt(2 / self.inquiry.tested.law.count + 2 / freedom))
+        return doubt_of(self.base, self.inquiry.tested.law.count)
 
     @cached_property
     def p_value(self) -> float:

@@ -16,9 +16,10 @@ from .._solve import Progress, tolerated_error
 from ._fitted import Fitted
 from ._jumps import Jumps, jumps_of
 from ._names import Name, names_of
+from ._places import doubt_of
 from ._refits import Explanation, explained_by, with_refits
 from ._thresholds import ADEQUATE, NUMERICS
-from ._views import ModelView, View, model_view, trials_of
+from ._views import ModelView, View, trials_of
 
 _MOST_TRIED, _PART = 4, 0.25
 """Effects that are refitted alone where columns do not reach the noise, and the least share of what
@@ -37,7 +38,7 @@ class Inquiry:
 
     Attributes:
         base: the fitted model.
-        path: the recordings under path curves.
+        path: the recordings under path curves; None where the model describes them.
         model: the recordings under the model; None where no model is asked about.
         posterior: over effects, under the law that describes the recordings.
         is_adequate: whether the model describes them, with the named effects or without.
@@ -49,7 +50,7 @@ class Inquiry:
     """
 
     base: Fitted
-    path: PathView
+    path: PathView | None
     model: ModelView | None
     posterior: Posterior
     is_adequate: bool
@@ -65,19 +66,25 @@ class Inquiry:
     @property
     def view(self) -> View:
         """The columns under which the effects were judged."""
-        return self.model if self.model is not None and self.is_adequate else self.path
+        return self.model if self.model is not None and self.is_adequate else self.curves
+
+    @property
+    def curves(self) -> PathView:
+        """The recordings under path curves, where the model does not describe them."""
+        assert self.path is not None
+        return self.path
 
     @property
     def tested(self) -> View:
         """The columns about the model's residual, or path curves where there is no model."""
         if self.model is not None:
             return self.model
-        return self.path if self.path.plain is None else self.path.plain
+        return self.curves if self.curves.plain is None else self.curves.plain
 
     @cached_property
     def path_misfit(self) -> float:
         """κ - 1 that path curves with their effects leave."""
-        return misfit(self.path.law, self.path.posterior.best)
+        return misfit(self.curves.law, self.curves.posterior.best)
 
     def share_of(self, name: str) -> float:
         """The share of the excess χ² that a named effect explains beside the others."""
@@ -88,32 +95,38 @@ class Inquiry:
         return float(np.clip(explained / max(view.base_misfit, 1e-300), 0.0, 1.0))
 
 
-def inquire(
-    base: Fitted,
-    nominal: AbstractBlock,
-    path: PathView,
-    progress: Progress,
-    clock: Clock,
-    *,
-    has_model: bool,
-    may_name: bool,
-) -> Inquiry:
+def unnamed(base: Fitted, path: PathView | None, model: ModelView | None) -> Inquiry:
+    """What is known before anything is named: under the model, if there is one."""
+    if model is not None:
+        return Inquiry(base, path, model, model.posterior, is_adequate=True)
+    assert path is not None  # without a model recordings are under path curves
+    return Inquiry(base, path, None, path.posterior, is_adequate=False)
+
+
+def is_described(view: ModelView) -> bool:
+    """Whether a model without any effect describes recordings: no more than noise is left.
+
+    No free law is then more likely: what it spends, the sum of λ / (1 + λ) over its directions, is
+    what it takes out of noise, and less than the sum of log(1 + λ) that its evidence pays for it.
+    """
+    doubt = min(doubt_of(view.fitted, view.law.count), ADEQUATE - 1)
+    return view.base_misfit <= doubt and not names_of(view.posterior)
+
+
+def inquire(inquiry: Inquiry, nominal: AbstractBlock, progress: Progress, clock: Clock) -> Inquiry:
     """Search for the effects that recordings show: those that a model leaves out if there is one,
     otherwise those that no law of hysteresis makes."""
-    of_path = Inquiry(base, path, None, path.posterior, is_adequate=False)
-    if not has_model:
-        if not may_name:
-            return of_path
-        return replace(of_path, names=names_of(path.posterior, of_path.path_misfit))
-    progress("computing the columns of every effect")
-    view = model_view(base)
-    inquiry = replace(of_path, model=view)
-    may_name = may_name and base.numerics <= tolerated_error(NUMERICS, base.solved, _MINOR)
+    path, view, base = inquiry.path, inquiry.model, inquiry.base
+    if path is None or base.numerics > tolerated_error(NUMERICS, base.solved, _MINOR):
+        return inquiry
+    of_curves = Inquiry(
+        base, path, view, path.posterior, is_adequate=False,
+        names=names_of(path.posterior, inquiry.path_misfit),
+    )  # fmt: skip
+    if view is None:
+        return of_curves
     best = misfit(view.law, view.posterior.best)
-    of_curves = evidence(path.law, path.posterior.best)
     limit = ADEQUATE * (1 + max(inquiry.path_misfit, 0.0)) - 1
-    if not may_name:
-        return replace(inquiry, posterior=view.posterior, is_adequate=True)
     refits: list[Explanation] = []
     try:
         if best > limit:
@@ -126,7 +139,7 @@ def inquire(
             names = names_of(posterior)
     except KeyboardInterrupt:
         clock.stopped = True
-        return inquiry
+        return of_curves.unnamed()
     named = {n.effect for n in names}
     own = next((e for e in refits if set(e.names) == named), None)
     reached = view.base_misfit if own is None else own.excess
@@ -134,26 +147,20 @@ def inquire(
     square, count = (1 + reached) * view.law.count, view.law.count
     freedom = 2 * len(named) * np.log(count) + base.tangent.shape[1] * np.log(count)
     of_model = float(log_likelihood(square, freedom, count))
-    if of_model >= of_curves and (own is not None or not names):
-        inquiry = replace(
-            inquiry, posterior=posterior, is_adequate=True, names=names, explanation=own,
-            refits=tuple(refits),
-        )  # fmt: skip
+    if of_model >= evidence(path.law, path.posterior.best) and (own is not None or not names):
+        known = replace(inquiry, posterior=posterior, names=names, explanation=own)
     else:
-        inquiry = replace(
-            inquiry, names=names_of(path.posterior, inquiry.path_misfit), refits=tuple(refits)
-        )
-    return _beside_jumps(inquiry, reached, limit)
+        known = of_curves
+    return _beside_jumps(replace(known, refits=tuple(refits)), reached, limit)
 
 
-def inquired_inside(base: Fitted, path: PathView, inside: Inside) -> Inquiry:
-    """What is known of the effects inside a machine, beside the columns of all others."""
-    view = model_view(base)
+def inquired_inside(inquiry: Inquiry, inside: Inside) -> Inquiry:
+    """The same with the effects inside a machine."""
     names = [
         Name(name, tuple(alike), float(inside.probability_of(name)))
         for name, (_, *alike) in zip(inside.names, inside.sets, strict=True)
     ]
-    return Inquiry(base, path, view, view.posterior, is_adequate=True, names=tuple(names))
+    return replace(inquiry, names=tuple(names))
 
 
 def _beside_jumps(inquiry: Inquiry, reached: float, limit: float) -> Inquiry:

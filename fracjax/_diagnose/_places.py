@@ -10,6 +10,7 @@ from scipy.stats import f, kurtosis, norm
 
 from .._prepare import Preparation, Problem
 from .._solve import orthonormal_basis
+from ._fitted import Fitted
 from ._result import Axis
 from ._thresholds import SIGNIFICANCE
 
@@ -52,6 +53,13 @@ def freedom_of(preparation: Preparation, tails: float) -> float:
     contain none of a heavy tail."""
     noises = [take.noise for take in preparation.takes if take.noise is not None]
     return 2 / max(*(noise.doubt(tails) for noise in noises), 1e-6) ** 2
+
+
+def doubt_of(fitted: Fitted, count: float) -> float:
+    """Three standard errors of the excess of χ² per sample beside a fit to `count` samples, with
+    that of the noise level."""
+    freedom = freedom_of(fitted.preparation, fitted.solved.kurtosis)
+    return float(3 * np.sqrt(2 / count + 2 / freedom))
 
 
 def locate(

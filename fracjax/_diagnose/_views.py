@@ -171,12 +171,13 @@ def path_view(preparation: Preparation) -> tuple[PathView, Preparation]:
     """The posterior over dynamics under path curves, and the preparation whose noise, where it was
     not known, is what the curves leave: path states that are met again show it."""
     view = view_of(signals_of(preparation))
-    takes = preparation.takes
-    if all(take.noise is not None for take in takes):
+    if not preparation.has_unknown_noise:
         return view, preparation
+    takes = preparation.takes
     ends = np.cumsum([len(take.recording) for take in takes])[:-1]
+    spent = view.freedom / view.law.count
     residuals = [
-        Residual(part, take.used, take.recording)
+        Residual(part, take.used, take.recording, spent)
         for part, take in zip(np.split(view.residual, ends), takes, strict=True)
     ]
     read = [replace(noise, is_leftover=False) for noise in residual_noises(residuals)]

@@ -49,6 +49,7 @@ class PathView:
         columns: the effects' columns.
         whole: (K,) the length of each whitened column, before what the curves can absorb.
         residual: (ΣN,) the response minus curve and effects of the best hypothesis [response unit].
+        freedom: the coefficients that the curves spend.
         curves: of the path.
         span: of the responses [response unit].
         effects: (ΣN,) what each effect of the best hypothesis adds [response unit].
@@ -63,6 +64,7 @@ class PathView:
     columns: list[Columns]
     whole: np.ndarray
     residual: np.ndarray
+    freedom: float
     curves: Curves
     span: float
     effects: dict[str, np.ndarray]
@@ -93,14 +95,8 @@ class PathView:
 
 def view_of(signals: Sequence[Signal]) -> PathView:
     """The posterior over dynamics of recordings of one actuator."""
-    response = response_of(signals)
-    if any(s.drive_error.any() for s in signals):
-        slopes = Line.of(signals, ()).prior.settled(response).curve(response).slope
-        signals = [
-            s.weighted_by(slope)
-            for s, slope in zip(signals, np.split(slopes, ends_of(signals)), strict=True)
-        ]
-    plain = Expansion.about(Line.of(signals, ()), np.zeros_like(response)).settling()
+    signals = _weighted(signals)
+    plain = Expansion.about(Line.of(signals, ()), np.zeros_like(response_of(signals))).settling()
     expansions = _expansions(signals, plain)
     posterior, chosen = _joint(expansions, min(misfit(e.law, e.best) for e in expansions))
     posterior, chosen = _joint(expansions, misfit(chosen.law, posterior.best))
@@ -108,6 +104,18 @@ def view_of(signals: Sequence[Signal]) -> PathView:
     laws = {one.law.name: one.law for one in expansions}
     own = _view(plain, select(plain.law), {PATH: plain.law}, plain)
     return replace(_view(chosen, posterior, laws, leading), plain=own)
+
+
+def _weighted(signals: Sequence[Signal]) -> Sequence[Signal]:
+    """Signals with the errors of their drives in the noise, by the slopes of the curve."""
+    if not any(s.drive_error.any() for s in signals):
+        return signals
+    response = response_of(signals)
+    slopes = Line.of(signals, ()).prior.settled(response).curve(response).slope
+    return [
+        s.weighted_by(slope)
+        for s, slope in zip(signals, np.split(slopes, ends_of(signals)), strict=True)
+    ]
 
 
 def _joint(expansions: Sequence[Expansion], excess: float) -> tuple[Posterior, Expansion]:
@@ -184,6 +192,7 @@ def _view(
         columns=one.columns,
         whole=np.linalg.norm(one.line.prior.whitening(one.matrix), axis=0),
         residual=without_effect - values,
+        freedom=one.settled.freedom,
         curves=one.line.prior.curves,
         span=span_of(one.line.signals),
         effects=effects,

@@ -61,16 +61,23 @@ class Residual(NamedTuple):
         samples: (N,) measured minus simulated, in the response's unit.
         used: (N,) whether a sample counts.
         recording: the recording.
+        spent: the share of noise that the fit has taken up, of its coefficients over the samples.
     """
 
     samples: np.ndarray
     used: np.ndarray
     recording: Recording
+    spent: float = 0.0
 
     @property
     def counted(self) -> np.ndarray:
         """Whether a sample (N,) counts and is no spike."""
         return self.used & ~self.recording.spikes
+
+    @property
+    def unspent(self) -> Residual:
+        """As large as it would be had the fit taken up no noise."""
+        return self._replace(samples=self.samples / np.sqrt(1 - self.spent), spent=0.0)
 
 
 def refine_noise(noise: Noise, residual: Residual) -> Noise:
@@ -81,7 +88,7 @@ def refine_noise(noise: Noise, residual: Residual) -> Noise:
     show it only for a few moments; it is used unless its variance is much larger than that of the
     rests.
     """
-    samples, used, recording = residual
+    samples, used, recording, _ = residual
     if noise.method == "repeats":
         stretches = _from_repeats(recording, used.astype(float), samples)
         if not stretches:
@@ -347,10 +354,11 @@ def residual_noises(residuals: Sequence[Residual]) -> list[Noise]:
     what is smooth from sample to sample may be mismatch, and a noise floor must not conceal it.
     """
     periods = [repetition_lag(r.recording.drive) if r.used.all() else None for r in residuals]
-    single = [r for r, period in zip(residuals, periods, strict=True) if period is None]
+    # Of what repeats both times have one curve, so that their difference keeps all noise.
+    single = [r.unspent for r, period in zip(residuals, periods, strict=True) if period is None]
     below, levels = iter(noises_below(single)), iter(levels_of_residuals(single))
     noises = []
-    for (residual, _, recording), period in zip(residuals, periods, strict=True):
+    for (residual, _, recording, _), period in zip(residuals, periods, strict=True):
         unit, least = recording.response_unit, _least_level(recording)
         if period is not None:
             # Of several times only the first two: differences that share noise have a comb as

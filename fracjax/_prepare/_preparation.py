@@ -37,6 +37,11 @@ class Preparation:
         """The magnitudes that the recordings suggest: spans, rates, frequencies."""
         return setting_of([take.recording for take in self.takes])
 
+    @property
+    def has_unknown_noise(self) -> bool:
+        """Whether a recording does not show its noise."""
+        return any(take.noise is None for take in self.takes)
+
     def problems(self, oversampling: int | None = None) -> tuple[Problem, ...]:
         """One problem per recording, on this grid or with another oversampling."""
         if oversampling is None or oversampling == self.oversampling:

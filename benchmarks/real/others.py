@@ -14,6 +14,7 @@ import json
 import sys
 import time
 from collections.abc import Callable
+from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
@@ -71,7 +72,8 @@ def _magnet(name: str) -> Callable[[], fj.Recording]:
     """Current [A] and integrated gradient [T], one a minute, from the table of a report."""
 
     def read() -> fj.Recording:
-        lines = open(machines.path_of(f"others/{name}"), encoding="latin-1").read().splitlines()
+        text = Path(machines.path_of(f"others/{name}")).read_text(encoding="latin-1")
+        lines = text.splitlines()
         start = next(k for k, line in enumerate(lines) if line.lstrip().startswith("----")) + 1
         rows = []
         for line in lines[start:]:

@@ -10,8 +10,8 @@ import fracjax as fj
 from benchmarks.concealed.cases import make_case
 from fracjax._computing import Clock, computing, within
 from fracjax._diagnose._fitted import fitted
-from fracjax._diagnose._inquiry import inquire
-from fracjax._diagnose._views import path_view
+from fracjax._diagnose._inquiry import inquire, unnamed
+from fracjax._diagnose._views import model_view, path_view
 from fracjax._fit import settle
 from fracjax._prepare import prepare
 from fracjax._recording import InputError, Recording
@@ -66,6 +66,32 @@ def test_a_concealed_effect_is_named_located_and_predicts_better(concealed):
     assert diagnosis.held_out.extended_rmse == pytest.approx(case.label["noise_sd_um"], rel=0.05)
     assert diagnosis.held_out.base_rmse > 2 * diagnosis.held_out.extended_rmse
     assert diagnosis.extended_model.name == "electrostriction >> foh"
+
+
+def test_a_model_that_describes_its_recording_is_asked_before_any_path():
+    """A fractional loop is no path curve's: on loops that grow, without a rest, curves of some
+    thousand coefficients took up noise and a lag was named."""
+    times = 2e-3 * np.arange(4000)
+    drive = 40 * np.sin(2 * np.pi * times) ** 2 * (0.5 + 0.5 * times / times[-1])
+    law = fj.simulate(fj.parse_model("foh"), drive, 2e-3, "rest").response
+    noise = 1e-3 * np.ptp(law) * np.random.default_rng(0).standard_normal(times.size)
+    stages: list[str] = []
+    recording = Recording(drive, law + noise, 2e-3, "V", "um")
+    diagnosis = fj.diagnose("foh", recording, progress=stages.append)
+    assert diagnosis.verdict == "none"
+    assert not any("path" in stage for stage in stages)
+
+
+def test_the_noise_that_path_curves_leave_is_as_large_as_it_was():
+    """Curves of many branches take up a tenth of it."""
+    times = STEP * np.arange(4000)
+    drive = 50 + 50 * np.sin(2 * np.pi * times) * (1 - 0.9 * times / times[-1])
+    recording = five_plays(drive, 2)
+    view, preparation = path_view(prepare([recording]))
+    (take,) = preparation.takes
+    assert take.noise is not None
+    assert view.freedom > 0.05 * drive.size
+    assert take.noise.sigma == pytest.approx(0.005, rel=0.04)
 
 
 def test_the_named_parameter_is_in_its_interval(concealed):
@@ -174,7 +200,8 @@ def test_when_the_time_is_over_no_further_rival_is_refitted():
         solved = settle(model.block, preparation, history=None, starts=4, seed=0)
         base = fitted([solved.block], solved.preparation)
         path, _ = path_view(solved.preparation)
-        inquire(base, model.block, path, progress, clock, has_model=True, may_name=True)
+        inquiry = unnamed(base, path, model_view(base))
+        inquire(inquiry, model.block, progress, clock)
     assert len(refits) == 1
     assert clock.stopped
 

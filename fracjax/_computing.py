@@ -30,17 +30,31 @@ which takes a tenth less CPU time to compile."""
 
 
 class Clock:
-    """The time that a computation may take; `stopped` once it is over or the user interrupts."""
+    """The time that a computation may take; `stopped` once it is over or the user interrupts, and
+    `was_short` once it was, or a part of it."""
 
     def __init__(self, seconds: float):
         self._end = time.monotonic() + seconds
-        self.stopped = False
+        self.stopped = self.was_short = False
 
     @property
     def is_over(self) -> bool:
         """Whether nothing further may start."""
         self.stopped = self.stopped or time.monotonic() > self._end
+        self.was_short = self.was_short or self.stopped
         return self.stopped
+
+    def part(self, share: float) -> Callable[[], bool]:
+        """A share of the time that is left: whether it is over, whenever it is asked."""
+        now = time.monotonic()
+        end = now + share * max(self._end - now, 0.0)
+
+        def is_over() -> bool:
+            short = self.stopped or time.monotonic() > end
+            self.was_short = self.was_short or short
+            return short
+
+        return is_over
 
 
 _clock: ContextVar[Clock | None] = ContextVar("clock", default=None)
@@ -65,6 +79,12 @@ def time_is_over() -> bool:
     """Whether the time of the clock that this runs `within` is over."""
     clock = _clock.get()
     return clock is not None and clock.is_over
+
+
+def part_of_time(share: float) -> Callable[[], bool]:
+    """Whether a share of the time that is left to the clock that this runs `within` is over."""
+    clock = _clock.get()
+    return (lambda: False) if clock is None else clock.part(share)
 
 
 Count = Callable[[int, int], None]

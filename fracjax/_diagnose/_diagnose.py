@@ -155,8 +155,9 @@ def diagnose(
         may_name = not doubts and not clock.is_over
         inquiry = unnamed(base, path, view)
         extension = None
-        if may_name and is_machine:
-            inside = inquire_inside(base.solved.block, preparation, progress=progress)
+        machine = base.solved.block
+        if may_name and isinstance(machine, AbstractMachine | Within):
+            inside = inquire_inside(machine, preparation, progress=progress)
             inquiry = inquired_inside(inquiry, inside)
             extension = extended_inside(law, inside, preparation)
         elif may_name:
@@ -196,8 +197,8 @@ def _without_model(
 ) -> tuple[PathView, Fitted]:
     """Recordings under path curves, and the fit of the law that stands for any."""
     progress("following the path of the drive")
-    path, known = path_view(preparation)
-    base, is_renewed = fit(known)
+    path, noisy = path_view(preparation)
+    base, is_renewed = fit(noisy)
     return (path_view(base.preparation)[0] if is_renewed else path), base
 
 
@@ -214,8 +215,8 @@ def _with_model(
     progress("following the path of the drive")
     if not preparation.has_unknown_noise:
         return path_view(base.preparation)[0], base, view
-    path, known = path_view(preparation)
-    base, _ = fit(known)
+    path, noisy = path_view(preparation)
+    base, _ = fit(noisy)
     return path, base, model_view(base)
 
 
@@ -243,7 +244,7 @@ def _concluded(
     named = [name.effect for name in findings.inquiry.names]
     return Diagnosis(
         verdict=verdict,
-        sentence=sentence_of(findings) + (_SO_FAR if clock.stopped else ""),
+        sentence=sentence_of(findings) + (_SO_FAR if clock.was_short else ""),
         base=findings.base_fit,
         extended=findings.extended_fit,
         effects=effects,
@@ -258,7 +259,7 @@ def _concluded(
         warnings=(*corrected, *findings.doubts, *_warnings(findings)),
         shape=findings.shape,
         can_show=tuple(shows),
-        complete=not clock.stopped,
+        complete=not clock.was_short,
     )
 
 

@@ -148,10 +148,10 @@ def inquire(inquiry: Inquiry, nominal: AbstractBlock, progress: Progress, clock:
     freedom = 2 * len(named) * np.log(count) + base.tangent.shape[1] * np.log(count)
     of_model = float(log_likelihood(square, freedom, count))
     if of_model >= evidence(path.law, path.posterior.best) and (own is not None or not names):
-        known = replace(inquiry, posterior=posterior, names=names, explanation=own)
+        answer = replace(inquiry, posterior=posterior, names=names, explanation=own)
     else:
-        known = of_curves
-    return _beside_jumps(replace(known, refits=tuple(refits)), reached, limit)
+        answer = of_curves
+    return _beside_jumps(replace(answer, refits=tuple(refits)), reached, limit)
 
 
 def inquired_inside(inquiry: Inquiry, inside: Inside) -> Inquiry:

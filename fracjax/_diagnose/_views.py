@@ -9,6 +9,7 @@ from functools import cached_property
 import numpy as np
 
 from .._blocks import EFFECTS, AbstractBlock, Effect, Setting
+from .._computing import part_of_time
 from .._parameters import named_parameters, set_values
 from .._path import (
     DIRECTIONS,
@@ -36,6 +37,9 @@ from ._thresholds import ADEQUATE
 FORM = 0.1
 """How far the form of a real effect is from that of its block, over its size: what an effect's
 column leaves of it looks like a second effect."""
+_OF_PATH, _OF_NOISE = 0.5, 0.2
+"""The shares of the time that is left in which path curves are searched for what is in series with
+the path, and are where they tell the noise alone; chosen by judgement."""
 MODEL = "model"
 """The name of the law of the user's model."""
 
@@ -170,7 +174,8 @@ def signals_of(preparation: Preparation) -> list[Signal]:
 def path_view(preparation: Preparation) -> tuple[PathView, Preparation]:
     """The posterior over dynamics under path curves, and the preparation whose noise, where it was
     not known, is what the curves leave: path states that are met again show it."""
-    view = view_of(signals_of(preparation))
+    share = _OF_NOISE if preparation.has_unknown_noise else _OF_PATH
+    view = view_of(signals_of(preparation), part_of_time(share))
     if not preparation.has_unknown_noise:
         return view, preparation
     takes = preparation.takes
@@ -183,7 +188,7 @@ def path_view(preparation: Preparation) -> tuple[PathView, Preparation]:
     read = [replace(noise, is_leftover=False) for noise in residual_noises(residuals)]
     noises = [take.noise or noise for take, noise in zip(takes, read, strict=True)]
     preparation = preparation.with_noises(noises)
-    return view_of(signals_of(preparation)), preparation
+    return view_of(signals_of(preparation), part_of_time(_OF_PATH)), preparation
 
 
 def with_residual_as_noise(fitted: Fitted) -> Preparation | None:

@@ -7,7 +7,7 @@ like are columns beside.  All chains and all sets of columns have one posterior.
 
 from __future__ import annotations
 
-from collections.abc import Collection, Iterator, Sequence
+from collections.abc import Callable, Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -93,11 +93,12 @@ class PathView:
         return next(shape for effect, shape in self.shapes if effect == name)
 
 
-def view_of(signals: Sequence[Signal]) -> PathView:
-    """The posterior over dynamics of recordings of one actuator."""
+def view_of(signals: Sequence[Signal], is_over: Callable[[], bool] = lambda: False) -> PathView:
+    """The posterior over dynamics of recordings of one actuator; no further chain is tried once its
+    time `is_over`."""
     signals = _weighted(signals)
     plain = Expansion.about(Line.of(signals, ()), np.zeros_like(response_of(signals))).settling()
-    expansions = _expansions(signals, plain)
+    expansions = _expansions(signals, plain, is_over)
     posterior, chosen = _joint(expansions, min(misfit(e.law, e.best) for e in expansions))
     posterior, chosen = _joint(expansions, misfit(chosen.law, posterior.best))
     leading = max(expansions, key=lambda one: one.log_posterior)
@@ -126,7 +127,9 @@ def _joint(expansions: Sequence[Expansion], excess: float) -> tuple[Posterior, E
     return posterior, next(one for one in expansions if one.law.name == posterior.best.law)
 
 
-def _expansions(signals: Sequence[Signal], plain: Expansion) -> list[Expansion]:
+def _expansions(
+    signals: Sequence[Signal], plain: Expansion, is_over: Callable[[], bool]
+) -> list[Expansion]:
     """The best expansion behind each likely chain, that without any first."""
     behind: dict[Key, Expansion] = {(): plain}
     tried: set[Key] = set()
@@ -135,23 +138,28 @@ def _expansions(signals: Sequence[Signal], plain: Expansion) -> list[Expansion]:
         most = max(one.log_posterior for one in behind.values()) - _LIKELY
         likely = {k: one for k, one in behind.items() if one.log_posterior > most}
         fronts = sorted(likely.keys() - asked, key=lambda key: -likely[key].log_posterior)
-        if not fronts:
+        if not fronts or is_over():
             break
         front = behind[fronts[0]]
         asked.add(fronts[0])
         chains = [(c, beside) for c, beside in front.proposed() if key_of(c) not in tried]
         tried |= {key_of(chain) for chain, _ in chains}
-        behind |= _longer(signals, front, chains)
+        behind |= _longer(signals, front, chains, is_over)
     return list(behind.values())
 
 
 def _longer(
-    signals: Sequence[Signal], front: Expansion, chains: Sequence[tuple[Chain, Hypothesis]]
+    signals: Sequence[Signal],
+    front: Expansion,
+    chains: Sequence[tuple[Chain, Hypothesis]],
+    is_over: Callable[[], bool],
 ) -> dict[Key, Expansion]:
     """The expansions behind the likeliest of longer chains that one proposes."""
     longer: list[tuple[Fitted, Hypothesis]] = []
     before, least = front.adequacy(front.best), -np.inf
     for chain, beside in chains:
+        if is_over():
+            break
         one = fitted(signals, chain, front.sized(beside), front.settled, least)
         if one.log_posterior > least:
             longer.append((one, beside))
@@ -163,10 +171,12 @@ def _longer(
         best.setdefault(tuple(stage.effect for stage in one.line.chain), (one, beside))
     behind = {}
     for one, beside in list(best.values())[:_MOST_LIKELY]:
-        if one.log_posterior > least:
+        if one.log_posterior > least and not (behind and is_over()):
             shapes = [front.columns[k] for k in beside.kinds]
             further = Expansion.about(one.line, front.added(beside), one, shapes).settling()
-            behind[key_of(one.line.chain)] = further
+            # Of filters so slow that no digit is left χ² is no sum of squares.
+            if misfit(further.law, further.best) > -1:
+                behind[key_of(one.line.chain)] = further
     return behind
 
 

@@ -125,7 +125,7 @@ def _training(name: str) -> Callable[[], fj.Recording]:
 STRETCHED = {"input": 1, "output": 2, "input_unit": "mm", "output_unit": "N"}
 STAMPED = STRETCHED | {"resample": "50 Hz"}
 BARE = {"input": 0, "output": 1}
-RING = {"time": 0, "input": 5, "output": 6, "clock": "ms", "input_unit": "mm", "output_unit": "N"}
+RING = {"time": 0, "input": 5, "output": 6, "time_unit": "ms", "input_unit": "mm", "output_unit": "N"}
 ELASTOMER = "a VHB4910 elastomer relaxes viscoelastically; stretch to force"
 FRICTION = "a band brake: dry friction with backlash, which path curves hold"
 O_RING = "the friction of an O-ring, which path curves hold; air leaks"
@@ -159,12 +159,12 @@ ROWS = (
     Row("robot", "robot arm", None, MODE, LAG, "several flexible modes",
         _file("robot.csv", **BARE, rate="100 Hz")),
     Row("exchanger", "heat exchanger", None, (*LAG, "delay"), (), "a lag and a dead time",
-        _file("exchanger.csv", time=0, input=1, output=2)),
+        _file("exchanger.csv", time=0, input=1, output=2, time_unit="s")),
     Row("ball_and_beam", "ball on a beam", "mass", (), ("dry_friction",), "two integrators",
         _file("ball_and_beam.csv", **BARE, rate="10 Hz")),
     Row("faster", "hydraulic fatigue rig", None, LAG, ("delay",), "a lag of some 8 s",
         _file("faster.csv", input="u", output="d", input_unit="V", output_unit="mm",
-              resample="129 Hz")),
+              rate="128.98 Hz")),
     Row("damper_half_20", "friction damper", None, (), (), FRICTION,
         _damper("damper_half_20.json")),
     Row("damper_1_80", "friction damper", None, (), (), FRICTION, _damper("damper_1_80.json")),
@@ -183,9 +183,9 @@ ROWS = (
     Row("magnet_ru3", "quadrupole magnet", None, (), (), MAGNET, _magnet("magnet_ru3.dat")),
     Row("magnet_ru4", "quadrupole magnet", None, (), (), MAGNET, _magnet("magnet_ru4.dat")),
     Row("servo_single", "servo", None, ("slew_rate_limit",), (*LAG, "delay"), SERVO,
-        _file("servo_single.csv", input="target pos (5)", output="pos (5)", resample="10 Hz")),
+        _file("servo_single.csv", input="target pos (5)", output="pos (5)", resample="10 Hz", mask="bad")),
     Row("servo_nocomp2", "servo", None, ("slew_rate_limit",), (*LAG, "delay"), SERVO,
-        _file("servo_nocomp2.csv", input="target pos (1)", output="pos (1)", resample="10 Hz")),
+        _file("servo_nocomp2.csv", input="target pos (1)", output="pos (1)", resample="10 Hz", mask="bad")),
     Row("piezo_dbo_steady", "piezo stage", None, (*DRIFT, *LAG, "delay"), (),
         "the stroke shrinks; a sample late", lambda: piezo_dbo()[0]),
     Row("piezo_dbo_nested", "piezo stage", None, (*DRIFT, *LAG, "delay"), (),

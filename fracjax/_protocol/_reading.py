@@ -17,6 +17,9 @@ MISSED = 0.01
 are one."""
 _AROUND = 4
 """Coarse samples before and after a fast stretch that are read with it."""
+_LEAST = 1000
+"""Samples of the reading of a fast stretch at least: what a fast change leaves behind comes after
+it."""
 _NEAR = 16
 """Coarse samples between two fast stretches that are one."""
 
@@ -57,7 +60,7 @@ def _longest(drive: np.ndarray, missed: np.ndarray, every: int, most: int) -> Re
     while finer > 1 and _missed(drive[start:stop], finer).any():
         finer //= 2
     finer = max(finer, 1)
-    stop = min(stop, start + most * finer)
+    stop = min(max(stop, start + _LEAST * finer), start + most * finer, drive.size)
     return Reading(start, stop, finer, np.ones(-(-(stop - start) // finer), dtype=bool))
 
 

@@ -125,7 +125,14 @@ def _training(name: str) -> Callable[[], fj.Recording]:
 STRETCHED = {"input": 1, "output": 2, "input_unit": "mm", "output_unit": "N"}
 STAMPED = STRETCHED | {"resample": "50 Hz"}
 BARE = {"input": 0, "output": 1}
-RING = {"time": 0, "input": 5, "output": 6, "time_unit": "ms", "input_unit": "mm", "output_unit": "N"}
+RING = {
+    "time": 0,
+    "input": 5,
+    "output": 6,
+    "time_unit": "ms",
+    "input_unit": "mm",
+    "output_unit": "N",
+}
 ELASTOMER = "a VHB4910 elastomer relaxes viscoelastically; stretch to force"
 FRICTION = "a band brake: dry friction with backlash, which path curves hold"
 O_RING = "the friction of an O-ring, which path curves hold; air leaks"

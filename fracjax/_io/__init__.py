@@ -31,7 +31,7 @@ from fracjax._io._table import NO_HINTS, SIGNALS, Hints, Stated, Table
 from fracjax._io._tdms import read_tdms, write_tdms
 from fracjax._io._text import read_text, write_text
 from fracjax._io._xlsx import read_xlsx, write_xlsx
-from fracjax._recording import UNSTATED, InputError, Recording
+from fracjax._recording import UNSTATED, InputError, Recording, closest
 
 __all__ = [
     "SUFFIXES",
@@ -102,6 +102,14 @@ class Options(TypedDict, total=False):
     names_row: int | None
     units_row: int | None
     description: str | PathLike[str] | None
+
+
+_OF_SHELL = {
+    "clock": "time_unit",
+    "unit": "input_unit or output_unit",
+    "scale": "input_scale or output_scale",
+}
+"""Options that are called otherwise in the shell."""
 
 
 class Taken(NamedTuple):
@@ -234,7 +242,15 @@ def write(path: str | PathLike[str], columns: Mapping[str, np.ndarray]) -> None:
 
 
 def _described(options: Options) -> Options:
-    """The options with those of the description that they name."""
+    """The options with those of the description that they name.
+
+    Where types are not checked one that there is not would be passed over.
+    """
+    names = Options.__annotations__
+    for name in options.keys() - names.keys():
+        here = _OF_SHELL.get(name)
+        remedy = f"give {here} for it" if here else f"take it out{closest(name, names)}"
+        raise InputError.at("read", f"options {', '.join(names)}", f'"{name}"', remedy)
     path = options.get("description")
     if path is None:
         return options

@@ -116,3 +116,14 @@ def test_a_batch_and_a_report_refuse_what_they_cannot_use(tmp_path):
     with pytest.raises(fj.InputError, match="report: expected a result of fracjax, found 3"):
         loose.write_report(3, tmp_path / "report.html")
     assert not list(tmp_path.iterdir())
+
+
+@pytest.mark.parametrize(
+    ("name", "remedy"), [("clock", "give time_unit for it"), ("inptu", "did you mean input?")]
+)
+def test_an_option_that_there_is_not_is_not_passed_over(name, remedy, tmp_path):
+    """Of `clock`, the shell's word, nothing was said, and the file was refused for its clock."""
+    (tmp_path / "loop.csv").write_text("t [s],u [V],y [um]\n0,0,0\n1,1,1\n")
+    with pytest.raises(fj.InputError, match="read: expected options time, input") as refused:
+        loose.read(tmp_path / "loop.csv", **{name: "s"})
+    assert remedy in str(refused.value)

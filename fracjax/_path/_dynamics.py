@@ -37,6 +37,8 @@ SENSOR_ORDERS = (1.0, 2.0, 4.0)
 """Orders of sensors that are tried; one of third order is within percents of its neighbours."""
 _SLOWEST_SENSOR = 1.5
 """The largest time constant of a sensor [s], of a corner of .1 Hz: slower is the drive's side."""
+_UNEVEN = 0.5
+"""How uneven a spectrum of relaxations is, over its mean; chosen by judgement."""
 _DRIFT, _CREEP, _LAYER, _HUM, _SKEW = 0.05, 0.02, 0.05, 0.002, 1e-4
 """Typical sizes: drifts over the span or the gain, creep per decade, a layer's share, interference
 over the span, a clock's error; what a prior calls 1."""
@@ -153,7 +155,7 @@ class Family(NamedTuple):
         """The columns of one shape."""
         parts = [self.column(m, shape, scale).reshape(m.times.size, -1) for m in motions]
         values = np.asarray(block_diag(*parts)) if self.each else np.concatenate(parts)
-        return Columns(self.effect, shape, values, self.one_sided)
+        return Columns(self.effect, shape, values, self.one_sided and values.shape[1] == 1)
 
 
 def dynamics_of(motions: Sequence[Motion]) -> list[Columns]:
@@ -198,7 +200,7 @@ def refined(motions: Sequence[Motion], chosen: Sequence[Columns], finer: float) 
 
 def _ends_of(shapes: Sequence[Shape], name: str) -> tuple[float, float]:
     """The least and the largest value of a parameter."""
-    values = [shape[name] for shape in shapes]
+    values = [shape[name] for shape in shapes if name in shape]
     return min(values), max(values)
 
 
@@ -222,7 +224,9 @@ def _each_of(name: str, values: Callable[[Scale], Iterable[float]]):
 
 def _apart(**ratios: float) -> Callable[[Shape, Scale], Shape]:
     """The distances of shapes, by the ratio of each parameter to the next."""
-    return lambda shape, scale: {name: float(np.log(ratio)) for name, ratio in ratios.items()}
+    return lambda shape, scale: {
+        name: float(np.log(ratio)) for name, ratio in ratios.items() if name in shape
+    }
 
 
 def _onsets(scale: Scale) -> np.ndarray:
@@ -260,11 +264,29 @@ def _late(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
     return m.of_response.with_departure(kernels.delay(shape["delay"]))
 
 
+def _spectra(scale: Scale) -> list[Shape]:
+    """Relaxations from a time constant on, each ten times as slow as the one before."""
+    return [{"fastest": float(onset)} for onset in _onsets(scale)[::2]]
+
+
+def _relaxing(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    """Relaxations of a decade each, all alike, and how each differs: creep of Kelvin and Voigt's
+    elements, or a layer of Maxwell's, which a few time constants do not tell apart."""
+    constants = shape["fastest"] * 10 ** np.arange(np.log10(scale.duration / shape["fastest"]))
+    lags = [m.of_response.with_departure(kernels.lag(float(c), m.step)) for c in constants]
+    each = _CREEP * np.stack(lags, axis=1)
+    return np.column_stack([each.sum(axis=1), _UNEVEN * each])
+
+
 def _creeping(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    if "fastest" in shape:
+        return _relaxing(m, shape, scale)
     return _CREEP * m.of_response.with_departure(kernels.creep(shape["onset"]))
 
 
 def _yielding(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
+    if "fastest" in shape:
+        return _relaxing(m, shape, scale)
     departure = kernels.yielding(shape["time_constant"], shape["order"])
     return _LAYER * m.of_response.with_departure(departure)
 
@@ -345,7 +367,13 @@ MODE = Family("resonance", lambda scale: [], _ringing, True, _peaks_apart)
 FAMILIES: dict[str, Family] = {
     family.effect: family
     for family in (
-        Family("creep", _each_of("onset", _onsets), _creeping, True, _apart(onset=5.6)),
+        Family(
+            "creep",
+            lambda s: [*({"onset": float(onset)} for onset in _onsets(s)), *_spectra(s)],
+            _creeping,
+            True,
+            _apart(onset=5.6, fastest=10.0),
+        ),
         Family("sensor_lag", _corners, _lagging, True, _apart(corner=_QUARTER)),
         Family(
             "drive_lag",
@@ -364,13 +392,16 @@ FAMILIES: dict[str, Family] = {
         Family(
             "viscoelastic_layer",
             lambda s: [
-                {"time_constant": float(c), "order": order}
-                for order in (0.15, 0.35, 0.7)
-                for c in np.geomspace(s.step, s.duration, 4)
+                *(
+                    {"time_constant": float(c), "order": order}
+                    for order in (0.15, 0.35, 0.7)
+                    for c in np.geomspace(s.step, s.duration, 4)
+                ),
+                *_spectra(s),
             ],
             _yielding,
             False,
-            _apart(time_constant=10.0, order=2.0),
+            _apart(time_constant=10.0, order=2.0, fastest=10.0),
         ),
         Family(
             "thermal_drift",

@@ -24,6 +24,7 @@ from fracjax._report._text import noise_of
 
 STEP = 0.01
 CYCLE = np.arange(100) / 100
+_SHOWS = Visible("creep", 0.02, "um", ""), Visible("delay", None, "um", "it is met once")
 
 
 def small_fit() -> Fit:
@@ -88,6 +89,7 @@ def diagnosis_of(fitted: Fit) -> Diagnosis:
             Drive("steps", np.repeat([0.0, 40.0], 50), 1e-3),
         ),
         warnings=("The response is clipped.",),
+        can_show=_SHOWS,
     )
 
 
@@ -95,6 +97,5 @@ def small_protocol() -> Protocol:
     """A drive of two parts, and what it shows."""
     parts = Part("rest", 0.0, 0.05, "the noise"), Part("fast path", 0.05, 0.1, "lags")
     drive = Drive("a designed drive of 0.1 s", np.repeat([0.0, 40.0], 50), 1e-3, parts)
-    shows = Visible("creep", 0.02, "um", ""), Visible("delay", None, "um", "it is met once")
     limits = Limits(0.0, 40.0, 1e5)
-    return Protocol(drive, limits, 100.0, 0.01, 4.0, ("V", "um"), ("creep",), shows)
+    return Protocol(drive, limits, 100.0, 0.01, 4.0, ("V", "um"), ("creep",), _SHOWS)

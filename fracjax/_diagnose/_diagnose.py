@@ -9,7 +9,6 @@ from functools import partial
 from .._blocks import AbstractMachine, BoucWen, PrandtlIshlinskii, Within
 from .._computing import Clock, computing, within
 from .._fit import settle
-from .._inside import inquire_inside
 from .._models import Model
 from .._path import PathView, Visible, can_show
 from .._prepare import (
@@ -157,6 +156,8 @@ def diagnose(
         extension = None
         machine = base.solved.block
         if may_name and isinstance(machine, AbstractMachine | Within):
+            from .._inside import inquire_inside  # machines alone need it
+
             inside = inquire_inside(machine, preparation, progress=progress)
             inquiry = inquired_inside(inquiry, inside)
             extension = extended_inside(law, inside, preparation)

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from .._fit import Estimate, Fit, fit_of, is_useless
 from .._models import Model
@@ -225,7 +225,7 @@ class Findings:
         """The p-value of the residual: of all places and columns, by Bonferroni."""
         largest = max(candidate.score for candidate in self.candidates)
         width = self.inquiry.tested.law.inner.along.size
-        of_columns = min(1.0, 2 * width * float(norm.sf(largest)))
+        of_columns = min(1.0, 2 * width * float(ndtr(-largest)))
         tests = [of_columns, *(axis.p_value for axis in self.axes)]
         return min(1.0, min(tests) * len(tests))
 

@@ -20,10 +20,10 @@ from dataclasses import dataclass, replace
 from itertools import chain, combinations, permutations
 
 import numpy as np
-from scipy.signal import chirp, lfilter, sawtooth
-from scipy.stats import norm
+from scipy.special import ndtr
 
 from .._blocks import AbstractBlock
+from .._filters import moving_sum
 from .._operators import Grid, refine
 from .._prepare import Noise, Preparation, layout_of
 from .._protocol import Drive, Limits, corners_rounded
@@ -55,6 +55,8 @@ def _spanned(wave: np.ndarray, limits: Limits, share: float = 1.0, bias: float =
 
 def _triangle(angle: np.ndarray) -> np.ndarray:
     """A triangle within ±1 that starts at -1."""
+    from scipy.signal import sawtooth  # most diagnoses do without, and it takes long to import
+
     return sawtooth(angle, 0.5)  # type: ignore[arg-type]
 
 
@@ -69,6 +71,8 @@ def drives(limits: Limits, step: float, unit: str, start: float, rest: int) -> l
     """Some forty drives within the limits, `_SAMPLES` long after `rest` samples at `start`: tones,
     triangles, amplitude ladders, steps, reversal curves, sweeps, bursts, small tones on a shifted
     bias, and a rest."""
+    from scipy.signal import chirp  # as in `_triangle`
+
     t = np.arange(_SAMPLES) * step
     duration = _SAMPLES * step
     slowest = 2 / duration
@@ -243,7 +247,7 @@ def _most_distinguishing(apart: np.ndarray) -> tuple[int, tuple[int, ...], bool]
 
 def _probability(separability: np.ndarray) -> np.ndarray:
     """P(reduction of χ² ≥ 10), if the reduction is N(λ, 4λ)."""
-    return norm.cdf((separability - _DELTA_BIC) / (2 * np.sqrt(separability) + 1e-12))
+    return ndtr((separability - _DELTA_BIC) / (2 * np.sqrt(separability) + 1e-12))
 
 
 class _Trial:
@@ -257,7 +261,7 @@ class _Trial:
     def _whitened(self, signals: np.ndarray) -> np.ndarray:
         """Signals (M, …) of the fine grid, sampled and whitened (N, …)."""
         sampled = signals[:: self.oversampling]
-        return np.asarray(lfilter(self.noise.whitening, 1.0, sampled, axis=0))
+        return moving_sum(self.noise.whitening, sampled)
 
     def gaps(self, rivals: Sequence[AbstractBlock]) -> list[float]:
         """The variance of the whitened difference of every two rivals' responses, before any

@@ -6,9 +6,9 @@ from dataclasses import dataclass, replace
 from itertools import pairwise
 
 import numpy as np
-from scipy.stats import f, kurtosis, norm
+from scipy.special import fdtrc, ndtri
 
-from .._prepare import Preparation, Problem
+from .._prepare import Preparation, Problem, kurtosis_of
 from .._solve import orthonormal_basis
 from ._fitted import Fitted
 from ._result import Axis
@@ -101,7 +101,7 @@ class _Places:
         assert noise is not None  # a diagnosis has one
         self.noise = noise
         counted = residual.whitened[residual.whitened != 0]
-        self.kurtosis = max(3.0, noise.kurtosis, float(kurtosis(counted, fisher=False)))
+        self.kurtosis = max(3.0, noise.kurtosis, kurtosis_of(counted))
         self.units = (first.drive_unit, first.response_unit)
         lengths = [p.response.shape[0] for p in problems]
         self.drive = np.concatenate(
@@ -164,7 +164,7 @@ class _Places:
 
     def _p_value(self, energy, count, variance) -> np.ndarray:
         """The p-value from a scaled χ² with the same mean and variance."""
-        return f.sf(energy / count, 2 * count**2 / variance, self.freedom)
+        return fdtrc(2 * count**2 / variance, self.freedom, energy / count)
 
     def _binned(self, name: str, unit: str, values: np.ndarray, edges: np.ndarray, *shapes) -> Axis:
         """An axis of bins of a coordinate; in each the residual may follow any of the shapes."""
@@ -285,14 +285,14 @@ class _Places:
         tails = self.kurtosis - 3
         freedom = 2 / (1 / power.size + tails / np.count_nonzero(self.counted))
         if self.noise.lines[0].size == 0:
-            return float(f.sf(power.mean(), freedom, self.freedom))
+            return float(fdtrc(freedom, self.freedom, power.mean()))
         if noise.size == 0:
             return 1.0
         # A band whose noise is one high line has the degrees of freedom of one line.
         alike = min(1.0, 2 * noise.mean() ** 2 / np.mean(noise**2))
         others = noise.size * alike / self.noise.shared
         of_noise = 2 / (1 / others + tails / self.noise.effective)
-        return float(f.sf(power.mean() / noise.mean(), min(freedom, of_noise), of_noise))
+        return float(fdtrc(min(freedom, of_noise), of_noise, power.mean() / noise.mean()))
 
 
 def _map(
@@ -300,8 +300,8 @@ def _map(
 ) -> Axis:
     """An axis from its bins' p-values and that of all bins together: |z|-equivalents, threshold,
     and the bins that stand out."""
-    strength = norm.isf(np.maximum(p_values, 1e-300) / 2)
-    threshold = float(norm.isf(SIGNIFICANCE / p_values.size / 2))
+    strength = -ndtri(np.maximum(p_values, 1e-300) / 2)
+    threshold = -float(ndtri(SIGNIFICANCE / p_values.size / 2))
     standing_out = strength >= max(threshold, 0.5 * float(strength.max()))
     p_value = min(1.0, 2 * whole, 2 * float(p_values.min()) * p_values.size)
     intervals = _stretches(edges, standing_out)

@@ -19,9 +19,8 @@ from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
-from scipy.signal import find_peaks
 
-from .._recording import Recording, runs_of
+from .._recording import Recording, maxima_of, runs_of
 from .._show import Shown, Table, View, figure, quantity
 from ._table import FrequencyTable
 
@@ -186,7 +185,8 @@ def _periods(drive: np.ndarray) -> list[int]:
     spectrum = np.fft.rfft(bends, 2 * bends.size)
     alike = np.fft.irfft(np.abs(spectrum) ** 2)[: bends.size // (_PERIODS - 1)]
     alike[:_SHORTEST] = 0.0
-    peaks = find_peaks(alike, height=0.0)[0]
+    peaks = maxima_of(alike)
+    peaks = peaks[alike[peaks] >= 0]
     return [int(k) for k in peaks[np.argsort(-alike[peaks])][:_TRIED]]
 
 

@@ -15,7 +15,6 @@ from math import comb
 import numpy as np
 from scipy.interpolate import Akima1DInterpolator
 from scipy.ndimage import uniform_filter1d
-from scipy.signal import savgol_filter
 
 from .._recording import runs_of
 from ._kernels import smoothness
@@ -48,6 +47,8 @@ def denoised(drive: np.ndarray) -> tuple[np.ndarray, np.ndarray]:
     level = float(np.median(differences)) / (_NORMAL_MEDIAN * np.sqrt(comb(2 * _ORDER, _ORDER)))
     if level <= _LEAST * np.ptp(drive) or drive.size <= _WINDOWS[0]:
         return drive, np.zeros_like(drive)
+    from scipy.signal import savgol_filter  # computed drives do without; it takes long to import
+
     smooth, error = drive.copy(), np.full(drive.size, level)
     fits, shorter, variance = np.ones(drive.size, dtype=bool), drive, 1.0
     stands = np.zeros(drive.size, dtype=bool)

@@ -13,8 +13,8 @@ from typing import NamedTuple
 import numpy as np
 from numpy.polynomial import Polynomial
 from scipy.linalg import block_diag
-from scipy.signal import lfilter
 
+from .._filters import solve_recursion
 from . import _kernels as kernels
 from ._drive import limited
 from ._fading import path_length
@@ -90,7 +90,7 @@ class Motion:
         power = rate**losses * size ** (2 - losses)
         kept = np.exp(-self.step / time_constant)
         scaled = power / max(power.mean(), 1e-300)
-        return np.asarray(lfilter([1 - kept], [1, -kept], scaled))
+        return solve_recursion(np.array([1, -kept]), (1 - kept) * scaled)
 
 
 class Columns(NamedTuple):

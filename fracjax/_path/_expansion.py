@@ -8,8 +8,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from scipy.signal import find_peaks
 
+from .._recording import maxima_of
 from ._chain import IN_SERIES, Chain, Fitted, Line, Stage, adequacy, lags_like
 from ._dynamics import (
     MAINS,
@@ -379,7 +379,7 @@ def scanned_modes(
     chosen = []
     for modes in modes_of(motions, family):
         falls = _falls(modes, whitened, scanned)
-        peaks = find_peaks(np.pad(falls, 1))[0] - 1
+        peaks = maxima_of(np.pad(falls, 1)) - 1
         chosen += [modes[k] for k in peaks[np.argsort(-falls[peaks])[:_PEAKS]]]
     return chosen
 

@@ -18,7 +18,8 @@ from typing import NamedTuple
 import numpy as np
 from scipy.fft import irfft, next_fast_len, rfft
 from scipy.ndimage import maximum_filter1d
-from scipy.signal import lfilter
+
+from .._filters import moving_sum, solve_recursion
 
 Integral = Callable[[np.ndarray], np.ndarray]
 """∫_0^t g dt' [s] of a departure g (dimensionless), for times t ≥ 0 [s]."""
@@ -184,8 +185,8 @@ class Convolution:
         """What a departure adds to the signal (N,), in its unit."""
         if isinstance(departure, Recursion):
             straight, bent, denominator = departure
-            whole = np.asarray(lfilter(straight, denominator, self._increments))
-            whole = whole + np.asarray(lfilter(bent, denominator, self._bends))
+            moved = moving_sum(straight, self._increments) + moving_sum(bent, self._bends)
+            whole = solve_recursion(denominator, moved)
         else:
             kernel = np.diff(departure(self._times)) / self._step
             transform = np.asarray(rfft(kernel, self._length))

@@ -10,7 +10,7 @@ effects than one explain no single one better.
 from __future__ import annotations
 
 import numpy as np
-from scipy.stats import norm
+from scipy.special import log_ndtr
 
 from ._chain import IN_SERIES
 from ._expansion import family_of
@@ -52,7 +52,7 @@ def levels(law: Law, directions: np.ndarray) -> np.ndarray:
         rest = count + a**2 * (1 - taken)
         evidence = log_likelihood(rest, determinant, count) - np.log(SIZES.size)
         score = a * scores / np.sqrt(np.maximum(1.0, rest / count))
-        evidence[one_sided] += np.log(2) + norm.logcdf(score[one_sided])
+        evidence[one_sided] += np.log(2) + log_ndtr(score[one_sided])
         as_it_is = count + a**2 - 2 * a * along[starts] + np.diag(gram)[starts, None]
         exactly = log_likelihood(as_it_is, 0.0, count)
         each = prior + np.where(exact, exactly, np.logaddexp.reduce(evidence, axis=1))

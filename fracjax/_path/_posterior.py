@@ -21,8 +21,7 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from scipy.special import logsumexp
-from scipy.stats import norm
+from scipy.special import log_ndtr, logsumexp
 
 from ._law import Inner, log_likelihood
 
@@ -257,6 +256,6 @@ class _Layout:
         if width == 1:
             score = along[:, :, 0] * np.sqrt(variance / (1 + variance * values))[:, :, 0]
             score = score / np.sqrt(np.maximum(1.0, square / count))
-            halved = np.log(2) + norm.logcdf(score)
+            halved = np.log(2) + log_ndtr(score)
             likelihood = likelihood + np.where(self._one_sided[which, None], halved, 0.0)
         return likelihood

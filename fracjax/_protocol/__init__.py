@@ -11,8 +11,6 @@ if TYPE_CHECKING:
     from ._limits import Limits as Limits
     from ._limits import parse_limits as parse_limits
     from ._limits import recorded_limits as recorded_limits
-    from ._picture import draw_drive as draw_drive
-    from ._picture import draw_shown as draw_shown
     from ._protocol import ASKED as ASKED
     from ._protocol import completed as completed
     from ._protocol import protocol as protocol

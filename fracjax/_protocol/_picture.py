@@ -30,13 +30,13 @@ def draw_protocol(
         5.6 + _ROW * rows, 3, 1, gridspec_kw={"height_ratios": (3, 2, 0.8 + _ROW * rows)}
     )
     whole, part, bars = axes[:, 0]
-    draw_drive(drive, unit, whole)
+    _draw_drive(drive, unit, whole)
     _draw_fastest(drive, unit, part)
-    draw_visible(shown, stroke, bars)
+    _draw_visible(shown, stroke, bars)
     return drawing
 
 
-def draw_drive(drive: Drive, unit: str, panel: Axes) -> None:
+def _draw_drive(drive: Drive, unit: str, panel: Axes) -> None:
     """Draw a drive over time with its parts."""
     panel.plot(*thinned(drive.times, drive.values), color=COLOURS[0], lw=0.9)
     whole = float(drive.times[-1])
@@ -63,15 +63,7 @@ def _draw_fastest(drive: Drive, unit: str, panel: Axes) -> None:
     panel.set(xlabel="time [s]", ylabel=f"{part.name} [{pretty_unit(unit)}]")
 
 
-@mpl.rc_context({**STYLE, "axes.grid.axis": "x"})
-def draw_shown(shown: Sequence[Visible], span: float) -> Drawing:
-    """Draw the smallest visible size of each effect, on a response of some span."""
-    drawing, axes = canvas(1.0 + _ROW * len(shown))
-    draw_visible({"": shown}, span, axes[0, 0])
-    return drawing
-
-
-def draw_visible(shown: Mapping[str, Sequence[Visible]], span: float, panel: Axes) -> None:
+def _draw_visible(shown: Mapping[str, Sequence[Visible]], span: float, panel: Axes) -> None:
     """Draw the smallest visible size of each effect as bars, which end at the largest credible size
     where none is; of several designs one beside the other."""
     names = [one.effect for one in next(iter(shown.values()))]

@@ -5,8 +5,8 @@ from __future__ import annotations
 from dataclasses import replace
 
 import numpy as np
-from scipy.signal import lfilter
 
+from .._filters import solve_recursion
 from .._path import Signal, denoised
 from .._prepare import Noise
 from .._recording import Recording
@@ -40,7 +40,7 @@ def noise_level(signal: Signal) -> float:
     """The rms of a recording's noise [response unit]."""
     pulse = np.zeros(_PULSE)
     pulse[0] = 1.0
-    return float(np.linalg.norm(lfilter([1.0], signal.taps, pulse)))
+    return float(np.linalg.norm(solve_recursion(signal.taps, pulse)))
 
 
 def few_samples(signal: Signal, most: int) -> Signal:

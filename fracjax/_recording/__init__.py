@@ -2,7 +2,7 @@
 
 from fracjax._recording._errors import InputError, closest, found_in, item, pair_of, require_kind
 from fracjax._recording._kept import kept
-from fracjax._recording._periods import Repeats, mismatch, runs_of, unit_range
+from fracjax._recording._periods import Repeats, maxima_of, mismatch, runs_of, unit_range
 from fracjax._recording._recording import (
     Recording,
     inspect_together,
@@ -40,6 +40,7 @@ __all__ = [
     "inspect_together",
     "item",
     "kept",
+    "maxima_of",
     "mismatch",
     "pair_of",
     "parse_quantity",

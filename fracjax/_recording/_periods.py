@@ -44,6 +44,16 @@ def runs_of(mask: np.ndarray) -> np.ndarray:
     return edges.reshape(-1, 2)
 
 
+def maxima_of(values: np.ndarray) -> np.ndarray:
+    """The indices of the local maxima of values (N,), of flat ones the middle, as `find_peaks` of
+    `scipy.signal` has them, which takes longer to import than a fit takes."""
+    starts = np.flatnonzero(np.diff(values, prepend=np.nan) != 0)
+    stops = np.append(starts[1:], values.size)
+    rises = np.diff(values[starts]) > 0
+    tops = 1 + np.flatnonzero(rises[:-1] & ~rises[1:])
+    return (starts[tops] + stops[tops] - 1) // 2
+
+
 @kept
 def mismatch(u: np.ndarray) -> np.ndarray:
     """Mean of (u[t + lag] - u[t])², lags 0..2N/3, by FFT; unlike autocorrelation free of edges."""

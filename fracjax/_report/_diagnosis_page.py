@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Any
-
-from markupsafe import Markup
 
 from .._diagnose import Candidate, Diagnosis, entry_of
 from .._fit import estimate_row
-from .._protocol import draw_shown
 from .._show import figure, p_value
-from .._show.drawing import svg
 from . import _figures
-from ._fit_figures import approximations_plot
+from ._embedding import PlottedFigure
 from ._fit_page import common_content
 from ._text import diagnosis_figures, download, file_name, noise_text, sources
 
@@ -29,9 +26,10 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     fits = [fit for fit in (diagnosis.base, diagnosis.extended) if fit is not None]
     names = [fit.model.name for fit in fits]
     span = diagnosis.base.preparation.setting.response_span
-    linear = diagnosis.linear_approximations
     return {
-        **common_content(fits, diagnosis_figures(diagnosis), diagnosis),
+        **common_content(
+            fits, diagnosis_figures(diagnosis), diagnosis, beside=_figures_of(diagnosis, names)
+        ),
         "title": f"Diagnosis of {sources(diagnosis.base)}",
         "sentence": diagnosis.sentence,
         "badge": _BADGES[diagnosis.verdict],
@@ -49,13 +47,8 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
             (effect, entry_of(effect.name), [estimate_row(e) for e in effect.parameters])
             for effect in diagnosis.effects
         ],
-        "hidden": _figures.hidden(diagnosis.candidates, diagnosis.noise, span),
-        "shown": svg(draw_shown(diagnosis.can_show, span)) if diagnosis.can_show else "",
         "span": span,
-        "linear": linear,
-        "linear_plot": approximations_plot(linear) if linear else "",
-        "held_out": _figures.held_out(diagnosis.held_out, names, diagnosis.noise),
-        "next_drive": _next_drive(diagnosis),
+        "linear": diagnosis.linear_approximations,
         "unit": diagnosis.noise.unit,
         "downloads": [
             download("diagnosis.json", diagnosis.to_dict()),
@@ -64,12 +57,23 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     }
 
 
-def _next_drive(diagnosis: Diagnosis) -> Markup | None:
-    """The figure of the proposed drive of the next experiment; None without a proposal."""
-    if diagnosis.next_experiment is None:
-        return None
-    unit = diagnosis.base.preparation.takes[0].recording.drive_unit
-    return _figures.drive(diagnosis.next_experiment.drive, unit)
+def _figures_of(diagnosis: Diagnosis, names: Sequence[str]) -> dict[str, PlottedFigure]:
+    """The figures beside those of the recordings, by their names in the template; `names` are the
+    models'."""
+    base, noise = diagnosis.base.preparation, diagnosis.noise
+    span = base.setting.response_span
+    drawn = {
+        "hidden": _figures.hidden(diagnosis.candidates, noise, span),
+        "held_out": _figures.held_out(diagnosis.held_out, names, noise),
+    }
+    if diagnosis.can_show:
+        drawn["shown"] = _figures.shown(diagnosis.can_show, span)
+    if diagnosis.linear_approximations:
+        drawn["linear"] = _figures.approximations(diagnosis.linear_approximations)
+    if diagnosis.next_experiment is not None:
+        unit = base.takes[0].recording.drive_unit
+        drawn["next_drive"] = _figures.drive(diagnosis.next_experiment.drive, unit)
+    return drawn
 
 
 def _groups(diagnosis: Diagnosis) -> list[tuple[bool, list[Candidate]]]:

@@ -6,14 +6,24 @@ The same plots give the same text.
 from __future__ import annotations
 
 import json
-from collections.abc import Sequence
+from collections.abc import Iterable, Mapping, Sequence
 from importlib.resources import files
 from importlib.util import find_spec
+from itertools import islice
 from pathlib import Path
+from typing import Any, NamedTuple
 
 from markupsafe import Markup
 
 from ._bokehjs import Model, document_of
+
+
+class PlottedFigure(NamedTuple):
+    """Plots side by side, and below them what their lines and bars are: name, colour, and how such
+    a line is drawn in CSS."""
+
+    plots: Sequence[Model]
+    legend: Sequence[tuple[str, str, str]] = ()
 
 
 def embedded(plots: Sequence[Model]) -> tuple[list[str], Markup]:
@@ -27,6 +37,15 @@ def embedded(plots: Sequence[Model]) -> tuple[list[str], Markup]:
         f"<script>const START = {json.dumps(start)}\n{page}</script>"
     )
     return elements, Markup(scripts)
+
+
+def placed(figures: Mapping[str, PlottedFigure], elements: Iterable[str]) -> dict[str, Any]:
+    """By name the elements of a figure's plots, of those of all in their order, and its legend."""
+    each = iter(elements)
+    return {
+        name: {"elements": [*islice(each, len(figure.plots))], "legend": figure.legend}
+        for name, figure in figures.items()
+    }
 
 
 def _library() -> str:

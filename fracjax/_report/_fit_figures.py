@@ -9,8 +9,8 @@ import numpy as np
 from markupsafe import Markup
 
 from .._fit import Profile
-from .._frequency import FrequencyFit, LinearApproximation
-from .._show import pretty_unit, quantity
+from .._frequency import FrequencyFit
+from .._show import pretty_unit
 from .._show.drawing import BAND, COLOURS, MEASURED, STYLE, canvas, svg
 
 _COLUMNS = 3
@@ -57,26 +57,6 @@ def bode_plot(fits: Sequence[FrequencyFit]) -> Markup:
     magnitude.legend(loc="best")
     for panel in panels[1]:
         panel.set_xlabel("frequency [Hz]")
-    return svg(drawing)
-
-
-@mpl.rc_context(STYLE)
-def approximations_plot(approximations: Sequence[LinearApproximation]) -> Markup:
-    """The linear response about each level, and noise, odd and even distortions below it."""
-    drawing, axes = canvas(4.0, 1, len(approximations), sharey=True)
-    for panel, one in zip(axes[0], approximations, strict=True):
-        frequencies, unit = one.frequencies_Hz, pretty_unit(one.unit)
-        panel.plot(frequencies, np.abs(one.response), color=MEASURED, marker=".", label="linear")
-        parts = {"noise": one.noise, "odd distortions": one.odd, "even distortions": one.even}
-        for (name, part), colour in zip(parts.items(), COLOURS, strict=False):
-            # What is not there has no place on a logarithmic axis.
-            panel.plot(frequencies, np.where(part > 0, part, np.nan), color=colour, label=name)
-        panel.set_xscale("log")
-        panel.set_yscale("log")
-        panel.set_xlabel("frequency [Hz]")
-        panel.set_title(f"about {quantity(one.level, one.drive_unit)}")
-        axes[0, 0].set_ylabel(f"response over drive [{unit}]")
-    axes[0, 0].legend(loc="best")
     return svg(drawing)
 
 

@@ -2,14 +2,16 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from dataclasses import replace
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any
 
 from markupsafe import Markup
 
 from .._fit import Comparison, Fit, Predicted, ResidualAnalysis, analyse_residuals
+from ._embedding import PlottedFigure
 from ._recordings_section import MOST_RECORDINGS, recordings_section
 from ._text import (
     Figures,
@@ -79,11 +81,15 @@ def common_content(
     diagnosis: Diagnosis | None = None,
     tests: Sequence[ResidualAnalysis] = (),
     predicted: Sequence[Predicted] = (),
+    beside: Mapping[str, PlottedFigure] = MappingProxyType({}),
 ) -> dict[str, Any]:
-    """The content that reports of fits and diagnoses share, with the tests of residuals."""
+    """The content that reports of fits and diagnoses share, with the tests of residuals and other
+    figures by their names in the template."""
     headers, rows = figures
     return {
-        **recordings_section(fits[:_MOST_MODELS], noise_of(fits[0]), diagnosis, tests, predicted),
+        **recordings_section(
+            fits[:_MOST_MODELS], noise_of(fits[0]), diagnosis, tests, predicted, beside
+        ),
         "headers": headers,
         "rows": rows,
         "bode": None,

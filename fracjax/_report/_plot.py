@@ -30,19 +30,14 @@ def table(data: dict[str, Any], name: str | None = None) -> Model:
     return Model("ColumnDataSource", name=name, data=data, selected=Model("Selection"))
 
 
-def empty_plot(height: int, labels: tuple[str, str], x_range: Model) -> Model:
-    """An empty plot as wide as the page; `height` in pixels, `labels` of both axes."""
-    x, y = (
-        Model(
-            "LinearAxis",
-            axis_label=label,
-            axis_label_text_font_size="13px",
-            major_label_text_font_size="12px",
-            # Millivolts and nanometres reach 10^5, which are read more easily than 2.000e+4.
-            formatter=Model("BasicTickFormatter", power_limit_high=7),
-        )
-        for label in labels
-    )
+def empty_plot(
+    height: int, labels: tuple[str, str], x_range: Model, logarithmic: str = ""
+) -> Model:
+    """An empty plot as wide as the page.
+
+    `height` in pixels, `labels` of both axes; `logarithmic`: "x", "y", "xy", or none of them.
+    """
+    x, y = (_axis(label, name in logarithmic) for name, label in zip("xy", labels, strict=True))
     return Model(
         "Figure",
         height=height,
@@ -59,7 +54,28 @@ def empty_plot(height: int, labels: tuple[str, str], x_range: Model) -> Model:
         stylesheets=[_STYLESHEET],
         min_border_left=_BESIDE,
         min_border_right=12,
+        **{f"{name}_scale": Model("LogScale") for name in logarithmic},
     )
+
+
+def _axis(label: str, is_logarithmic: bool) -> Model:
+    """An axis with its label."""
+    texts = {"axis_label_text_font_size": "13px", "major_label_text_font_size": "12px"}
+    if is_logarithmic:
+        return Model("LogAxis", axis_label=label, **texts)
+    # Millivolts and nanometres reach 10^5, which are read more easily than 2.000e+4.
+    formatter = Model("BasicTickFormatter", power_limit_high=7)
+    return Model("LinearAxis", axis_label=label, formatter=formatter, **texts)
+
+
+def plot_to_enlarge(
+    height: int, labels: tuple[str, str], title: str = "", logarithmic: str = ""
+) -> Model:
+    """An empty plot that can be enlarged."""
+    plot = empty_plot(height, labels, Model("DataRange1d"), logarithmic)
+    plot.title.text = title
+    plot.toolbar.tools += map(Model, ("BoxZoomTool", "PanTool", "ResetTool", "SaveTool"))
+    return plot
 
 
 def draw_line(
@@ -83,18 +99,26 @@ def draw(plot: Model, source: Model, glyph: Model, **shown: Any) -> Model:
 
 def draw_band(plot: Model, low: float, high: float) -> None:
     """Draw the band between two levels of what noise alone causes."""
-    plot.center.append(
-        Model(
-            "BoxAnnotation",
-            bottom=low,
-            top=high,
-            level="underlay",
-            fill_color=MEASURED,
-            line_color=MEASURED,
-            fill_alpha=0.2,
-            line_dash="dashed",
-        )
-    )
+    band = {"fill_alpha": 0.2, "line_color": MEASURED, "line_dash": "dashed"}
+    _draw_box(plot, bottom=low, top=high, **band)
+
+
+def draw_stretch(plot: Model, start: float, stop: float) -> None:
+    """Draw a stretch along the x axis."""
+    _draw_box(plot, left=start, right=stop, fill_alpha=0.12, line_color=None)
+
+
+def _draw_box(plot: Model, **properties: Any) -> None:
+    """Draw a box below all else; `properties` are its own."""
+    plot.center.append(Model("BoxAnnotation", level="underlay", fill_color=MEASURED, **properties))
+
+
+def draw_level(plot: Model, level: float, dimension: str) -> None:
+    """Draw a level as a dashed line in the colour of the page's text, along the plot's "width" or
+    its "height"."""
+    ink = {"--bk-line-color": "var(--ink)"}
+    line = Model("Span", location=level, dimension=dimension, line_dash="dashed", css_variables=ink)
+    plot.center.append(line)
 
 
 def one(**values: Any) -> dict[str, Value]:

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 from typing import Any
 
-import matplotlib as mpl
-
-from .._protocol import Protocol, draw_drive, draw_shown
+from .._protocol import Protocol
 from .._show import figure, pretty_unit, quantity
-from .._show.drawing import STYLE, canvas, svg
+from . import _figures
+from ._embedding import embedded, placed
 from ._text import download
 
 
@@ -27,6 +26,11 @@ def protocol_content(protocol: Protocol) -> dict[str, Any]:
     ]
     if limits.code:
         facts.append(["in steps of", quantity(limits.code, unit)])
+    figures = {
+        "drive": _figures.drive(protocol.drive, unit),
+        "shown": _figures.shown(protocol.shows, protocol.stroke),
+    }
+    elements, scripts = embedded([plot for figure in figures.values() for plot in figure.plots])
     return {
         "title": f"Protocol{' after ' + protocol.source if protocol.after else ''}",
         "sentence": protocol.sentence,
@@ -34,20 +38,12 @@ def protocol_content(protocol: Protocol) -> dict[str, Any]:
         "verdict": "none",
         "facts": facts,
         "warnings": protocol.warnings,
-        "drive": _drive(protocol),
+        "figures": placed(figures, elements),
+        "scripts": scripts,
         "parts": protocol.timetable()[1],
-        "shown": svg(draw_shown(protocol.shows, protocol.stroke)),
         "headers": headers,
         "rows": [[*row, hidden[row[0]]] for row in rows],
         "unit": pretty_unit(protocol.units[1]),
         "after": protocol.after,
         "downloads": [download("protocol.json", protocol.to_dict())],
     }
-
-
-@mpl.rc_context(STYLE)
-def _drive(protocol: Protocol):
-    """The drive over time with its parts."""
-    drawing, axes = canvas(3.6)
-    draw_drive(protocol.drive, protocol.units[0], axes[0, 0])
-    return svg(drawing)

@@ -2,14 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
+from types import MappingProxyType
 from typing import TYPE_CHECKING, Any, NamedTuple
 
 from .._fit import Fit, Predicted, ResidualAnalysis
 from .._prepare import Noise
 from .._show import CANDIDATES, COLOURS
-from ._embedding import embedded
+from ._embedding import PlottedFigure, embedded, placed
 from ._linked import Curve, LinkedPlots, link, linked_plots
 from ._plot import MEASURED
 from ._residual_plots import PLOTS, residual_plots
@@ -37,11 +38,13 @@ def recordings_section(
     diagnosis: Diagnosis | None = None,
     tests: Sequence[ResidualAnalysis] = (),
     predicted: Sequence[Predicted] = (),
+    beside: Mapping[str, PlottedFigure] = MappingProxyType({}),
 ) -> dict[str, Any]:
     """The template's content: the elements of the plots, the layers to choose from, the scripts.
 
     `fits` are of the same recordings; of a diagnosis its axes and candidates are drawn too, and
-    the tests of residuals; behind the recordings those held out, as `predicted`.
+    the tests of residuals; behind the recordings those held out, as `predicted`,
+    and `beside` them other figures by their names in the template.
     """
     axes = () if diagnosis is None else diagnosis.axes
     candidates = _candidates(diagnosis)
@@ -69,7 +72,8 @@ def recordings_section(
     drawn = [figure for plot in plots for figure in plot.figures]
     drawn += [strip.plot for strip in located]
     tested = [plot for analysis in tests for plot in residual_plots(analysis)]
-    elements, scripts = embedded([*drawn, *tested])
+    others = [plot for figure in beside.values() for plot in figure.plots]
+    elements, scripts = embedded([*drawn, *tested, *others])
     return {
         "recordings": [
             {
@@ -89,6 +93,7 @@ def recordings_section(
             }
             for index, analysis in enumerate(tests)
         ],
+        "figures": placed(beside, elements[len(elements) - len(others) :]),
         "layers": [
             Layer("measured", "measured", MEASURED, True),
             *(

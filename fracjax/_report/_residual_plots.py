@@ -7,7 +7,7 @@ import numpy as np
 from .._fit import ResidualAnalysis
 from .._show import COLOURS
 from ._bokehjs import Field, Model
-from ._plot import MEASURED, draw, draw_band, draw_line, empty_plot, one, table
+from ._plot import MEASURED, draw, draw_band, draw_line, one, plot_to_enlarge, table
 
 PLOTS = 4
 """Plots of one residual."""
@@ -35,17 +35,9 @@ def residual_plots(analysis: ResidualAnalysis) -> list[Model]:
     ]
 
 
-def _plot(title: str, labels: tuple[str, str]) -> Model:
-    """An empty plot that can be enlarged."""
-    plot = empty_plot(_HEIGHT, labels, Model("DataRange1d"))
-    plot.title.text = title
-    plot.toolbar.tools += map(Model, ("BoxZoomTool", "PanTool", "ResetTool", "SaveTool"))
-    return plot
-
-
 def _distribution(analysis: ResidualAnalysis) -> Model:
     """The histogram, and the density of the normal distribution."""
-    plot = _plot("distribution", ("residual over noise", "density"))
+    plot = plot_to_enlarge(_HEIGHT, ("residual over noise", "density"), "distribution")
     edges, densities = analysis.histogram()
     bars = table({"left": edges[:-1], "right": edges[1:], "top": densities})
     sides = {side: Field(side) for side in ("left", "right", "top")}
@@ -59,7 +51,7 @@ def _distribution(analysis: ResidualAnalysis) -> Model:
 
 def _correlation(title: str, lags: np.ndarray, values: np.ndarray, band: float) -> Model:
     """Correlations (L,) over lags (L,), with the band of ± `band`."""
-    plot = _plot(title, ("lag [samples]", ""))
+    plot = plot_to_enlarge(_HEIGHT, ("lag [samples]", ""), title)
     top = 1.15 * max(float(np.abs(values).max()), 2 * band)
     plot.y_range = Model("Range1d", start=-top, end=top)
     draw_band(plot, -band, band)
@@ -72,7 +64,8 @@ def _correlation(title: str, lags: np.ndarray, values: np.ndarray, band: float) 
 
 def _level(analysis: ResidualAnalysis) -> Model:
     """The standard deviation in stretches of time."""
-    plot = _plot("standard deviation over time, in units of the noise", ("time [s]", ""))
+    title = "standard deviation over time, in units of the noise"
+    plot = plot_to_enlarge(_HEIGHT, ("time [s]", ""), title)
     low, high = analysis.spread_band()
     draw_band(plot, low, high)
     highest = float(np.nanmax([high, *analysis.spreads]))

@@ -293,9 +293,12 @@ def test_info_and_help_do_without_jax(loop):
         subprocess.run([sys.executable, "-c", script, *call], check=True)
 
 
-def test_a_fit_imports_no_library_that_it_does_not_use(loop, tmp_path):
+def test_fits_and_diagnoses_import_no_library_that_they_do_not_use(loop, tmp_path):
+    """Nor do the pages of diagnoses and protocols, which draw themselves."""
     script = (
         "import sys; from fracjax._cli import run; status = run(sys.argv[1:]); "
+        "import fracjax._diagnose, fracjax._report._diagnosis_page; "
+        "import fracjax._report._protocol_page; "
         "heavy = {'pandas', 'matplotlib', 'bokeh', 'scipy.stats', 'scipy.signal', 'arviz', "
         "'optimistix', 'jaxopt'}"
         "; assert status == 0; assert not heavy & sys.modules.keys(), heavy & sys.modules.keys()"

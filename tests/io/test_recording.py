@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from hypothesis import example, given, settings
 from hypothesis import strategies as st
+from scipy.signal import find_peaks
 
 from fracjax._recording import (
     UNSTATED,
@@ -20,12 +21,19 @@ from fracjax._recording import (
     thinned,
     unit,
 )
-from fracjax._recording._periods import repeats_in, unit_range
+from fracjax._recording._periods import maxima_of, repeats_in, unit_range
 from fracjax._recording._units import _SIMPLE, _by_pint
 
 SAMPLES = np.arange(8000)
 SINE = np.sin(2 * np.pi * SAMPLES / 200)
 NOISE = np.random.default_rng(7).standard_normal(100_000)
+
+
+@given(st.lists(st.integers(-2, 2), min_size=1, max_size=30))
+def test_maxima_are_those_of_scipy(values):
+    """Flat ones too, which integers have."""
+    series = np.array(values, float)
+    assert maxima_of(series).tolist() == find_peaks(series)[0].tolist()
 
 
 def record(drive, response=None, dt=0.005, **rest) -> Recording:

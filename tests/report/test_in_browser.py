@@ -41,7 +41,7 @@ def page(request: pytest.FixtureRequest, report: Path) -> Iterator:
 
 def drag(page, number: int, start: float, stop: float) -> None:
     """Drag across a plot, from and to shares of its width."""
-    plot = page.locator(".plot").nth(number)
+    plot = page.locator(f"#p{number}")
     plot.scroll_into_view_if_needed()
     box = plot.bounding_box()
     middle = box["y"] + 0.5 * box["height"]
@@ -63,7 +63,7 @@ def test_a_brush_shows_everywhere(page):
     assert tables["time"] == sorted({int(i * step / 0.5) for i in samples})
     assert "brushed" in page.evaluate("Bokeh.documents[0].roots()[1].title.text")
 
-    strip = page.locator(".plot").nth(5)
+    strip = page.locator("#p5")
     strip.scroll_into_view_if_needed()
     box = strip.bounding_box()
     # The third of the eight bins, each of half a second.

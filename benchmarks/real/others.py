@@ -133,6 +133,7 @@ RING = {
     "input_unit": "mm",
     "output_unit": "N",
 }
+SLOW_SERVO = {"resample": "10 Hz", "mask": "bad"}
 ELASTOMER = "a VHB4910 elastomer relaxes viscoelastically; stretch to force"
 FRICTION = "a band brake: dry friction with backlash, which path curves hold"
 O_RING = "the friction of an O-ring, which path curves hold; air leaks"
@@ -190,9 +191,9 @@ ROWS = (
     Row("magnet_ru3", "quadrupole magnet", None, (), (), MAGNET, _magnet("magnet_ru3.dat")),
     Row("magnet_ru4", "quadrupole magnet", None, (), (), MAGNET, _magnet("magnet_ru4.dat")),
     Row("servo_single", "servo", None, ("slew_rate_limit",), (*LAG, "delay"), SERVO,
-        _file("servo_single.csv", input="target pos (5)", output="pos (5)", resample="10 Hz", mask="bad")),
+        _file("servo_single.csv", input="target pos (5)", output="pos (5)", **SLOW_SERVO)),
     Row("servo_nocomp2", "servo", None, ("slew_rate_limit",), (*LAG, "delay"), SERVO,
-        _file("servo_nocomp2.csv", input="target pos (1)", output="pos (1)", resample="10 Hz", mask="bad")),
+        _file("servo_nocomp2.csv", input="target pos (1)", output="pos (1)", **SLOW_SERVO)),
     Row("piezo_dbo_steady", "piezo stage", None, (*DRIFT, *LAG, "delay"), (),
         "the stroke shrinks; a sample late", lambda: piezo_dbo()[0]),
     Row("piezo_dbo_nested", "piezo stage", None, (*DRIFT, *LAG, "delay"), (),

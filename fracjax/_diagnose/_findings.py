@@ -9,7 +9,7 @@ from functools import cached_property
 import numpy as np
 from scipy.stats import norm
 
-from .._fit import Estimate, Fit, fit_of, is_useless
+from .._fit import Estimate, Fit, Predicted, fit_of, is_useless
 from .._models import Model
 from .._path import Hypothesis, misfit
 from .._prepare import Noise, Take
@@ -357,9 +357,20 @@ class Findings:
             if take is None
             else ("recording", take.recording.source)
         )
-        if extended is None:
-            return HeldOut(method, base.rmse, None, base.folds, (), source)
-        return HeldOut(method, base.rmse, extended.rmse, base.folds, extended.folds, source)
+        models = [base] if extended is None else [base, extended]
+        responses = tuple(each.response for each in models if each.response is not None)
+        predicted = None
+        if take is not None and base.scored is not None:
+            predicted = Predicted(take.recording, base.scored, responses)
+        return HeldOut(
+            method,
+            base.rmse,
+            None if extended is None else extended.rmse,
+            base.folds,
+            () if extended is None else extended.folds,
+            source,
+            predicted,
+        )
 
 
 def _listed(view: View) -> list[Hypothesis]:
@@ -374,6 +385,6 @@ def _fit_of(model: Model, fitted: Fitted) -> Fit:
 
 
 def _own(fit: Fit, path: str) -> tuple[Estimate, ...]:
-    """The estimates of one layer, by its own names."""
-    own: Sequence[Estimate] = [e for e in fit.estimates if e.path.startswith(path)]
+    """The estimates of one layer, as tables list them, by its own names."""
+    own: Sequence[Estimate] = [e for e in fit.shown_estimates if e.path.startswith(path)]
     return tuple(replace(e, name=e.path.removeprefix(path)) for e in own)

@@ -31,7 +31,12 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     span = diagnosis.base.preparation.setting.response_span
     linear = diagnosis.linear_approximations
     return {
-        **common_content(fits, diagnosis_figures(diagnosis), diagnosis),
+        **common_content(
+            fits,
+            diagnosis_figures(diagnosis),
+            diagnosis,
+            predicted=[predicted] if (predicted := diagnosis.held_out.predicted) else [],
+        ),
         "title": f"Diagnosis of {sources(diagnosis.base)}",
         "sentence": diagnosis.sentence,
         "badge": _BADGES[diagnosis.verdict],

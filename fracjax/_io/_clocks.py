@@ -16,7 +16,7 @@ from fracjax._io._facts import (
     step_of,
     units_in,
 )
-from fracjax._io._table import Fact, Stated, Table, column_label
+from fracjax._io._table import Fact, Stated, Table, column_key, column_label
 from fracjax._io._times import Stamps
 from fracjax._io._units import is_compatible, is_spelled_unit, readable, unread
 from fracjax._recording import InputError, conversion, parse_quantity
@@ -89,12 +89,22 @@ def _stated_step(table: Table, facts: Sequence[Fact], listing: str) -> float:
             table.source,
             "a time column or a rate",
             f"neither in {listing}",
-            _rates_in(table) or "give --rate such as 200Hz, or --time as a name or an index from 0",
+            _rates_in(table) or _times_in(table),
         )
     if max(steps) > (1 + _UNIFORM) * min(steps):
         raise InputError.at(table.source, "one rate", clock_texts, "give --rate such as 200Hz")
     _require_whole_truth(table, facts, steps[0], clock_texts)
     return steps[0]
+
+
+def _times_in(table: Table) -> str:
+    """The columns that run in even steps, as options, and a rate."""
+    columns = range(table.width if table.names else 0)
+    sound = [c for c in columns if not (table.about(c).fault or table.about(c).stamps)]
+    runs = [column_key(table.names, c) for c in sound if is_time(filled(table.numbers(c)))]
+    if not runs:
+        return "give --rate such as 200Hz, or --time as a name or an index from 0"
+    return f"give --time {' or --time '.join(runs[:2])}, in even steps, or --rate such as 200Hz"
 
 
 def _rates_in(table: Table) -> str:

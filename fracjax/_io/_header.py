@@ -124,9 +124,10 @@ def _row(at: int, line: str, layout: Layout) -> _Row | None:
         else line
     )
     for cells in _cuts(bare, layout):
-        # A key and its value are no names.
+        # A key and its value are no names, nor are the values of one.
         keys = [cell.endswith((":", "=")) for cell in cells]
-        if not _wide_enough(cells, layout) or (any(keys) and not all(keys)):
+        stated = kind_of(re.split("[:=]", cells[0])[0]) if re.search("[:=].", cells[0]) else None
+        if not _wide_enough(cells, layout) or (any(keys) and not all(keys)) or stated == "unit":
             continue
         kinds = [kind_of_cell(cell) for cell in cells]
         # Channels may be called 1 and 2, in a row with some text.

@@ -51,10 +51,10 @@ def read_text(path: str | PathLike[str], hints: Hints = NO_HINTS) -> Table:
     if quick is not None:
         parsed = [_Parsed() if each is None else each for each in quick]
         count = len(next(each.values for each in parsed if each.values is not None))
-        numbers, breaks = None, ()
+        numbers, breaks, beyond = None, (), ()
     else:
         rows = rows_of(source, text.decoded().split("\n"), layout, header.repeated)
-        count, numbers, breaks = len(rows.cells), rows.lines, rows.breaks
+        count, numbers, breaks, beyond = len(rows.cells), rows.lines, rows.breaks, rows.beyond
         parsed = [_parsed(rows.cells, at, layout) for at in range(layout.width)]
 
     def line_of(row: int) -> int:
@@ -72,7 +72,8 @@ def read_text(path: str | PathLike[str], hints: Hints = NO_HINTS) -> Table:
         _column(source, text, header, layout, at, count, parsed[at], line_of)
         for at in range(layout.width)
     )
-    return with_units_of_rows(Table(source, header.names, columns, breaks, header.unused))
+    unused = (*header.unused, *beyond)
+    return with_units_of_rows(Table(source, header.names, columns, breaks, unused))
 
 
 _TAIL = 4_000

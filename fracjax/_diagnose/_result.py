@@ -18,7 +18,7 @@ from .._path import Visible
 from .._prepare import Noise
 from .._protocol import Drive
 from .._recording import Recording, item
-from .._show import Shown, Table, View, figure, quantity
+from .._show import Shown, Table, View, figure, percent, pretty_unit, quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -166,8 +166,9 @@ class Shape:
     def summary(self) -> str:
         """The same in words."""
         return (
-            f"The loop's shape differs from that of {self.model} by {self.rms:.2g} {self.unit} "
-            f"rms, {100 * self.share:.3g} % of the mismatch"
+            f"The loop's shape differs from that of {self.model} by "
+            f"{figure(self.rms, 2)} {pretty_unit(self.unit)} rms, {percent(self.share)} of the "
+            "mismatch"
         )
 
 

@@ -7,6 +7,7 @@ from collections.abc import Sequence
 
 import numpy as np
 
+from .._computing import computing
 from .._prepare import Take, free_parameters_of
 from .._recording import Recording
 from .._solve import Linearised, sensitivity
@@ -47,7 +48,8 @@ def _errors(
     blocks = [block] * len(takes)
     if not parameters.shared:
         blocks = [model.block for model in fit.models[: len(takes)]]
-    derivative = sensitivity(blocks, problems, parameters)[0][:, : len(parameters.labels)]
+    with computing():
+        derivative = sensitivity(blocks, problems, parameters)[0][:, : len(parameters.labels)]
     errors = np.array([estimate.standard_error for estimate in fit.estimates])
     ends = np.cumsum([len(problem.response) for problem in problems])[:-1]
     deviations = []

@@ -7,8 +7,8 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fracjax._io._clocks import filled, is_counter, is_time
 from fracjax._io._declared import finer_column, title_of, written_unit
+from fracjax._io._even import filled, is_counter, is_time
 from fracjax._io._table import Table, column_key, column_label, enumerated, quoted
 from fracjax._io._units import is_compatible, readable, titled
 from fracjax._io._words import is_command, is_direction, quantity, role_of, role_of_letter

@@ -11,8 +11,8 @@ from fracjax._io._clocks import (
     clock_of_count,
     clock_of_rate,
     clock_of_time,
-    is_counter,
 )
+from fracjax._io._even import is_counter
 from fracjax._io._facts import step_of
 from fracjax._io._segments import cut, segments_of_times
 from fracjax._io._table import Table, column_label

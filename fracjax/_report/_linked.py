@@ -150,7 +150,7 @@ def linked_plots(
             ends = f"{stem}low_{k}", f"{stem}high_{k}"
             draw_reach(plot, samples, "time", ends, curves[k].colour, f"model_{k}")
     levels = [quantity(_rms(residual), recording.response_unit) for residual in residuals]
-    title = "all samples:\n" + "; ".join(
+    title = "all samples:\n" + "\n".join(
         f"{curve.name}: {level} rms" for curve, level in zip(curves, levels, strict=True)
     )
     figures[1].title.text = title

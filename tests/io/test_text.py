@@ -55,6 +55,9 @@ BASIC = [f"20261128T2359{59.9 + 0.005 * k:06.3f}" for k in range(20)]
 BASIC += [f"20261129T0000{0.005 * k:06.3f}" for k in range(20)]
 
 
+PLAIN = lines_of(DRIVE, RESPONSE, names=("voltage", "position"))
+
+
 @pytest.mark.parametrize(
     ("lines", "units"),
     [
@@ -62,17 +65,15 @@ BASIC += [f"20261129T0000{0.005 * k:06.3f}" for k in range(20)]
         (lines_of(names=("time_s", "field_kV/mm", "strain_ppm")), ("kV/mm", "ppm")),
         # An object of JSON, and a mapping of YAML.
         (
-            ['# {"fs": 200, "units": ["V", "um"]}']
-            + lines_of(DRIVE, RESPONSE, names=("voltage", "position")),
+            ['# {"fs": 200, "units": ["V", "um"]}', *PLAIN],
             ("V", "um"),
         ),
         (
-            ["rate: 200", "units: {voltage: V, position: um}"]
-            + lines_of(DRIVE, RESPONSE, names=("voltage", "position")),
+            ["rate: 200", "units: {voltage: V, position: um}", *PLAIN],
             ("V", "um"),
         ),
         # Values of a key above a table without names.
-        (["#UNITS:V;um", "#RATE=200"] + lines_of(DRIVE, RESPONSE, names=(), separator=";"),
+        (["#UNITS:V;um", "#RATE=200", *lines_of(DRIVE, RESPONSE, names=(), separator=";")],
          ("V", "um")),
         # Stamps in ISO's basic form, over midnight.
         (
@@ -82,7 +83,7 @@ BASIC += [f"20261129T0000{0.005 * k:06.3f}" for k in range(20)]
             ("V", "um"),
         ),
         # Another table below.
-        (lines_of() + ["", "frequency [Hz],gain [dB]", "1,2", "2,3"], ("V", "um")),
+        ([*lines_of(), "", "frequency [Hz],gain [dB]", "1,2", "2,3"], ("V", "um")),
     ],
 )  # fmt: skip
 def test_what_is_declared_in_other_ways(put, lines, units):

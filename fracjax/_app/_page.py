@@ -27,12 +27,24 @@ _COLOURS = """
 :root { --ink: #1b1f24; --soft: #5b636e; --line: #d9dde2; --paper: #fff; color-scheme: light; }
 body { font-family: system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; }
 """
+_TEMPLATE = """
+{% block js_resources %}{% endblock %}
+{% block contents %}
+<style>#starting { padding: 1rem; } #starting:has(~ [data-root-id] > *) { display: none; }</style>
+<p id="starting">fracjax is starting.</p>
+{{ super() }}
+{{ bokeh_js }}
+{% endblock %}
+"""
+"""Panel's page, but for its three megabytes of scripts, which come when something is painted."""
 _COPY = "navigator.clipboard.writeText(text.value)"
 
 
 def page_of(workspace: Workspace) -> Any:
     """A new page for a workspace."""
     pn.extension("filedropper", raw_css=[_COLOURS])
+    if pn.state.curdoc is not None:
+        pn.state.curdoc.template = _TEMPLATE
     return _Page(workspace).layout
 
 

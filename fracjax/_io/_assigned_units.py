@@ -26,7 +26,7 @@ _EXAMPLES = {"time": "s, ms or us", "input": "V, mV or A", "output": "um, mm, V 
 
 _MULTIPLE = re.compile(
     r"[*×]\s*\d|(?<!\w)[\d.]+\s*[*×]|\bx\s?10+\b|\b10+\s?x\b"
-    r"|\d\s*[^\W\d]+\s*=\s*[\d.]|[(\[]\s*[\d.]+\s*[^\W\d]+\s*(?:/|per)\s*[^\W\d]+\s*[)\]]"
+    r"|\d\s*[^\W\d]+\s*=\s*[\d.]|(?<!\w)[\d.]+\s*[^\W\d]+\s*(?:/|per)\s*[^\W\d]|/\s*10+\b"
 )
 """A factor in a name, of which nobody knows whether it is in the numbers."""
 

@@ -110,7 +110,7 @@ def _rates_in(table: Table) -> str:
     """The rates of sampling in lines that were not understood, as options; empty without any."""
     options = []
     for said in table.unused:
-        for number, word in re.findall(rf"({NUMBER})\s*([^\W\d]+(?:/s)?)", said.text):
+        for number, word in re.findall(rf"(?<![\d.,])({NUMBER})\s*([^\W\d]+(?:/s)?)", said.text):
             hertz = conversion(readable(word) or "V", "Hz")
             if hertz and speaks_of_sampling(said.text):
                 rate = f"{float(number) * hertz:.10g}Hz"
@@ -273,7 +273,9 @@ def _agreement(
                 label,
                 "a unit beside the name",
                 f'none, but "{said.text[:60]}" in {said.place}',
-                f"give --clock {units[0]} if that is its unit, or --clock s",
+                "give --clock s"
+                if units[0] == "s"
+                else f"give --clock {units[0]} if that is its unit, or --clock s",
             )
     return (f"{label}: no unit is written, s was assumed.",) if not stated else ()
 

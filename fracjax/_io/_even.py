@@ -95,6 +95,6 @@ def rounding(times: np.ndarray) -> np.ndarray:
         digits = np.maximum(10.0 ** -places.max(), 10.0 ** (leading - (leading + places).max()))
         single = times.astype(np.float32)
     half = np.maximum(digits / 2, np.spacing(np.abs(times)))
-    if (single == times).all():
+    if (np.abs(single - times) <= half).all():
         half = np.maximum(half, np.spacing(np.abs(single)).astype(np.float64) / 2)
     return 1.01 * half

@@ -124,7 +124,7 @@ def fact(
     """
     text = re.sub(r"^[A-Za-z]\w*:\s*", "", value.strip().strip('"'))
     if decimal == "," or re.match(r"[-+]?0,\d", text):
-        text = text.replace(",", ".")
+        text = re.sub(r"\.(?=\d{3}[.,])", "", text).replace(",", ".")
     text = re.sub(r"(?<=\d),(?=\d{3}(?!\d))", "", text)
     default = "s" if kind == "step" else "Hz"
     parts = re.fullmatch(rf"({NUMBER})\s*(.*)", text)

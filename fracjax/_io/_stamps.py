@@ -96,7 +96,7 @@ def _of_dates(texts: pd.Series) -> np.ndarray | None:
     plain = texts.str.replace(r"[年月]", "-", regex=True).str.replace("日", " ", regex=False)
     plain = plain.str.replace(r"(\d:\d{1,2}:\d{1,2})[,:](\d)", r"\1.\2", regex=True)
     plain = plain.str.replace(r"\s+", " ", regex=True).str.strip()
-    plain = plain.str.replace(r"^(\S+?)[,_](?=\s?\d+:)", r"\1 ", regex=True)
+    plain = plain.str.replace(r"^(\d+[-/.]\w+[-/.]\d+)[,_-](?=\s?\d+:)", r"\1 ", regex=True)
     if re.match(r"\d{4}[-/.]|\d{8}T", str(plain.iloc[0])):
         iso = plain.str.replace(r"^(\d{4})[/.](\d{1,2})[/.](\d{1,2})", r"\1-\2-\3", regex=True)
         iso = iso.str.replace(r"^(\d{4})-(\d)-", r"\1-0\2-", regex=True)

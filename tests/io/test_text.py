@@ -82,6 +82,9 @@ PLAIN = lines_of(DRIVE, RESPONSE, names=("voltage", "position"))
                zip(BASIC, DRIVE.tolist(), RESPONSE.tolist(), strict=True)],
             ("V", "um"),
         ),
+        # Names above a line of dashes, and above a comment of as many words.
+        ([lines_of()[0], "-" * 30, *lines_of()[1:]], ("V", "um")),
+        ([lines_of()[0], "# measured in air", *lines_of()[1:]], ("V", "um")),
         # Another table below.
         ([*lines_of(), "", "frequency [Hz],gain [dB]", "1,2", "2,3"], ("V", "um")),
     ],
@@ -90,6 +93,20 @@ def test_what_is_declared_in_other_ways(put, lines, units):
     recording = read(put(lines))
     is_the_loop(recording)
     assert (recording.drive_unit, recording.response_unit) == units
+
+
+def test_a_rate_with_thousands_beside_decimal_commas(put):
+    rows = [line.replace(".", ",") for line in lines_of(DRIVE, RESPONSE, names=(), separator=";")]
+    recording = read(put(["# Abtastrate: 1.000,0 Hz", "Spannung [V];Weg [um]", *rows]))
+    assert recording.rate == pytest.approx(1000)
+
+
+def test_stamps_of_single_precision_are_uniform(put):
+    """Nine digits, which are those of float32."""
+    stamps = [f"{np.float32(1234.5 + t):.9g}" for t in TIME]
+    rows = zip(stamps, DRIVE.tolist(), RESPONSE.tolist(), strict=True)
+    path = put([",".join(NAMES)] + [f"{t},{u},{y}" for t, u, y in rows])
+    assert read(path).rate == pytest.approx(200, rel=1e-4)
 
 
 def test_thousands_parted_by_a_space_that_does_not_break(put):
@@ -320,6 +337,11 @@ REFUSED = {
         lines_of(names=("time_s", "voltage_V", "sensor [V] (10 um/V)")),
         {},
         "a name without a factor, found .*; give --unit response=V",
+    ),
+    "a divided name": (
+        lines_of(names=("time_s", "voltage/10 [V]", "displacement_um")),
+        {},
+        "a name without a factor, found .*; give --unit drive=V",
     ),
     "force and motion": (
         lines_of(names=("Time [s]", "Extension [mm]", "Load [N]")),

@@ -8,7 +8,17 @@ from typing import NamedTuple
 import numpy as np
 
 from fracjax._io._declared import title_of
-from fracjax._io._even import UNIFORM, are_even, beyond, even, filled, is_time, rounding, slope_of
+from fracjax._io._even import (
+    UNIFORM,
+    are_even,
+    beyond,
+    even,
+    filled,
+    is_counter,
+    is_time,
+    rounding,
+    slope_of,
+)
 from fracjax._io._facts import (
     NUMBER,
     is_decimated,
@@ -100,7 +110,8 @@ def _times_in(table: Table) -> str:
     """The columns that run in even steps, as options, and a rate."""
     columns = range(table.width if table.names else 0)
     sound = [c for c in columns if not (table.about(c).fault or table.about(c).stamps)]
-    runs = [column_key(table.names, c) for c in sound if is_time(filled(table.numbers(c)))]
+    times = {column_key(table.names, c): filled(table.numbers(c)) for c in sound}
+    runs = [key for key, each in times.items() if is_time(each) and not is_counter(each)]
     if not runs:
         return "give --rate such as 200Hz, or --time as a name or an index from 0"
     return f"give --time {' or --time '.join(runs[:2])}, in even steps, or --rate such as 200Hz"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import panel as pn
@@ -14,7 +15,7 @@ from .._recording import InputError
 from .._solve import Progress
 from ._job import Job
 from ._plots import Plots, brushed_times
-from ._texts import command_line, python_code
+from ._texts import command_line, on_the_page, python_code
 from ._workspace import LARGEST, ROLES, Workspace
 
 _LIMIT = 600
@@ -236,7 +237,7 @@ class _Page:
         self._refresh()
 
     def _showing_errors(self) -> _Shown:
-        return _Shown(self.message)
+        return _Shown(self.message, self.workspace.folder)
 
     # Computing -------------------------------------------------------------------------------
 
@@ -357,8 +358,8 @@ class _Page:
 class _Shown:
     """Within this, an InputError is shown on the page."""
 
-    def __init__(self, pane: Any):
-        self._pane = pane
+    def __init__(self, pane: Any, folder: Path):
+        self._pane, self._folder = pane, folder
 
     def __enter__(self) -> None:
         return None
@@ -366,5 +367,6 @@ class _Shown:
     def __exit__(self, kind: Any, error: Any, trace: Any) -> bool:
         if not isinstance(error, InputError):
             return False
-        self._pane.param.update(object=f"{error}.", alert_type="danger", visible=True)
+        text = on_the_page(f"{error}", self._folder)
+        self._pane.param.update(object=text, alert_type="danger", visible=True)
         return True

@@ -90,7 +90,8 @@ def predict_recording(fitted: Fitted, take: Take) -> Prediction:
     for k in range(FOLDS):
         inside, others = folds == k, counted & (folds != k)
         terms = np.linalg.lstsq(white_own[others], white[others], rcond=_LEAST_READ)[0]
-        error[inside] -= own[inside] @ terms
+        # The constant among them is none of the prediction: its zero is read below, for all folds.
+        error[inside] -= own[inside, 1:] @ terms[1:]
     error -= error[take.baseline].mean()
     scores = _prediction(error[counted], folds[counted], np.zeros(FOLDS))
     measured = take.recording.response

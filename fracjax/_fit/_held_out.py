@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from .._prepare import Preparation, Problem, Take, take_of
+from .._prepare import Preparation, Problem, Take, measured_noise, take_of
 from .._recording import Recording
 from .._solve import solve_from
 from ._fit import Fit
@@ -55,7 +55,8 @@ class Predicted:
 
 def take_to_predict(fit: Fit, recording: Recording) -> tuple[Take, Problem]:
     """A recording that a fit is to predict, as what is simulated of it."""
-    take = take_of(recording, fit.preparation.takes[0].noise, None, None)
+    noise = measured_noise(recording) or fit.preparation.takes[0].noise
+    take = take_of(recording, noise, None, None)
     return take, Preparation((take,), fit.preparation.oversampling).problems()[0]
 
 

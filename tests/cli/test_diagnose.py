@@ -73,6 +73,8 @@ def test_the_demo_ends_as_the_readme_says(empty_folder, capsys):
     assert run(["info", "loop.csv"]) == 0
     assert run(["fit", "loop.csv", "--model", "foh", "--holdout", "other.csv", "--out", "out"]) == 0
     printed = squeezed(capsys.readouterr().out)
+    # Diagnosis and fit say one thing of the same model on the same data.
+    assert len({*re.findall(r"RMSE, held-out data (\S+)", printed)}) == 1
     numbers = [float(each) for each in re.findall(r"\d+\.\d+", printed)]
     for page, prose in ((README, r"!\[.*?^## Install"), (TUTORIAL, r"^## 2\..*?^## 3\.")):
         text = page.read_text(encoding="utf-8")

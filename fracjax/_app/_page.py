@@ -45,7 +45,8 @@ def page_of(workspace: Workspace) -> Any:
     """A new page for a workspace."""
     pn.extension("filedropper", raw_css=[_COLOURS])
     if pn.state.curdoc is not None:
-        pn.state.curdoc.template = _TEMPLATE
+        # Panel completes a text, which Bokeh's types do not foresee.
+        pn.state.curdoc.template = _TEMPLATE  # type: ignore[assignment]
     return _Page(workspace).layout
 
 

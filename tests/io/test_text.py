@@ -101,6 +101,13 @@ def test_a_rate_with_thousands_beside_decimal_commas(put):
     assert recording.rate == pytest.approx(1000)
 
 
+def test_rows_that_all_stand_twice_are_taken_once(put):
+    head, *rows = lines_of()
+    recording = read(put([head, *(row for row in rows for _ in range(2))]))
+    is_the_loop(recording)
+    assert "40 row(s) stand there twice" in recording.warnings[0]
+
+
 def test_stamps_of_single_precision_are_uniform(put):
     """Nine digits, which are those of float32."""
     stamps = [f"{np.float32(1234.5 + t):.9g}" for t in TIME]

@@ -101,6 +101,11 @@ def test_a_rate_with_thousands_beside_decimal_commas(put):
     assert recording.rate == pytest.approx(1000)
 
 
+def test_zeros_behind_the_last_row_are_none_of_it(put):
+    """As a logger leaves them that lost its power before it had filled its file."""
+    is_the_loop(read(put("\n".join(lines_of()).encode() + b"\n" + bytes(512))))
+
+
 def test_rows_that_all_stand_twice_are_taken_once(put):
     head, *rows = lines_of()
     recording = read(put([head, *(row for row in rows for _ in range(2))]))
@@ -366,6 +371,7 @@ REFUSED = {
         "a time column or a rate, .*; give --time device, in even steps, or --rate",
     ),
     "only comments": ("# a\n\n", {}, "found an empty file"),
+    "a list of JSON": ('[{"time_s": 0, "u": 1}]', {}, "found JSON; save its arrays as"),
     "only names": ("time_s,u,y\n", {}, "found only a line of names"),
     "ten samples": (lines_of()[:11], {}, "expected at least 32 samples, found 10"),
     "one sample": (lines_of()[:2], {}, "expected at least 32 samples, found 1"),

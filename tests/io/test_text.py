@@ -106,6 +106,12 @@ def test_zeros_behind_the_last_row_are_none_of_it(put):
     is_the_loop(read(put("\n".join(lines_of()).encode() + b"\n" + bytes(512))))
 
 
+def test_pieces_of_a_text_end_with_its_lines(put, monkeypatch):
+    """Arrow reads it in pieces of memory of its own, here of a few lines each."""
+    monkeypatch.setattr("fracjax._io._text._PIECE", 200)
+    is_the_loop(read(put(lines_of())))
+
+
 def test_rows_that_all_stand_twice_are_taken_once(put):
     head, *rows = lines_of()
     recording = read(put([head, *(row for row in rows for _ in range(2))]))

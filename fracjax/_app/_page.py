@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from functools import partial
+from pathlib import Path
 from typing import Any
 
 import panel as pn
@@ -14,7 +15,7 @@ from .._recording import InputError
 from .._solve import Progress
 from ._job import Job
 from ._plots import Plots, brushed_times
-from ._texts import command_line, python_code
+from ._texts import command_line, on_the_page, python_code
 from ._workspace import LARGEST, ROLES, Workspace
 
 _LIMIT = 600
@@ -27,12 +28,25 @@ _COLOURS = """
 :root { --ink: #1b1f24; --soft: #5b636e; --line: #d9dde2; --paper: #fff; color-scheme: light; }
 body { font-family: system-ui, "Segoe UI", Roboto, "DejaVu Sans", sans-serif; }
 """
+_TEMPLATE = """
+{% block js_resources %}{% endblock %}
+{% block contents %}
+<style>#starting { padding: 1rem; } #starting:has(~ [data-root-id] > *) { display: none; }</style>
+<p id="starting">fracjax is starting.</p>
+{{ super() }}
+{{ bokeh_js }}
+{% endblock %}
+"""
+"""Panel's page, but for its three megabytes of scripts, which come when something is painted."""
 _COPY = "navigator.clipboard.writeText(text.value)"
 
 
 def page_of(workspace: Workspace) -> Any:
     """A new page for a workspace."""
     pn.extension("filedropper", raw_css=[_COLOURS])
+    if pn.state.curdoc is not None:
+        # Panel completes a text, which Bokeh's types do not foresee.
+        pn.state.curdoc.template = _TEMPLATE  # type: ignore[assignment]
     return _Page(workspace).layout
 
 
@@ -224,7 +238,7 @@ class _Page:
         self._refresh()
 
     def _showing_errors(self) -> _Shown:
-        return _Shown(self.message)
+        return _Shown(self.message, self.workspace.folder)
 
     # Computing -------------------------------------------------------------------------------
 
@@ -345,8 +359,8 @@ class _Page:
 class _Shown:
     """Within this, an InputError is shown on the page."""
 
-    def __init__(self, pane: Any):
-        self._pane = pane
+    def __init__(self, pane: Any, folder: Path):
+        self._pane, self._folder = pane, folder
 
     def __enter__(self) -> None:
         return None
@@ -354,5 +368,6 @@ class _Shown:
     def __exit__(self, kind: Any, error: Any, trace: Any) -> bool:
         if not isinstance(error, InputError):
             return False
-        self._pane.param.update(object=f"{error}.", alert_type="danger", visible=True)
+        text = on_the_page(f"{error}", self._folder)
+        self._pane.param.update(object=text, alert_type="danger", visible=True)
         return True

@@ -106,19 +106,24 @@ class Plots:
 
     def take(self, result: Any) -> str:
         """Take a fit, with its errors on data held out where there are such, or a diagnosis, and
-        return what it says: its sentence, its scores and its parameters, as Markdown."""
+        return what it says: its sentence, its scores, its parameters and a diagnosis' candidates,
+        as Markdown."""
         self.result = result
         if hasattr(result, "verdict"):
             fits = [fit for fit in (result.base, result.extended) if fit is not None]
             self._axes, sentence = result.axes, result.sentence
             scores = diagnosis_figures(result)
+            candidates = [[c.name, figure(c.score), c.reason] for c in result.candidates]
+            further = [(["effect", "score", "why it is named or not"], candidates)]
         else:
             # A comparison has fits: its class would load what a first paint does without.
             compared = hasattr(result, "fits")
             fits = [*result.fits] if compared else [result]
             sentence, scores = fit_sentence(fits), key_figures(result if compared else fits)
+            further = []
         parameters = parameter_rows(fits[-1])
-        tables = (scores, ([fits[-1].model.name, *_PARAMETER], [[*r.values()] for r in parameters]))
+        named = [fits[-1].model.name, *_PARAMETER], [[*r.values()] for r in parameters]
+        tables = [scores, named, *further]
         sentence = "\n\n".join([sentence, *(_markdown(*table) for table in tables)])
         self._new = list(range(len(self._fits), len(self._fits) + len(fits)))
         self._fits += fits

@@ -1,8 +1,10 @@
-"""What was chosen on the page as a command line and as Python."""
+"""What was chosen on the page as a command line and as Python, and refusals in the page's words."""
 
 from __future__ import annotations
 
+import re
 import shlex
+from pathlib import Path
 
 from ._workspace import Workspace
 
@@ -52,3 +54,24 @@ def python_code(workspace: Workspace, task: str) -> str:
         'fj.write_report(result, "report.html")',
     ]
     return "\n".join(lines)
+
+
+_FIELDS = {
+    "--input": "the drive column",
+    "--output": "the response column",
+    "--time": "the time column",
+    "--unit drive=": "the drive unit",
+    "--unit response=": "the response unit",
+    "--clock": "the time unit",
+    "--rate": "the sampling rate",
+    "--noise": "the sensor noise",
+}
+"""What an option of the command line is called on the page."""
+
+
+def on_the_page(refusal: str, folder: Path) -> str:
+    """A refusal in the page's words: files by their names, and its fields instead of options."""
+    text = refusal.rstrip(".").replace(f"{folder}/", "")
+    for option, field in _FIELDS.items():
+        text = re.sub(rf"{option}\s?(?=[^\s,;])", f"{field} ", text)
+    return re.sub(r"give (?=the )", "choose ", text) + "."

@@ -144,7 +144,7 @@ def _summary(
     warnings = (warning for r in recordings for warning in (*r.warnings, *r.checks()))
     notes += [f"Warning: {warning}" for warning in dict.fromkeys(warnings)]
     if comparison:
-        notes = [*comparison.refuted, *notes]
+        notes = [*comparison.remarks, *notes]
     figures = key_figures(comparison or fits)
     return Summary(fit_sentence(fits), figures, notes, parameter_figures(fits[0]))
 

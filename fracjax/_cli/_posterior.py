@@ -92,9 +92,10 @@ def posterior_command(
     chain = out / "chain.h5"
     with folder(out, Content("posterior", [data[0].source], [model.name])):
         try:
-            with chain_bar(results.quiet, steps) as progress:
-                fitted = fit(model, data, noise=noise, **settings)
+            with chain_bar(results.quiet, steps) as (begin, count):
+                fitted = fit(model, data, noise=noise, progress=begin, **settings)
                 results.save(fitted.save, out / "fit.json")
+                begin("finding the mode, and how wide the posterior is there")
                 posterior = sample_posterior(
                     fitted,
                     noise_model=_noise_model(noise_model, fitted),
@@ -106,7 +107,7 @@ def posterior_command(
                     seed=given.seed,
                     chain=chain,
                     resume=resume,
-                    progress=progress,
+                    progress=count,
                 )
         finally:
             if chain.exists():

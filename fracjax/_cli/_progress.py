@@ -178,17 +178,19 @@ def bar(quiet: bool) -> Iterator[Count]:
 
 
 @contextmanager
-def chain_bar(quiet: bool, steps: int) -> Iterator[Callable[[int, int, str], None]]:
-    """A function that counts steps, shown as a bar with the present estimate and the time that the
-    rest takes, once as many steps as the chain is expected to need are known."""
+def chain_bar(
+    quiet: bool, steps: int
+) -> Iterator[tuple[Progress, Callable[[int, int, str], None]]]:
+    """A function that begins a stage, and one that counts steps, shown as a bar with the present
+    estimate and the time that the rest takes, once as many steps as the chain is expected to need
+    are known."""
     if quiet:
-        yield _silent
+        yield _silent, _silent
         return
     if not sys.stderr.isatty():
         lines = _Lines()
-        lines.begin("fitting, then sampling")
         try:
-            yield lines.count
+            yield lines.begin, lines.count
         finally:
             lines.due.cancel()
         return
@@ -206,9 +208,12 @@ def chain_bar(quiet: bool, steps: int) -> Iterator[Callable[[int, int, str], Non
     most = TextColumn("about"), TimeRemainingColumn()
     columns = BarColumn(20), MofNCompleteColumn(), TimeElapsedColumn(), *most, text
     with Bars(*columns, console=Console(stderr=True)) as bars:
-        task = bars.add_task("fitting", total=steps)
+        task = bars.add_task("", total=steps)
+
+        def begin(sentence: str) -> None:
+            bars.update(task, description=sentence)
 
         def count(done: int, total: int, estimate: str) -> None:
             bars.update(task, completed=done, total=total, description=estimate)
 
-        yield count
+        yield begin, count

@@ -43,7 +43,10 @@ def print_table(headers: list[str], rows: list[list[str]]) -> None:
 
 def fit_notes(fit: Fit | FrequencyFit) -> list[str]:
     """The warnings of a fit, and the parameters that the data do not determine."""
-    unidentified = [e.name for e in fit.estimates if not e.identified]
+    from .._fit import Fit
+
+    shown = fit.shown_estimates if isinstance(fit, Fit) else fit.estimates
+    unidentified = [e.name for e in shown if not e.identified]
     at_bound = [e.name for e in fit.estimates if e.at_bound]
     return [f"Warning: {warning}" for warning in fit.warnings] + [
         f"{fit.model.name}: {text}."

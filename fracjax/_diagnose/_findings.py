@@ -9,10 +9,11 @@ from functools import cached_property
 import numpy as np
 from scipy.special import ndtr
 
-from .._fit import Estimate, Fit, fit_of, is_useless
+from .._fit import Estimate, Fit, Predicted, fit_of, is_useless
 from .._models import Model
 from .._path import Hypothesis, misfit
 from .._prepare import Noise, Take
+from .._show import pretty_unit
 from ._extension import Extension
 from ._fitted import Fitted
 from ._held_out import Predict, Prediction, of_determined
@@ -77,8 +78,9 @@ class Findings:
             if tone:
                 warnings.append(
                     f"{recording.source}: a tone near {tone.frequency * recording.rate:.4g} Hz of "
-                    f"about {tone.rms:.2g} {recording.response_unit} rms is not caused by the "
-                    "drive, such as interference or a vibration; keep it out of the recording."
+                    f"about {tone.rms:.2g} {pretty_unit(recording.response_unit)} rms is not "
+                    "caused by the drive, such as interference or a vibration; keep it out of the "
+                    "recording."
                 )
         return warnings
 
@@ -95,7 +97,9 @@ class Findings:
             recording = self.base.preparation.takes[k].recording
             of = f" of {recording.source}" if len(starts) > 2 else ""
             time = (sample - starts[k]) * recording.dt
-            listed.append(f"by {size:.3g} {recording.response_unit} at {time:.4g} s{of}")
+            listed.append(
+                f"by {size:.3g} {pretty_unit(recording.response_unit)} at {time:.4g} s{of}"
+            )
         return (
             f"The response jumps {', '.join(listed)}, where no effect of the catalogue does: look "
             "for a mount that slips, a switched range or a bad contact."
@@ -164,6 +168,9 @@ class Findings:
                     explained_fraction=self.inquiry.share_of(name.effect),
                     parameters=parameters,
                     confusable_with=name.alike,
+                    explains="what no shape of the loop explains"
+                    if self.shape is not None
+                    else NamedEffect.explains,
                 )
             )
         effects.sort(key=lambda effect: -effect.explained_fraction)
@@ -356,9 +363,20 @@ class Findings:
             if take is None
             else ("recording", take.recording.source)
         )
-        if extended is None:
-            return HeldOut(method, base.rmse, None, base.folds, (), source)
-        return HeldOut(method, base.rmse, extended.rmse, base.folds, extended.folds, source)
+        models = [base] if extended is None else [base, extended]
+        responses = tuple(each.response for each in models if each.response is not None)
+        predicted = None
+        if take is not None and base.scored is not None:
+            predicted = Predicted(take.recording, base.scored, responses)
+        return HeldOut(
+            method,
+            base.rmse,
+            None if extended is None else extended.rmse,
+            base.folds,
+            () if extended is None else extended.folds,
+            source,
+            predicted,
+        )
 
 
 def _listed(view: View) -> list[Hypothesis]:
@@ -373,6 +391,6 @@ def _fit_of(model: Model, fitted: Fitted) -> Fit:
 
 
 def _own(fit: Fit, path: str) -> tuple[Estimate, ...]:
-    """The estimates of one layer, by its own names."""
-    own: Sequence[Estimate] = [e for e in fit.estimates if e.path.startswith(path)]
+    """The estimates of one layer, as tables list them, by its own names."""
+    own: Sequence[Estimate] = [e for e in fit.shown_estimates if e.path.startswith(path)]
     return tuple(replace(e, name=e.path.removeprefix(path)) for e in own)

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from typing import TypeVar
 
 import numpy as np
@@ -24,17 +24,20 @@ _LEAST_READ = 1e-6
 """The smallest singular value of columns that are fitted to held-out data, over the largest one."""
 
 
-@dataclass(frozen=True)
+@dataclass(frozen=True, eq=False)
 class Prediction:
     """How one model predicts data that its fit has not used.
 
     Per fold: the RMSE in the response's unit, the number of samples, and whether the other folds
-    determine the prediction, with less uncertainty than the error of the whole fit.
+    determine the prediction, with less uncertainty than the error of the whole fit.  Of a recording
+    also the response (N,) that is predicted, and which samples (N,) are scored.
     """
 
     folds: tuple[float, ...]
     counts: tuple[int, ...]
     determined: tuple[bool, ...]
+    response: np.ndarray | None = None
+    scored: np.ndarray | None = None
 
     @property
     def rmse(self) -> float:
@@ -47,7 +50,12 @@ class Prediction:
         def some(values: tuple[_Value, ...]) -> tuple[_Value, ...]:
             return tuple(values[k] for k in folds)
 
-        return Prediction(some(self.folds), some(self.counts), some(self.determined))
+        return replace(
+            self,
+            folds=some(self.folds),
+            counts=some(self.counts),
+            determined=some(self.determined),
+        )
 
 
 def of_determined(predictions: Sequence[Prediction]) -> list[Prediction]:
@@ -82,9 +90,13 @@ def predict_recording(fitted: Fitted, take: Take) -> Prediction:
     for k in range(FOLDS):
         inside, others = folds == k, counted & (folds != k)
         terms = np.linalg.lstsq(white_own[others], white[others], rcond=_LEAST_READ)[0]
-        error[inside] -= own[inside] @ terms
+        # The constant among them is none of the prediction: its zero is read below, for all folds.
+        error[inside] -= own[inside, 1:] @ terms[1:]
     error -= error[take.baseline].mean()
-    return _prediction(error[counted], folds[counted], np.zeros(FOLDS))
+    scores = _prediction(error[counted], folds[counted], np.zeros(FOLDS))
+    measured = take.recording.response
+    count = measured.size
+    return replace(scores, response=measured - error[:count], scored=counted[:count])
 
 
 def predict_stretches(fitted: Fitted) -> Prediction:

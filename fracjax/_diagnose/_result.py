@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Literal
 
 import numpy as np
 
-from .._fit import Estimate, Fit, estimate_row
+from .._fit import Estimate, Fit, Predicted, estimate_row
 from .._frequency import LinearApproximation, best_linear_approximations
 from .._models import Model
 from .._operators import History
@@ -18,7 +18,7 @@ from .._path import Visible
 from .._prepare import Noise
 from .._protocol import Drive
 from .._recording import Recording, item
-from .._show import Shown, Table, View, figure, quantity
+from .._show import Shown, Table, View, figure, percent, pretty_unit, quantity
 
 if TYPE_CHECKING:
     import pandas as pd
@@ -134,6 +134,7 @@ class HeldOut:
         base_folds: RMSE of the base model in each fold that the others determine [response unit].
         extended_folds: RMSE of the extended model in each of these folds [response unit].
         source: the name of the held-out recording, "" for stretches.
+        predicted: the recording and what the models predict of it, None for stretches.
     """
 
     method: str
@@ -142,6 +143,7 @@ class HeldOut:
     base_folds: tuple[float, ...]
     extended_folds: tuple[float, ...]
     source: str
+    predicted: Predicted | None = None
 
 
 @dataclass(frozen=True)
@@ -164,8 +166,9 @@ class Shape:
     def summary(self) -> str:
         """The same in words."""
         return (
-            f"The loop's shape differs from that of {self.model} by {self.rms:.2g} {self.unit} "
-            f"rms, {100 * self.share:.3g} % of the mismatch"
+            f"The loop's shape differs from that of {self.model} by "
+            f"{figure(self.rms, 2)} {pretty_unit(self.unit)} rms, {percent(self.share)} of the "
+            "mismatch"
         )
 
 
@@ -415,12 +418,7 @@ class Diagnosis(Shown):
             "complete": self.complete,
         }
         if self.shape is not None:
-            result["shape"] = {
-                "rms": self.shape.rms,
-                "unit": self.shape.unit,
-                "share": self.shape.share,
-                "summary": self.shape.summary,
-            }
+            result["shape"] = vars(self.shape) | {"summary": self.shape.summary}
         if self.next_experiment is not None:
             result["next_experiment"] = {
                 "sentence": self.next_experiment.sentence,

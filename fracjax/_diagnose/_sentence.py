@@ -130,7 +130,7 @@ def _dynamics(findings: Findings) -> str:
     if findings.verdict == "none":
         return (
             f"{whatever}, {recorded} {shows} no dynamics beyond the "
-            f"noise floor of {noise.sigma:.3g} {noise.unit} ({noise.method}); what the drive "
+            f"noise floor of {quantity(noise.sigma, noise.unit)} ({noise.method}); what the drive "
             "could not have shown is listed."
         )
     return (
@@ -179,7 +179,8 @@ def _improvement(findings: Findings) -> str:
     falls = "falls" if held_out.extended_rmse <= held_out.base_rmse else "rises"
     improvement = (
         f" With it the error on held-out data {falls} from {held_out.base_rmse:.3g} to "
-        f"{held_out.extended_rmse:.3g} {noise.unit} (noise floor {noise.sigma:.3g} {noise.unit})."
+        f"{quantity(held_out.extended_rmse, noise.unit)} (noise floor "
+        f"{quantity(noise.sigma, noise.unit)})."
     )
     times = held_out.extended_rmse / noise.sigma
     if times > _FAR:
@@ -194,7 +195,7 @@ def _agreement(findings: Findings, recorded: str) -> str:
     """The sentence on a residual without a significant effect, and what it could hide."""
     base, noise, held_out = findings.base_fit, findings.noise, findings.held_out
     name = base.model.name
-    floor = f"the noise floor of {noise.sigma:.3g} {noise.unit} ({noise.method})"
+    floor = f"the noise floor of {quantity(noise.sigma, noise.unit)} ({noise.method})"
     if noise.method == "residual":
         return (
             f"No effect is significant in the residual of {name}, but the noise level was "
@@ -206,15 +207,15 @@ def _agreement(findings: Findings, recorded: str) -> str:
     if is_far or findings.excess > max(findings.doubt, _CLEARLY):
         return (
             f"No effect is significant in the residual of {name}, but the residual is "
-            f"{base.scores.rmse:.3g} {noise.unit}, more than {floor}. Either a few samples are "
-            "outliers, or the noise is slower or has heavier tails than the short sample of it "
+            f"{quantity(base.scores.rmse, noise.unit)}, more than {floor}. Either a few samples "
+            "are outliers, or the noise is slower or has heavier tails than the short sample of it "
             "shows: record repeats or a longer rest, or leave out the times of the outliers "
             "(--mask)." + _shown_elsewhere(held_out, noise)
         )
     hidden = max(findings.candidates, key=lambda c: c.concealment)
     limit = f"which {name} absorbs completely on such a drive"
     if hidden.is_seen_within(base.preparation.setting.response_span):
-        least = f"{hidden.detectable_amplitude:.3g} {noise.unit} rms"
+        least = f"{quantity(hidden.detectable_amplitude, noise.unit)} rms"
         limit = f"detectable only if it changes the response by more than {least}"
     return (
         f"{name} and {recorded} agree within {floor}; the effect that could hide best is "
@@ -228,7 +229,7 @@ def _shown_elsewhere(held_out: HeldOut, noise: Noise) -> str:
     if held_out.method != "recording" or times <= _FAR:
         return ""
     return (
-        f" But its error on the held-out recording is {held_out.base_rmse:.3g} {noise.unit}, "
+        f" But its error on the held-out recording is {quantity(held_out.base_rmse, noise.unit)}, "
         f"{times:.2g} times the noise: that recording shows an effect that this one does not, or "
         "this one does not determine the parameters well enough to predict it; diagnose both "
         "together."

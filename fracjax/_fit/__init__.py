@@ -20,6 +20,8 @@ from ._grade import is_useless as is_useless
 from ._grade import shortcomings_of as shortcomings_of
 from ._held_out import HeldOutScores as HeldOutScores
 from ._held_out import Predicted as Predicted
+from ._interval import interval_errors as interval_errors
+from ._interval import interval_errors_beyond as interval_errors_beyond
 from ._linear import LinearSystem as LinearSystem
 from ._profile import profile as profile
 from ._profile import with_profiled_intervals as with_profiled_intervals

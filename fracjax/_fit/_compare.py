@@ -15,7 +15,7 @@ from .._computing import computing
 from .._models import Model
 from .._operators import History
 from .._recording import InputError, Recording, item, require_units_of
-from .._show import Shown, Table, View, figure
+from .._show import Shown, Table, View, figure, quantity
 from .._solve import Progress, silent
 from ._fit import Fit, fit
 from ._held_out import (
@@ -98,6 +98,21 @@ class Comparison(Shown):
         )
 
     @property
+    def remarks(self) -> tuple[str, ...]:
+        """What data held out say against the order by BIC, in sentences."""
+        rows = {row.model: row.unseen for row in self.rows}
+        best, name = self.rows[0].unseen, self.best_unseen
+        other = rows.get(name or "")
+        if best is None or other is None or name == self.best:
+            return self.refuted
+        unit = self.fits[0].noise.unit
+        return (
+            *self.refuted,
+            f"On data held out {name} has the smaller error, {quantity(other.rmse, unit)}; "
+            f"{self.best} has {quantity(best.rmse, unit)}.",
+        )
+
+    @property
     def best_unseen(self) -> str | None:
         """The name of the model with the least rmse on data held out, None where none is scored."""
         scored = [(row.unseen.rmse, row.model) for row in self.rows if row.unseen is not None]
@@ -125,7 +140,7 @@ class Comparison(Shown):
         return View(
             f"{len(self.rows)} models compared: {best}.",
             [Table(headers, rows)],
-            [f"Held out: {self.method}.", *self.refuted],
+            [f"Held out: {self.method}.", *self.remarks],
         )
 
     def predict(

@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from scipy.ndimage import maximum_filter1d
 
-from .._prepare import Preparation, Take, take_of
+from .._prepare import Preparation, Problem, Take, measured_noise, take_of
 from .._recording import Recording
 from .._solve import solve_from
 from ._fit import Fit
@@ -53,11 +53,17 @@ class Predicted:
     responses: tuple[np.ndarray, ...]
 
 
+def take_to_predict(fit: Fit, recording: Recording) -> tuple[Take, Problem]:
+    """A recording that a fit is to predict, as what is simulated of it."""
+    noise = measured_noise(recording) or fit.preparation.takes[0].noise
+    take = take_of(recording, noise, None, None)
+    return take, Preparation((take,), fit.preparation.oversampling).problems()[0]
+
+
 def prediction(fit: Fit, recording: Recording) -> tuple[np.ndarray, int]:
     """What the first recording's model predicts of another (N,), and from which sample on: the zero
     is read from the samples before."""
-    take = take_of(recording, fit.preparation.takes[0].noise, None, None)
-    problem = Preparation((take,), fit.preparation.oversampling).problems()[0]
+    take, problem = take_to_predict(fit, recording)
     response = np.asarray(problem.simulate(fit.model.block))[: len(recording)]
     zero = (recording.response - response)[take.baseline].mean()
     return response + zero, take.baseline.stop

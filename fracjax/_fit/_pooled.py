@@ -2,25 +2,28 @@
 tell apart as their sum.
 
 A grid of radii is finer than what a recording tells: the response fixes the slope s_j = w_0 + … +
-w_j after a turn, and its differences w_j share the error of both ends.  A negative weight beside a
-large one is then no finding.  From the smallest radius on, weights are summed until the sum is
-above zero by two standard errors, and what remains is added to the last.
+w_j after a turn, and its differences w_j share the error of both ends.  A weight of the other sign
+beside a large one is then no finding.  From the smallest radius on, weights are summed until the
+sum has the sign of them all by two standard errors, and what remains is added to the last.
 """
 
 from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
+from functools import reduce
 
 import numpy as np
 
 from .._blocks import AbstractBlock
-from .._parameters import named_parameters
+from .._parameters import Parameter, named_parameters
 from .._show import figure, pretty_unit
 from ._estimate import Estimate, physical_unit
 
 _DETERMINED = 2.0
-"""Standard errors above zero of a sum that is determined, about 95 %."""
+"""Standard errors from zero of a sum that is determined, about 95 %."""
+_FAMILIES = ("weights", "shares")
+"""Parameters that a block with `radii` has one of for each radius."""
 
 
 def pooled(
@@ -33,13 +36,11 @@ def pooled(
 
     `correlation`: (n, n) of the estimates; `units`: of drive and response.
     """
-    parameters = named_parameters(block)
+    unit = pretty_unit(physical_unit("drive", units))
     radii = {
-        f"{path}[{k}]": f"{figure(radius)} {pretty_unit(physical_unit(own.unit, units))}".strip()
-        for path in parameters
-        if path.split(".")[-1] == "weights"
-        and (own := parameters.get(path.removesuffix("weights") + "radii")) is not None
-        for k, radius in enumerate(np.atleast_1d(own.value).tolist())
+        f"{path}[{k}]": f"{figure(radius)} {unit}".strip()
+        for path in named_parameters(block)
+        for k, radius in enumerate(_radii_beside(path, block))
     }
     shown: list[Estimate] = []
     at = 0
@@ -59,6 +60,16 @@ def pooled(
     return tuple(shown)
 
 
+def _radii_beside(path: str, block: AbstractBlock) -> list[float]:
+    """The radii [drive] of a family of weights; none of other parameters."""
+    *home, name = path.split(".")
+    own = reduce(getattr, home, block)
+    if name not in _FAMILIES or not hasattr(own, "radii"):
+        return []
+    radii = own.radii
+    return np.atleast_1d(radii.value if isinstance(radii, Parameter) else radii).tolist()
+
+
 def _sums(
     weights: Sequence[Estimate], correlation: np.ndarray, radii: Mapping[str, str]
 ) -> list[Estimate]:
@@ -66,6 +77,7 @@ def _sums(
     errors = np.array([weight.standard_error for weight in weights])
     covariance = correlation * np.outer(errors, errors)
     values = np.array([weight.value for weight in weights])
+    sign = -1.0 if values.sum() < 0 else 1.0
 
     def total(start: int, stop: int) -> tuple[float, float]:
         part = slice(start, stop)
@@ -74,11 +86,11 @@ def _sums(
     starts = [0]
     for stop in range(1, len(weights)):
         value, error = total(starts[-1], stop)
-        if value > _DETERMINED * error:
+        if sign * value > _DETERMINED * error:
             starts.append(stop)
     while len(starts) > 1:
         value, error = total(starts[-1], len(weights))
-        if value > _DETERMINED * error:
+        if sign * value > _DETERMINED * error:
             break
         starts.pop()
     sums = []
@@ -91,9 +103,10 @@ def _sums(
             replace(
                 first,
                 name=first.name if single else f"{first.name[:-1]}…{stop - 1}]",
+                path=first.path if single else f"{first.path[:-1]}…{stop - 1}]",
                 value=value,
                 standard_error=error,
-                identified=first.identified if single else value > _DETERMINED * error,
+                identified=first.identified if single else sign * value > _DETERMINED * error,
                 ends=first.ends if single else None,
                 remark=f"radius {places}",
             )

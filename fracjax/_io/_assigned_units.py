@@ -24,7 +24,10 @@ _NUMBER = r"[-+]?(?:\d+\.?\d*|\.\d+)(?:[eE][-+]?\d+)?"
 _EXAMPLES = {"time": "s, ms or us", "input": "V, mV or A", "output": "um, mm, V or N"}
 
 
-_MULTIPLE = re.compile(r"[*×]\s*\d|(?<!\w)[\d.]+\s*[*×]|\bx\s?10+\b|\b10+\s?x\b")
+_MULTIPLE = re.compile(
+    r"[*×]\s*\d|(?<!\w)[\d.]+\s*[*×]|\bx\s?10+\b|\b10+\s?x\b"
+    r"|\d\s*[^\W\d]+\s*=\s*[\d.]|(?<!\w)[\d.]+\s*[^\W\d]+\s*(?:/|per)\s*[^\W\d]|/\s*10+\b"
+)
 """A factor in a name, of which nobody knows whether it is in the numbers."""
 
 

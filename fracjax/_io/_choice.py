@@ -7,9 +7,9 @@ from typing import NamedTuple
 
 import numpy as np
 
-from fracjax._io._clocks import filled, is_counter, is_time
 from fracjax._io._declared import finer_column, title_of, written_unit
-from fracjax._io._table import Table, column_label, enumerated, quoted
+from fracjax._io._even import filled, is_counter, is_time
+from fracjax._io._table import Table, column_key, column_label, enumerated, quoted
 from fracjax._io._units import is_compatible, readable, titled
 from fracjax._io._words import is_command, is_direction, quantity, role_of, role_of_letter
 from fracjax._recording import MINIMUM_SAMPLES, InputError
@@ -194,6 +194,14 @@ def _recognised(table: Table, wanted: str, chosen: Mapping[str, int]) -> int | N
     if len(candidates) > 1:
         first, *others = (table.numbers(c) for c in candidates)
         alike = all(np.array_equal(first, each, equal_nan=True) for each in others)
+        ways = f"give --{wanted} " + f" or --{wanted} ".join(
+            column_key(table.names, c) for c in candidates[:3]
+        )
+        others = {"input", "output"} - {wanted, *chosen}
+        rest = [c for c in free if c not in candidates and role(table, c) in (None, *others)]
+        rest = [c for c in rest if not is_time(table.numbers(c))]
+        if others and not rest and len(candidates) == 2:
+            ways = f"give {_each_way(table, ['input', 'output'], candidates)}"
         raise InputError.at(
             table.source,
             f"one column for {wanted}",
@@ -201,15 +209,9 @@ def _recognised(table: Table, wanted: str, chosen: Mapping[str, int]) -> int | N
                 [f"{quoted(table.names[c])} {_thumbnail(table.numbers(c))}" for c in candidates]
             )
             + (", the same sample by sample" if alike else ""),
-            " or ".join(f"give --{wanted} {_key(table, c)}" for c in candidates[:2]),
+            ways,
         )
     return candidates[0] if candidates else None
-
-
-def _key(table: Table, column: int) -> str:
-    """What names a column in a call: its name, or its index where others are called the same."""
-    name = table.names[column] if table.names else ""
-    return shlex.quote(name) if name and table.names.count(name) == 1 else f"{column}"
 
 
 def _thumbnail(values: np.ndarray) -> str:
@@ -240,7 +242,7 @@ def _take_the_last(
         if _fitting(table, column, chosen)
         and not table.about(column).stamps
         and (role(table, column) in (None, missing[0]) or _is_of_motion(table, column))
-        and not _points_to(written_unit(table, column), "time")
+        and not any(_points_to(written_unit(table, column), each) for each in ("time", *chosen))
     ]
     if len(rest) == 1 and (missing[0] in stated or readable(written_unit(table, rest[0]) or "?")):
         chosen[missing[0]] = rest[0]
@@ -328,7 +330,7 @@ def _nothing_for(table: Table, missing: list[str], chosen: Mapping[str, int]) ->
     runs = [c for c in alone if len(alone) == len(missing) + 1 and is_time(table.numbers(c))]
     alone = [c for c in alone if c not in runs] if len(runs) == 1 else alone
     if len(alone) == len(missing):
-        time = f"--time {_key(table, runs[0])} and " if len(runs) == 1 else ""
+        time = f"--time {column_key(table.names, runs[0])} and " if len(runs) == 1 else ""
         remedy = f"give {time}{_each_way(table, missing, alone, time)}"
     if cures and len(usable) < len(missing):
         remedy = cures[0]
@@ -362,7 +364,7 @@ def _nothing_for(table: Table, missing: list[str], chosen: Mapping[str, int]) ->
 def _each_way(table: Table, missing: list[str], columns: list[int], time: str = "") -> str:
     """The options that take as many columns as signals are missing, in either order; `time`, the
     option for the time, which the second way repeats."""
-    names = [_key(table, c) for c in columns]
+    names = [column_key(table.names, c) for c in columns]
     orders = [names] if len(names) == 1 else [names, names[::-1]]
     return f", or {time}".join(
         " and ".join(f"--{role} {name}" for role, name in zip(missing, order, strict=True))

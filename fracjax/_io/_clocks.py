@@ -8,6 +8,17 @@ from typing import NamedTuple
 import numpy as np
 
 from fracjax._io._declared import title_of
+from fracjax._io._even import (
+    UNIFORM,
+    are_even,
+    beyond,
+    even,
+    filled,
+    is_counter,
+    is_time,
+    rounding,
+    slope_of,
+)
 from fracjax._io._facts import (
     NUMBER,
     is_decimated,
@@ -16,13 +27,11 @@ from fracjax._io._facts import (
     step_of,
     units_in,
 )
-from fracjax._io._table import Fact, Stated, Table, column_label
+from fracjax._io._table import Fact, Stated, Table, column_key, column_label
 from fracjax._io._times import Stamps
 from fracjax._io._units import is_compatible, is_spelled_unit, readable, unread
 from fracjax._recording import InputError, conversion, parse_quantity
 
-_UNIFORM = 1e-3
-"""Largest departure of a step from the median step, and of a rate from the time column's."""
 _STATED = 1e-2
 """Largest departure of a column's step from the one that the file states beside it."""
 
@@ -89,19 +98,30 @@ def _stated_step(table: Table, facts: Sequence[Fact], listing: str) -> float:
             table.source,
             "a time column or a rate",
             f"neither in {listing}",
-            _rates_in(table) or "give --rate such as 200Hz, or --time as a name or an index from 0",
+            _rates_in(table) or _times_in(table),
         )
-    if max(steps) > (1 + _UNIFORM) * min(steps):
+    if max(steps) > (1 + UNIFORM) * min(steps):
         raise InputError.at(table.source, "one rate", clock_texts, "give --rate such as 200Hz")
     _require_whole_truth(table, facts, steps[0], clock_texts)
     return steps[0]
+
+
+def _times_in(table: Table) -> str:
+    """The columns that run in even steps, as options, and a rate."""
+    columns = range(table.width if table.names else 0)
+    sound = [c for c in columns if not (table.about(c).fault or table.about(c).stamps)]
+    times = {column_key(table.names, c): filled(table.numbers(c)) for c in sound}
+    runs = [key for key, each in times.items() if is_time(each) and not is_counter(each)]
+    if not runs:
+        return "give --rate such as 200Hz, or --time as a name or an index from 0"
+    return f"give --time {' or --time '.join(runs[:2])}, in even steps, or --rate such as 200Hz"
 
 
 def _rates_in(table: Table) -> str:
     """The rates of sampling in lines that were not understood, as options; empty without any."""
     options = []
     for said in table.unused:
-        for number, word in re.findall(rf"({NUMBER})\s*([^\W\d]+(?:/s)?)", said.text):
+        for number, word in re.findall(rf"(?<![\d.,])({NUMBER})\s*([^\W\d]+(?:/s)?)", said.text):
             hertz = conversion(readable(word) or "V", "Hz")
             if hertz and speaks_of_sampling(said.text):
                 rate = f"{float(number) * hertz:.10g}Hz"
@@ -183,8 +203,8 @@ def clock_of_time(
     if stamps.zero:
         start = round(stamps.zero * 10**9) + (start or 0)
     steps = np.diff(times)
-    is_even = _are_even(steps)
-    slope = float(times[-1] - times[0]) / len(steps) if is_even else _slope(times)
+    is_even = are_even(steps)
+    slope = float(times[-1] - times[0]) / len(steps) if is_even else slope_of(times)
     if not is_even and (slope is None or rate is None):
         stuck = ~(steps > 1e-9 * np.median(np.abs(steps)))
         if stuck.any():
@@ -193,7 +213,7 @@ def clock_of_time(
             back = (steps < 0).any() or not np.ptp(times)
             if back and stuck.mean() > 0.3 and np.ptp(times) * second < mean / 2:
                 # Steps from row to row.
-                if rate is not None and abs(mean * rate - 1) < _UNIFORM:
+                if rate is not None and abs(mean * rate - 1) < UNIFORM:
                     return Clock(np.arange(len(times)) / rate, 1 / rate, ())
                 remedy = f"if they are steps from row to row, give --rate {1 / mean:.6g}Hz"
             raise _refusal(table, column, rows, times, stuck, "time to increase", remedy)
@@ -207,12 +227,12 @@ def clock_of_time(
         lost = int(np.sum(np.maximum(np.round(second * steps / step) - 1, 0)))
         remedy = f"give --resample {1 / step:.4g}Hz"
         remedy += f", which invents {lost} samples" if lost else ""
-        raise _refusal(table, column, rows, times, ~_even(steps), expected, remedy)
+        raise _refusal(table, column, rows, times, ~even(steps), expected, remedy)
     rounded = slope is not None and not is_even
     if rate is not None:
-        if rounded and _beyond(times, 1 / (rate * second), _rounding(times))[0] <= 0:
+        if rounded and beyond(times, 1 / (rate * second), rounding(times))[0] <= 0:
             return Clock(second * times[0] + np.arange(len(times)) / rate, 1 / rate, notes, start)
-        if abs(step * rate - 1) > _UNIFORM:
+        if abs(step * rate - 1) > UNIFORM:
             raise InputError.at(
                 label, f"a step of {1 / rate:g} s by --rate", f"{step:g} s", "leave out --rate"
             )
@@ -264,7 +284,9 @@ def _agreement(
                 label,
                 "a unit beside the name",
                 f'none, but "{said.text[:60]}" in {said.place}',
-                f"give --clock {units[0]} if that is its unit, or --clock s",
+                "give --clock s"
+                if units[0] == "s"
+                else f"give --clock {units[0]} if that is its unit, or --clock s",
             )
     return (f"{label}: no unit is written, s was assumed.",) if not stated else ()
 
@@ -295,32 +317,6 @@ def _require_seconds(label: str, times: np.ndarray, step: float, zero: float) ->
         )
 
 
-def is_time(times: np.ndarray) -> bool:
-    """Whether numbers, shape (N,), increase in uniform steps, but for their rounding."""
-    steps = np.diff(times)
-    if not np.isfinite(times).all():
-        return False
-    return len(steps) > 0 and bool(
-        _are_even(steps) or ((steps > 0).all() and _slope(times) is not None)
-    )
-
-
-def filled(times: np.ndarray) -> np.ndarray:
-    """Times without the empty cells at their end, in which a shorter channel's column ends."""
-    valid = np.flatnonzero(~np.isnan(times))
-    return times[: int(valid[-1]) + 1] if valid.size else times[:0]
-
-
-def is_counter(counts: np.ndarray) -> bool:
-    """Whether numbers, shape (N,), count 0, 1, 2 or 1, 2, 3."""
-    return (
-        len(counts) > 1
-        and bool(np.isfinite(counts).all())
-        and counts[0] in (0, 1)
-        and bool((np.diff(counts) == 1).all())
-    )
-
-
 def _refusal(
     table: Table,
     column: int,
@@ -346,7 +342,7 @@ def _mend(times: np.ndarray, stuck: np.ndarray, slope: float | None, second: flo
     alike = np.diff(changes)
     if len(alike) and alike.min() == alike.max() > 1 and not (np.diff(times) < 0).any():
         many = int(alike[0])
-        even = _are_even(np.diff(times[changes]))
+        even = are_even(np.diff(times[changes]))
         each = f"each stamp stands {many} times"
         rate = many / (second * float(np.median(np.diff(times[changes]))))
         if many == 2 or not even:
@@ -362,7 +358,7 @@ def _mend(times: np.ndarray, stuck: np.ndarray, slope: float | None, second: flo
     if (np.diff(times) < 0).all():
         return "turn the rows round, the last first"
     row = int(stuck.argmax()) + 1
-    if stuck.sum() == 1 and _are_even(np.diff(np.delete(times, row))):
+    if stuck.sum() == 1 and are_even(np.diff(np.delete(times, row))):
         return "delete that line, which is there twice"
     return "correct that stamp, or record again"
 
@@ -375,71 +371,3 @@ def _roundest(low: float, high: float) -> float:
         if low <= number <= high:
             return number
     return middle
-
-
-def _are_even(steps: np.ndarray) -> bool:
-    """Whether all steps, shape (N - 1,), are positive and agree with their median."""
-    least = steps.min()
-    # The median, which takes longer to find, is between the least and the largest.
-    alike = least > 0 and steps.max() - least <= _UNIFORM * least
-    return bool(alike or _even(steps).all())
-
-
-def _even(steps: np.ndarray) -> np.ndarray:
-    """Which of the steps, shape (N - 1,), are positive and agree with their median."""
-    usual = np.median(steps)
-    return (steps > 0) & (np.abs(steps - usual) <= _UNIFORM * usual)
-
-
-def _slope(times: np.ndarray) -> float | None:
-    """The slope of a straight line that passes all stamps, shape (N,), within their rounding.
-
-    None where there is none, or the stamps go back. What a line leaves over beyond the rounding
-    is convex in its slope, so that the sign of its derivative halves the interval: the line must
-    rise more where the stamp furthest above it comes later than the one furthest below. The search
-    begins with least squares.
-    """
-    if (np.diff(times) < 0).any() or times[0] == times[-1]:
-        return None
-    half = _rounding(times)
-    centred = np.arange(len(times)) - (len(times) - 1) / 2
-    slope = float(centred @ times / (centred @ centred))
-    reach = 4 * float(half.max()) / len(times)
-    low, high = slope - reach, slope + reach
-    for _ in range(40):
-        excess, above, below = _beyond(times, slope, half)
-        if excess <= 0:
-            return slope if slope > 0 else None
-        low, high = (slope, high) if above > below else (low, slope)
-        slope = (low + high) / 2
-    return None
-
-
-def _beyond(times: np.ndarray, slope: float, half: np.ndarray) -> tuple[float, int, int]:
-    """How far the best line of a slope misses the stamps beyond their rounding, each shape (N,).
-
-    Not above 0 where it passes them all; with the stamps furthest above and below it.
-    """
-    rest = times - slope * np.arange(len(times))
-    above, below = int((rest - half).argmax()), int((rest + half).argmin())
-    return float(rest[above] - half[above] - rest[below] - half[below]), above, below
-
-
-def _rounding(times: np.ndarray) -> np.ndarray:
-    """Half a unit of the last digit each stamp was written to, and a hundredth of it, shape (N,).
-
-    Of decimals it is that of a fixed number of places or of significant digits, whichever the
-    stamps show; of numbers that float32 holds exactly, half its spacing; at least a unit of
-    float64.
-    """
-    places = np.full(len(times), 17)
-    for number in range(15, -1, -1):
-        places[np.round(times, number) == times] = number
-    with np.errstate(divide="ignore", over="ignore"):
-        leading = np.floor(np.log10(np.abs(times)))
-        digits = np.maximum(10.0 ** -places.max(), 10.0 ** (leading - (leading + places).max()))
-        single = times.astype(np.float32)
-    half = np.maximum(digits / 2, np.spacing(np.abs(times)))
-    if (single == times).all():
-        half = np.maximum(half, np.spacing(np.abs(single)).astype(np.float64) / 2)
-    return 1.01 * half

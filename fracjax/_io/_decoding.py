@@ -58,7 +58,9 @@ def text_of(source: str) -> Text:
         encoding = _encoding(raw)
     if b"\r" in raw:
         raw = raw.replace(b"\r\n", b"\n").replace(b"\r", b"\n")
-    raw = raw.replace(b"\x0c", b"").rstrip(b"\x1a") if b"\x0c" in raw or b"\x1a" in raw else raw
+    # A form feed, the end mark of DOS, and what a logger without power has not overwritten.
+    raw = raw.replace(b"\x0c", b"") if b"\x0c" in raw else raw
+    raw = raw.rstrip(b"\x1a\x00")
     if any(code in raw for code in _NO_TEXT):
         raise _no_text(source, head)
     return Text(raw, encoding)

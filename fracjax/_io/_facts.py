@@ -1,5 +1,6 @@
 """Steps, rates, units and names that a file states beside its columns."""
 
+import json
 import re
 from collections.abc import Iterator, Mapping, Sequence
 from typing import NamedTuple
@@ -52,6 +53,8 @@ def said_in(line: str, cells: Sequence[str], place: str) -> list[Said]:
     `cells`: the line cut by the table's separator.
     """
     bare = _MARKS.sub("", line).strip()
+    if bare.startswith("{") and (pairs := _pairs_in(bare)):
+        return [Said(key, values, tuple(range(len(values))), place, bare) for key, values in pairs]
     first = _MARKS.sub("", cells[0]).strip().strip('"').rstrip(":=").strip() if cells else ""
     statements: list[tuple[str, tuple[str, ...], tuple[int, ...]]] = []
     rest = [(cell, at) for at, cell in enumerate(cells) if at > 0]
@@ -82,6 +85,20 @@ def said_in(line: str, cells: Sequence[str], place: str) -> list[Said]:
     return [Said(*each, place, bare) for each in statements or [(bare, ("",), (0,))] if bare]
 
 
+def _pairs_in(text: str) -> list[tuple[str, tuple[str, ...]]]:
+    """The keys of an object of JSON, each with its values as text; none of any other text."""
+    try:
+        items = json.loads(text).items()
+    except (ValueError, AttributeError):
+        return []
+    listed = [(key, each if isinstance(each, list) else [each]) for key, each in items]
+    return [
+        (key, tuple(v if isinstance(v, str) else json.dumps(v) for v in values))
+        for key, values in listed
+        if values
+    ]
+
+
 def with_columns(lines: Sequence[Said]) -> list[Said]:
     """The same, a unit in a line of its own with the name that stands in the line above it."""
     joined, name = [], ""
@@ -107,7 +124,7 @@ def fact(
     """
     text = re.sub(r"^[A-Za-z]\w*:\s*", "", value.strip().strip('"'))
     if decimal == "," or re.match(r"[-+]?0,\d", text):
-        text = text.replace(",", ".")
+        text = re.sub(r"\.(?=\d{3}[.,])", "", text).replace(",", ".")
     text = re.sub(r"(?<=\d),(?=\d{3}(?!\d))", "", text)
     default = "s" if kind == "step" else "Hz"
     parts = re.fullmatch(rf"({NUMBER})\s*(.*)", text)
@@ -376,7 +393,10 @@ def _take_factors(facts: Beside, said: Said, data: Sequence[int], names: Sequenc
 
 
 def _take_units(facts: Beside, said: Said, data: Sequence[int], names: Sequence[str]) -> None:
-    """Add the units of a line: in the cell above each column, or one for the last."""
+    """Add the units of a line: in the cell above each column, or one for the last; those of a
+    mapping stand behind the columns' names."""
+    if said.values[0].startswith("{"):
+        return
     for at, text in _spread(said, data, names):
         _state(facts, at, text, said.place)
     filled = [value for value in said.values if value.strip()]

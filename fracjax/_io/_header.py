@@ -100,7 +100,8 @@ def _rows_above(lines: Sequence[str], layout: Layout) -> list[_Row]:
     rows: list[_Row] = []
     for at in range(layout.start - 1, -1, -1):
         line = lines[at]
-        if not line.strip(' \t"' + layout.separator) or _is_of_keys(line, layout):
+        # A line of dashes parts the names from the table, and is none of them.
+        if not line.strip(' \t"-=_+:' + layout.separator) or _is_of_keys(line, layout):
             continue
         row = _row(at, line, layout)
         if row is None or len(rows) == _MOST_ROWS:
@@ -124,9 +125,10 @@ def _row(at: int, line: str, layout: Layout) -> _Row | None:
         else line
     )
     for cells in _cuts(bare, layout):
-        # A key and its value are no names.
+        # A key and its value are no names, nor are the values of one.
         keys = [cell.endswith((":", "=")) for cell in cells]
-        if not _wide_enough(cells, layout) or (any(keys) and not all(keys)):
+        stated = kind_of(re.split("[:=]", cells[0])[0]) if re.search("[:=].", cells[0]) else None
+        if not _wide_enough(cells, layout) or (any(keys) and not all(keys)) or stated == "unit":
             continue
         kinds = [kind_of_cell(cell) for cell in cells]
         # Channels may be called 1 and 2, in a row with some text.
@@ -198,7 +200,7 @@ def _parts(above: Sequence[_Row], layout: Layout) -> tuple[_Row | None, _Row | N
         mixed_first = above and above[0] not in pure
         if mixed_first and len(pure) and not _has_words(above[0]):
             return None, None
-        best = next((row for row in above[:2] if _has_words(row)), None)
+        best = max(filter(_has_words, above[:2]), key=_words, default=None)
         return best or next(iter(above), None), None
     at = above.index(units)
     if at + 1 < len(above):
@@ -215,8 +217,13 @@ def _repeats(row: _Row, above: Sequence[_Row]) -> bool:
     return any(cell.casefold() in others and not is_spelled_unit(cell) for cell in row.cells)
 
 
+def _words(row: _Row) -> int:
+    """How many cells speak of a role."""
+    return sum(role_of(titled(cell).name) is not None for cell in row.cells)
+
+
 def _has_words(row: _Row) -> bool:
-    return any(role_of(titled(cell).name) is not None for cell in row.cells)
+    return _words(row) > 0
 
 
 def _is_of_units(row: _Row, layout: Layout) -> bool:

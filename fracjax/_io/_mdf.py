@@ -9,6 +9,7 @@ from fracjax._io._files import reading
 from fracjax._io._table import Table
 
 _KIND = "an MDF file"
+_MARKS = (b"MDF     ", b"UnFinMF ")
 
 
 def read_mdf(path: str | PathLike[str]) -> Table:
@@ -21,6 +22,10 @@ def read_mdf(path: str | PathLike[str]) -> Table:
     arrays: dict[str, Array] = {}
     facts: dict[str, object] = {}
     with reading(source, _KIND):
+        with open(source, "rb") as file:
+            if file.read(8) not in _MARKS:
+                # Of what is none, asammdf would complain on stderr as well, when it is collected.
+                raise ValueError("no mark of MDF")
         from asammdf import MDF
 
         with MDF(source) as content:

@@ -10,7 +10,7 @@ from fracjax._io._lexicon import WORDS
 from fracjax._io._units import readable, titled
 from fracjax._recording import LARGEST, conversion
 
-_GROUP = "[  '’  ]"
+_GROUP = r"[ \u00a0\u2009\u202f'’]"
 _DIGITS = rf"(?:\d+|\d{{1,3}}(?:{_GROUP}\d{{3}})+|\d{{1,3}}(?:[.,]\d{{3}})+)"
 _FORM = rf"[-+−]?(?:{_DIGITS}(?:[.,]\d*)?|[.,]\d+)(?:[eEdD][-+]?\d+)?"
 NUMBER = re.compile(_FORM, re.ASCII)

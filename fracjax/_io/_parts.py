@@ -11,8 +11,8 @@ from fracjax._io._clocks import (
     clock_of_count,
     clock_of_rate,
     clock_of_time,
-    is_counter,
 )
+from fracjax._io._even import is_counter
 from fracjax._io._facts import step_of
 from fracjax._io._segments import cut, segments_of_times
 from fracjax._io._table import Table, column_label
@@ -115,7 +115,8 @@ def _kept(table: Table, column: int, signals: Sequence[int], count: int) -> np.n
 def _once(
     table: Table, stamps: Stamps, values: np.ndarray, signals: Sequence[int], most: float
 ) -> tuple[Stamps, np.ndarray]:
-    """Stamps and values without the rows that a logger wrote twice, a share of `most` of all."""
+    """Stamps and values without the rows that a logger wrote twice: a share of `most` of all, or
+    every row."""
     again = np.diff(stamps.values) == 0
     if not again.any():
         return stamps, values
@@ -125,7 +126,9 @@ def _once(
     twice = again & np.logical_and.reduce([np.diff(each) == 0 for each in columns])
     kept = np.concatenate([[True], ~twice])
     # Stamps that are rounded repeat also where the signals move.
-    if not 0 < np.mean(twice) <= most or (np.diff(stamps.values[kept]) <= 0).any():
+    every = bool(kept[::2].all() and not kept[1::2].any())
+    few = 0 < np.mean(twice) <= most
+    if not (few or every) or (np.diff(stamps.values[kept]) <= 0).any():
         return stamps, values
     note = f"{table.source}: {twice.sum()} row(s) stand there twice, and were taken once."
     return stamps._replace(values=stamps.values[kept], notes=(*stamps.notes, note)), values[kept]

@@ -5,6 +5,7 @@ from itertools import pairwise
 from typing import NamedTuple
 
 from fracjax._io._layout import Layout, cells_of, is_comment, kind_of
+from fracjax._io._table import Stated
 from fracjax._recording import MINIMUM_SAMPLES, InputError
 
 _VALUES = frozenset(("number", "stamp", "quantity"))
@@ -18,6 +19,8 @@ class Rows(NamedTuple):
     """The line in the file, from 1, of each."""
     breaks: tuple[int, ...]
     """The rows with which a new block begins."""
+    beyond: tuple[Stated, ...] = ()
+    """The names of another table, with which what is read no more begins."""
 
 
 def rows_of(source: str, lines: Sequence[str], layout: Layout, repeated: Sequence[str]) -> Rows:
@@ -33,6 +36,7 @@ def rows_of(source: str, lines: Sequence[str], layout: Layout, repeated: Sequenc
     numbers: list[int] = []
     breaks: list[int] = []
     blanks: list[int] = []
+    beyond: tuple[Stated, ...] = ()
     at = layout.start
     while at < len(lines):
         row = _row(lines[at], layout)
@@ -45,6 +49,9 @@ def rows_of(source: str, lines: Sequence[str], layout: Layout, repeated: Sequenc
             after = _next_block(lines, at, layout, repeated)
             if after is None and _is_end(lines, at, layout):
                 break
+            if after is None and _is_another(lines, at, layout):
+                beyond = (Stated(f"another table, {lines[at].strip()}", f"line {at + 1}"),)
+                break
             if after is None:
                 raise _refusal(source, lines, at, layout)
             breaks.append(len(cells))
@@ -56,7 +63,7 @@ def rows_of(source: str, lines: Sequence[str], layout: Layout, repeated: Sequenc
         numbers.pop()
     breaks += _long_blocks(blanks, len(cells), len(breaks) > 0)
     sound = sorted(row for row in set(breaks) if 0 < row < len(cells))
-    return Rows(cells, numbers, tuple(sound))
+    return Rows(cells, numbers, tuple(sound), beyond)
 
 
 def _row(line: str, layout: Layout) -> list[str] | None:
@@ -116,6 +123,14 @@ def _is_end(lines: Sequence[str], at: int, layout: Layout) -> bool:
     width = len(cells_of(lines[at], layout.separator))
     apart = layout.separator == " " or width != layout.width
     return apart and all(is_text(line, layout) for line in lines[at:])
+
+
+def _is_another(lines: Sequence[str], at: int, layout: Layout) -> bool:
+    """Whether behind a blank line another table begins, of another width and with names, after
+    which no row of this one follows."""
+    width = len(cells_of(lines[at], layout.separator))
+    named = not lines[at - 1].strip() and width != layout.width and is_text(lines[at], layout)
+    return named and all(_row(line, layout) is None for line in lines[at:])
 
 
 def _long_blocks(blanks: Sequence[int], count: int, stated: bool) -> list[int]:

@@ -14,13 +14,14 @@ import numpy as np
 if TYPE_CHECKING:
     import pandas as pd
 
+_BASIC = r"\d{8}T\d{6}(?:[.,]\d{1,9})?"
 _CLOCK = r"\d{1,4}:\d{1,2}(?::\d{1,2})?(?:[.,:]\d{1,9})?(?:\s?[AaPp]\.?[Mm]\.?)?"
 _DATE = (
     r"(?:\d{4}[-/.年]\d{1,2}[-/.月]\d{1,2}日?|\d{1,2}[-/.]\d{1,2}[-/.](?:\d{4}|\d{2})"
     r"|\d{1,2}[-\s][A-Za-z]{3,9}\.?[-\s,]+\d{2,4}|[A-Za-z]{3,9}\.?\s\d{1,2},?\s\d{4})"
 )
 _ZONE = r"(?:Z|\s?(?:UTC|GMT)|\s?[-+]\d{2}:?\d{2})?"
-_STAMP = re.compile(rf"{_DATE}(?:(?:T|\s|,\s?|_|-)\s*{_CLOCK}{_ZONE})?|{_CLOCK}")
+_STAMP = re.compile(rf"{_DATE}(?:(?:T|\s|,\s?|_|-)\s*{_CLOCK}{_ZONE})?|{_CLOCK}|{_BASIC}{_ZONE}")
 _BARE_CLOCK = re.compile(_CLOCK)
 _DAY = 86400.0
 
@@ -95,8 +96,8 @@ def _of_dates(texts: pd.Series) -> np.ndarray | None:
     plain = texts.str.replace(r"[年月]", "-", regex=True).str.replace("日", " ", regex=False)
     plain = plain.str.replace(r"(\d:\d{1,2}:\d{1,2})[,:](\d)", r"\1.\2", regex=True)
     plain = plain.str.replace(r"\s+", " ", regex=True).str.strip()
-    plain = plain.str.replace(r"^(\S+?)[,_](?=\s?\d+:)", r"\1 ", regex=True)
-    if re.match(r"\d{4}[-/.]", str(plain.iloc[0])):
+    plain = plain.str.replace(r"^(\d+[-/.]\w+[-/.]\d+)[,_-](?=\s?\d+:)", r"\1 ", regex=True)
+    if re.match(r"\d{4}[-/.]|\d{8}T", str(plain.iloc[0])):
         iso = plain.str.replace(r"^(\d{4})[/.](\d{1,2})[/.](\d{1,2})", r"\1-\2-\3", regex=True)
         iso = iso.str.replace(r"^(\d{4})-(\d)-", r"\1-0\2-", regex=True)
         iso = iso.str.replace(r"^(\d{4}-\d{2})-(\d)(?!\d)", r"\1-0\2", regex=True)

@@ -1,5 +1,6 @@
 """What every reader hands over: columns, named or not, and what the file says of them."""
 
+import shlex
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from fractions import Fraction
@@ -125,6 +126,12 @@ class Hints(NamedTuple):
 
 
 NO_HINTS = Hints()
+
+
+def column_key(names: Sequence[str], column: int) -> str:
+    """What names a column in a call: its name, or its index where others are called the same."""
+    name = names[column] if names else ""
+    return shlex.quote(name) if name and list(names).count(name) == 1 else f"{column}"
 
 
 def column_label(names: tuple[str, ...], column: int) -> str:

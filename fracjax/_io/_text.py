@@ -2,7 +2,7 @@
 
 import csv
 import io
-from collections.abc import Callable, Mapping, Sequence
+from collections.abc import Callable, Iterator, Mapping, Sequence
 from functools import partial
 from itertools import islice
 from os import PathLike, fspath
@@ -26,6 +26,8 @@ from fracjax._io._unit_columns import with_units_of_rows
 from fracjax._recording import InputError
 
 _LONGEST_LINE = 100_000
+_PIECE = 64_000_000
+"""Bytes of text that are handed to Arrow at a time, at most, and more than any line has."""
 _HEADS = (60_000, 2_000_000, None)
 _SHORT_HEADS = (
     (600, frozenset(("number",))),
@@ -49,10 +51,10 @@ def read_text(path: str | PathLike[str], hints: Hints = NO_HINTS) -> Table:
     if quick is not None:
         parsed = [_Parsed() if each is None else each for each in quick]
         count = len(next(each.values for each in parsed if each.values is not None))
-        numbers, breaks = None, ()
+        numbers, breaks, beyond = None, (), ()
     else:
         rows = rows_of(source, text.decoded().split("\n"), layout, header.repeated)
-        count, numbers, breaks = len(rows.cells), rows.lines, rows.breaks
+        count, numbers, breaks, beyond = len(rows.cells), rows.lines, rows.breaks, rows.beyond
         parsed = [_parsed(rows.cells, at, layout) for at in range(layout.width)]
 
     def line_of(row: int) -> int:
@@ -70,7 +72,8 @@ def read_text(path: str | PathLike[str], hints: Hints = NO_HINTS) -> Table:
         _column(source, text, header, layout, at, count, parsed[at], line_of)
         for at in range(layout.width)
     )
-    return with_units_of_rows(Table(source, header.names, columns, breaks, header.unused))
+    unused = (*header.unused, *beyond)
+    return with_units_of_rows(Table(source, header.names, columns, breaks, unused))
 
 
 _TAIL = 4_000
@@ -264,17 +267,38 @@ def _cells(text: Text, layout: Layout, start: int, at: int) -> Sequence[str]:
         lines = text.raw[start:].decode(text.encoding, "replace").split("\n")
         return [line.split()[at] for line in lines if line.strip()]
     name = f"{at}"
-    table = arrow.open_csv(
-        pa.py_buffer(text.raw)[start:],
-        arrow.ReadOptions(
-            use_threads=False,
-            column_names=[f"{each}" for each in range(layout.width)],
-            encoding=text.encoding,
-        ),
-        arrow.ParseOptions(delimiter=layout.separator, quote_char=False),
-        arrow.ConvertOptions(column_types={name: pa.string()}, include_columns=[name]),
-    ).read_all()
-    return call_function("utf8_trim_whitespace", [table.column(0)])
+    chunks = [
+        chunk
+        for piece in _pieces(text, start)
+        for chunk in arrow.open_csv(
+            piece,
+            arrow.ReadOptions(
+                use_threads=False,
+                column_names=[f"{each}" for each in range(layout.width)],
+                encoding=text.encoding,
+            ),
+            arrow.ParseOptions(delimiter=layout.separator, quote_char=False),
+            arrow.ConvertOptions(column_types={name: pa.string()}, include_columns=[name]),
+        )
+        .read_all()
+        .column(0)
+        .chunks
+    ]
+    return call_function("utf8_trim_whitespace", [pa.chunked_array(chunks, pa.string())])
+
+
+def _pieces(text: Text, start: int) -> Iterator[pa.Buffer]:
+    """The text from byte `start` on, in whole lines, in memory that is Arrow's own: its threads may
+    let go of a piece when the interpreter has ended, whose memory they could not return."""
+    raw = text.raw
+    while start < len(raw):
+        stop = len(raw)
+        if start + _PIECE < stop:
+            stop = raw.rfind(b"\n", start, start + _PIECE) + 1
+        piece = pa.allocate_buffer(stop - start)
+        np.frombuffer(piece, np.uint8)[:] = np.frombuffer(raw, np.uint8, stop - start, start)
+        yield piece
+        start = stop
 
 
 def _by_arrow(
@@ -290,23 +314,24 @@ def _by_arrow(
     # that no more than one stands in memory twice.
     columns = {at: np.empty(text.raw.count(b"\n", start) + 1) for at in read}
     count = 0
+    options = (
+        arrow.ReadOptions(use_threads=False, column_names=names),
+        arrow.ParseOptions(delimiter=layout.separator, quote_char=False),
+        arrow.ConvertOptions(
+            column_types={names[at]: pa.float64() for at in read},
+            include_columns=[names[at] for at in read],
+            null_values=[],
+            decimal_point=layout.decimal,
+        ),
+    )
     try:
-        with arrow.open_csv(
-            pa.py_buffer(text.raw)[start:],
-            arrow.ReadOptions(use_threads=False, column_names=names),
-            arrow.ParseOptions(delimiter=layout.separator, quote_char=False),
-            arrow.ConvertOptions(
-                column_types={names[at]: pa.float64() for at in read},
-                include_columns=[names[at] for at in read],
-                null_values=[],
-                decimal_point=layout.decimal,
-            ),
-        ) as batches:
-            for batch in batches:
-                for at, part in zip(read, batch.columns, strict=True):
-                    # `to_numpy` would import pandas, which takes longer than all else.
-                    columns[at][count : count + len(part)] = np.from_dlpack(part)
-                count += len(batch)
+        for piece in _pieces(text, start):
+            with arrow.open_csv(piece, *options) as batches:
+                for batch in batches:
+                    for at, part in zip(read, batch.columns, strict=True):
+                        # `to_numpy` would import pandas, which takes longer than all else.
+                        columns[at][count : count + len(part)] = np.from_dlpack(part)
+                    count += len(batch)
     except pa.ArrowInvalid:
         return None
     return {at: column[:count] for at, column in columns.items()}

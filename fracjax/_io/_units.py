@@ -45,6 +45,7 @@ _DIMENSIONS = {
     "speed": ("m/s", "rad/s"),
     "acceleration": ("m/s**2",),
     "temperature": ("K",),
+    "strain": ("%",),
     "counter": (),
 }
 _SIGNALS = WORDS["units"]["recorded"]
@@ -205,11 +206,14 @@ def titled(title: str) -> Titled:
     if parts := _BEHIND.fullmatch(title):
         for cut in re.finditer(r"\s*/\s*|\s*[,，;:]\s*|\s+in\s+|\s+", title):
             name, rest = title[: cut.start()], title[cut.end() :]
-            if name and _suits(name, rest, blank=cut[0].isspace()):
+            # The stroke of field_kV/mm is that of the unit.
+            inside = cut[0] == "/" and _WEAK.fullmatch(name.rpartition("_")[2]) and "_" in name
+            if name and not inside and _suits(name, rest, blank=cut[0].isspace()):
                 return Titled(name, rest)
         name, rest = parts[1], parts[2]
         stroke = title[len(name) : len(title) - len(rest)].strip()
-        if stroke in ("/", "in") and quantity(name) and not quantity(rest):
+        own = "_" in name and _WEAK.fullmatch(name.rpartition("_")[2])
+        if stroke in ("/", "in") and quantity(name) and not (quantity(rest) or own):
             return Titled(name, rest)
     words = [word for word in re.split(r"[_.\-]+", title) if word]
     if len(words) > 1 and quantity(title) and of_capitals(title, words[-1]):

@@ -27,7 +27,7 @@ from ._prediction import CENTRAL, Predictor
 from ._prior import AbstractPrior
 from ._result import Posterior, strongly_correlated_pairs, summary_of
 from ._rows import Band, Row
-from ._sample import TARGET_ESS, Chain, ChainFile, run_ensemble, split_r_hat
+from ._sample import BLOCK, TARGET_ESS, Chain, ChainFile, run_ensemble, split_r_hat
 
 _FARTHEST_START = 4.0
 """Largest standard coordinate at which the search for the mode begins; chosen by judgement."""
@@ -134,7 +134,8 @@ def sample_posterior(
             """Log posteriors (K,) at the approximation's coordinates (K, D')."""
             return log_posteriors(approximation.at(coordinates))
 
-        estimates, expected = [""], [steps]
+        # How many steps the chain needs is known after the first of its blocks.
+        estimates, expected = [f"at most; how many it needs is said after {BLOCK}"], [steps]
 
         def report(partial_chain: Chain) -> None:
             """Report the chain's estimates so far."""

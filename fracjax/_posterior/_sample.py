@@ -25,7 +25,7 @@ MOVES = (
 """Moves of the walkers and their probabilities; chosen by judgement."""
 _BATCH = 16
 """Points that are evaluated in one call, so that one compiled program serves all moves."""
-_BLOCK = 100
+BLOCK = 100
 """Fewest steps between two checks of convergence; chosen by judgement."""
 _BURN_IN = 5.0
 """Length of the burn-in, in autocorrelation times; chosen by judgement."""
@@ -276,7 +276,7 @@ def run_ensemble(
             state = backend.get_last_sample()
         while True:
             done = backend.iteration
-            block = min(max(_BLOCK, done // 10), steps - done)
+            block = min(max(BLOCK, done // 10), steps - done)
             # The walkers are never degenerate here; emcee's check would cost a step per block.
             states = sampler.sample(state, iterations=block, skip_initial_state_check=True)
             for count, next_state in enumerate(states, done + 1):

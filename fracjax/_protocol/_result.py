@@ -70,7 +70,7 @@ class Protocol(Shown):
 
     @property
     def sentence(self) -> str:
-        """What it is and shows, in one sentence."""
+        """What it is and shows, in a sentence or two."""
         unit, least = self.units[1], self.least
         what = "any effect that it was designed for"
         if len(self.effects) == 1:
@@ -84,10 +84,13 @@ class Protocol(Shown):
             )
             shown += "" if len(self.effects) == 1 else f" ({least.effect} is seen last)"
         both = f" together with {', '.join(self.after)}" if self.after else ""
+        beside = [one for one in self.shows if one.effect not in self.effects]
+        hidden = ", ".join(one.effect for one in beside if one.size is None)
         return (
             f"A drive of {figure(self.duration, 4)} s from {figure(self.limits.low, 4)} to "
             f"{quantity(self.limits.high, self.units[0])}: at a noise of "
             f"{quantity(self.noise, unit)} {shown}{both}."
+            + (f" It does not show {hidden}." if hidden else "")
         )
 
     def table(self) -> tuple[list[str], list[list[str]]]:

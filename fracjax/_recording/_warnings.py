@@ -9,6 +9,11 @@ import numpy as np
 
 from fracjax._recording._periods import Repeats, runs_of, unit_range
 from fracjax._recording._spectrum import fastest
+from fracjax._show import pretty_unit, quantity
+
+_ON_LADDER, _ON_LADDER_SHARE = 0.1, 0.9
+"""Largest distance of a rung from a multiple of the least, and least share of rungs so near, of
+values that were rounded; chosen by judgement: a fifth of what is not rounded is as near."""
 
 
 class Sampled(Protocol):
@@ -88,9 +93,9 @@ def _clipping(recording: Sampled) -> str | None:
         count, beside = (int(np.sum(stuck & (response[1:] == level))) for level in (end, inner))
         if count >= 10 and count > 5 * beside:
             return (
-                f"The response stays at its {name} value, {end:g} "
-                f"{recording.response_unit}, for {count} samples while the drive moves: "
-                "the sensor or its range is clipped."
+                f"The response stays at its {name} value, "
+                f"{end:g} {pretty_unit(recording.response_unit)}, for {count} samples while the "
+                "drive moves: the sensor or its range is clipped."
             )
     return None
 
@@ -110,11 +115,16 @@ def _few_levels(signal: np.ndarray) -> np.ndarray | None:
 def _quantisation(recording: Sampled) -> str | None:
     """A response that takes few distinct values."""
     levels = _few_levels(recording.response)
-    if levels is None:
+    if levels is None or len(levels) < 2:
+        return None
+    apart = np.diff(levels)
+    # What repeats without noise has few values as well, but they are not those of a ladder.
+    rungs = apart / apart.min()
+    if np.mean(np.abs(rungs - np.round(rungs)) < _ON_LADDER) < _ON_LADDER_SHARE:
         return None
     return (
         f"The response takes only {len(levels)} distinct values, about "
-        f"{np.median(np.diff(levels)):.3g} {recording.response_unit} apart: "
+        f"{quantity(float(np.median(apart)), recording.response_unit)} apart: "
         "rounding of that size will look like mismatch."
     )
 
@@ -135,9 +145,9 @@ def _quantised_drive(recording: Sampled) -> str | None:
     if not (even and glides and 2 * held > len(levels) and np.mean(np.abs(moves) <= 1) > 0.9):
         return None
     return (
-        f"The drive takes only {len(levels)} distinct values, {step:.3g} {recording.drive_unit} "
-        "apart: it was recorded more coarsely than it moved, and what the model makes of its steps "
-        "will look like mismatch."
+        f"The drive takes only {len(levels)} distinct values, "
+        f"{quantity(step, recording.drive_unit)} apart: it was recorded more coarsely than it "
+        "moved, and what the model makes of its steps will look like mismatch."
     )
 
 

@@ -28,7 +28,11 @@ def diagnosis_content(diagnosis: Diagnosis) -> dict[str, Any]:
     span = diagnosis.base.preparation.setting.response_span
     return {
         **common_content(
-            fits, diagnosis_figures(diagnosis), diagnosis, beside=_figures_of(diagnosis, names)
+            fits,
+            diagnosis_figures(diagnosis),
+            diagnosis,
+            predicted=[predicted] if (predicted := diagnosis.held_out.predicted) else [],
+            beside=_figures_of(diagnosis, names),
         ),
         "title": f"Diagnosis of {sources(diagnosis.base)}",
         "sentence": diagnosis.sentence,

@@ -70,7 +70,7 @@ def comparison_content(comparison: Comparison) -> dict[str, Any]:
         "headers": headers,
         "rows": rows,
         "facts": [*content["facts"], held_out],
-        "warnings": [*comparison.refuted, *content["warnings"]],
+        "warnings": [*comparison.remarks, *content["warnings"]],
         "downloads": [attached, *content["downloads"]],
     }
 

@@ -16,7 +16,7 @@ from .._recording import Recording
 from .._show import pretty_unit, quantity
 from ._bokehjs import Field, Model
 from ._drawn_samples import bins_of_samples, drawn_samples
-from ._plot import BRUSHED, MEASURED, draw, draw_band, draw_line, empty_plot, one, table
+from ._plot import BRUSHED, MEASURED, draw, draw_band, draw_line, draw_reach, empty_plot, one, table
 from ._strips import Strip
 
 if TYPE_CHECKING:
@@ -24,11 +24,17 @@ if TYPE_CHECKING:
 
 
 class Curve(NamedTuple):
-    """A simulated response (N,) [response unit] with the name and the colour of its model."""
+    """A simulated response (N,) [response unit] with the name and the colour of its model, and how
+    far (N,) 95 % of new samples may be off, if that is drawn."""
 
     name: str
     response: np.ndarray
     colour: str
+    reach: np.ndarray | None = None
+
+
+_ENDS = (("low", -1.0), ("high", 1.0))
+"""Of the interval of a prediction."""
 
 
 class _Line(NamedTuple):
@@ -79,6 +85,7 @@ def linked_plots(
     residuals = [np.where(used, recording.response - c.response, np.nan) for c in curves]
     signals = (recording.drive, recording.response, *map(np.nan_to_num, residuals))
     chosen = drawn_samples(signals)
+    reached = [(k, c.response, c.reach) for k, c in enumerate(curves) if c.reach is not None]
     columns = {
         "drive": recording.drive,
         "counted_drive": np.where(used, recording.drive, np.nan),
@@ -86,6 +93,12 @@ def linked_plots(
         **{f"simulated_{k}": curve.response for k, curve in enumerate(curves)},
         **{f"residual_{k}": residual for k, residual in enumerate(residuals)},
         **{f"explained_{k}": curve.response for k, curve in enumerate(explained)},
+        **{f"{end}_{k}": sign * reach for end, sign in _ENDS for k, _, reach in reached},
+        **{
+            f"simulated_{end}_{k}": response + sign * reach
+            for end, sign in _ENDS
+            for k, response, reach in reached
+        },
     }
     samples = table(
         {
@@ -132,8 +145,12 @@ def linked_plots(
     if sigma is not None:
         for plot in (figures[1], figures[-1]):
             draw_band(plot, -2 * sigma, 2 * sigma)
+    for k, *_ in reached:
+        for plot, stem in ((figures[0], "simulated_"), (figures[1], "")):
+            ends = f"{stem}low_{k}", f"{stem}high_{k}"
+            draw_reach(plot, samples, "time", ends, curves[k].colour, f"model_{k}")
     levels = [quantity(_rms(residual), recording.response_unit) for residual in residuals]
-    title = "all samples:\n" + "; ".join(
+    title = "all samples:\n" + "\n".join(
         f"{curve.name}: {level} rms" for curve, level in zip(curves, levels, strict=True)
     )
     figures[1].title.text = title

@@ -97,6 +97,15 @@ def draw(plot: Model, source: Model, glyph: Model, **shown: Any) -> Model:
     return renderer
 
 
+def draw_reach(
+    plot: Model, source: Model, x: str, ends: tuple[str, str], colour: str, name: str
+) -> None:
+    """Draw the area between two columns over another, behind everything else."""
+    low, high = map(Field, ends)
+    area = Model("VArea", x=Field(x), y1=low, y2=high, **one(fill_color=colour))
+    draw(plot, source, area.like(fill_alpha=_SEEN_FAINTLY), name=name, level="underlay")
+
+
 def draw_band(plot: Model, low: float, high: float) -> None:
     """Draw the band between two levels of what noise alone causes."""
     band = {"fill_alpha": 0.2, "line_color": MEASURED, "line_dash": "dashed"}

@@ -47,6 +47,6 @@ recordings.forEach((samples, k) => {
     const mean = squares.reduce((sum, v) => sum + v, 0) / squares.length
     return `${name}: ${squares.length ? short(Math.sqrt(mean)) : "–"} ${unit} rms`
   })
-  const what = whole[k] ? levels.join("; ") : `${indices.length} of the drawn samples`
+  const what = whole[k] ? levels.join("\n") : `${indices.length} of the drawn samples`
   titles[k].text = `brushed, ${short(first)} to ${short(last)} s:\n${what}`
 })

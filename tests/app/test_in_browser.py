@@ -47,6 +47,7 @@ def test_from_a_file_to_the_report(served, diagnosis, tmp_path, monkeypatch):
         page.goto(served.address)
         page.set_input_files("input[type=file]", file)
         page.get_by_text("400 samples at 100 Hz").wait_for()
+        assert not page.get_by_text("fracjax is starting.").is_visible()
         assert (served.folder / "loop.csv").read_bytes() == file.read_bytes()
 
         # A stretch is brushed and left out.

@@ -44,6 +44,16 @@ def test_with_the_token_it_opens(served):
     assert status(served, "/", Cookie=f"fracjax_token={served.token}") == 200
 
 
+def test_something_is_painted_before_the_scripts_come(served):
+    connection = http.client.HTTPConnection(served.host, timeout=30)
+    connection.request("GET", f"/?token={served.token}")
+    page = connection.getresponse().read().decode()
+    connection.close()
+    assert page.count("bokeh.min.js") == 1
+    assert page.index("fracjax is starting.") < page.index("bokeh.min.js")
+    assert "<script" not in page[: page.index("fracjax is starting.")]
+
+
 def test_by_another_name_it_is_forbidden(served):
     """As a foreign page would try that has its own name lead to 127.0.0.1."""
     assert status(served, f"/?token={served.token}", Host="evil.example") == 403

@@ -1,16 +1,20 @@
 """The commands diagnose and demo."""
 
 import json
+import re
 from pathlib import Path
 
 import numpy as np
 import pytest
 
 import fracjax as fj
+from docs.tables import README, ROOT
 from fracjax._cli import run
 from fracjax._io import read
 from tests.cli.helpers import FOLDER, written
 from tests.helpers import without_progress
+
+TUTORIAL = ROOT / "docs" / "tutorial.md"
 
 
 def test_diagnose(loop, quick, capsys):
@@ -58,10 +62,34 @@ def test_small_tones_leave_tables_of_the_frequency_response(loop, quick, monkeyp
     assert abs(table.response) == pytest.approx(0.2)
 
 
+def squeezed(text: str) -> str:
+    return " ".join(text.split())
+
+
 @pytest.mark.slow
 def test_the_demo_ends_as_the_readme_says(empty_folder, capsys):
+    """What README and tutorial show of the demonstration is what the program prints."""
     assert run(["demo"]) == 0
-    assert "foh leaves out minor_loop_memory" in capsys.readouterr().out
+    assert run(["info", "loop.csv"]) == 0
+    assert run(["fit", "loop.csv", "--model", "foh", "--holdout", "other.csv", "--out", "out"]) == 0
+    printed = squeezed(capsys.readouterr().out)
+    # Diagnosis and fit say one thing of the same model on the same data.
+    assert len({*re.findall(r"RMSE, held-out data (\S+)", printed)}) == 1
+    numbers = [float(each) for each in re.findall(r"\d+\.\d+", printed)]
+    for page, prose in ((README, r"!\[.*?^## Install"), (TUTORIAL, r"^## 2\..*?^## 3\.")):
+        text = page.read_text(encoding="utf-8")
+        blocks = re.findall(r"^```text\n(.*?)^```", text, re.DOTALL | re.MULTILINE)
+        assert blocks
+        pieces = re.split(r"…|\n", "\n".join(blocks))
+        assert [each for each in map(squeezed, pieces) if each not in printed] == []
+        shown = re.search(prose, text, re.DOTALL | re.MULTILINE)
+        assert shown is not None
+        sentences = re.sub(r"```.*?```", "", shown[0], flags=re.DOTALL)
+        quoted = re.findall(r"(?<![\w.])\d*\.\d+(?=\D)", sentences)
+        assert quoted
+        for each in quoted:
+            digits = len(each.partition(".")[2])
+            assert float(each) in {round(number, digits) for number in numbers}, each
 
 
 def test_demo(quick, capsys):

@@ -220,7 +220,7 @@ def test_a_limit_counts_down_beside_the_present_stage(monkeypatch):
 def test_a_count_is_a_line_now_and_then_with_the_time_for_the_rest(capsys, monkeypatch):
     now = [0.0]
     monkeypatch.setattr("fracjax._cli._progress.time.monotonic", lambda: now[0])
-    with chain_bar(quiet=False, steps=100) as count:
+    with chain_bar(quiet=False, steps=100) as (_, count):
         for done in range(1, 7):
             now[0] += 4.0
             count(done, 100, "k = 1")

@@ -54,5 +54,5 @@ def test_a_jump_is_told_and_no_drift_is_named():
     steps = 0.03 * (TIMES >= 4.4) + 0.02 * (TIMES >= 9.1)
     diagnosis = fj.diagnose("creep", creeping(steps + 0.01 * generator.standard_normal(TIMES.size)))
     assert (diagnosis.verdict, diagnosis.effects) == ("unexplained", ())
-    jumps = re.findall(r"by ([\d.]+) um at ([\d.]+) s", diagnosis.sentence)
+    jumps = re.findall(r"by ([\d.]+) µm at ([\d.]+) s", diagnosis.sentence)
     np.testing.assert_allclose(np.array(jumps, float), [(0.03, 4.4), (0.02, 9.1)], atol=0.01)

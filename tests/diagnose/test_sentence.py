@@ -122,13 +122,13 @@ def named(*confusable_with: str, name: str = "creep") -> NamedEffect:
 
 def test_a_verdict_of_none_names_what_could_be_hidden(monkeypatch):
     assert said("none") == (
-        "foh and the recording agree within the noise floor of 1 um (specification); the effect "
+        "foh and the recording agree within the noise floor of 1 µm (specification); the effect "
         "that could hide best is creep, detectable only if it changes the response by more than "
-        "0.25 um rms."
+        "0.25 µm rms."
     )
     elsewhere = replace(HELD_OUT, method="recording", base_rmse=40.0)
     assert said("none", held_out=elsewhere) == said("none") + (
-        " But its error on the held-out recording is 40 um, 40 times the noise: that recording "
+        " But its error on the held-out recording is 40 µm, 40 times the noise: that recording "
         "shows an effect that this one does not, or this one does not determine the parameters "
         "well enough to predict it; diagnose both together."
     )
@@ -142,17 +142,17 @@ def test_a_verdict_of_none_names_what_could_be_hidden(monkeypatch):
 
 def test_an_error_above_the_noise_is_not_called_agreement():
     assert said("none", excess=0.5).startswith(
-        "No effect is significant in the residual of foh, but the residual is 1.5 um, more than "
-        "the noise floor of 1 um (specification)."
+        "No effect is significant in the residual of foh, but the residual is 1.5 µm, more than "
+        "the noise floor of 1 µm (specification)."
     )
     # Whitened it may be as the noise is, and yet be far above it.
     far = SimpleNamespace(**{**vars(BASE), "scores": SimpleNamespace(rmse=2.1)})
-    assert "the residual is 2.1 um, more than" in said("none", base_fit=far)
+    assert "the residual is 2.1 µm, more than" in said("none", base_fit=far)
 
 
 def test_what_is_missing_is_told_with_what_it_brings():
     law = fj.EFFECTS["creep"].sentence
-    falls = " With it the error on held-out data falls from 0.3 to 0.1 um (noise floor 1 um)."
+    falls = " With it the error on held-out data falls from 0.3 to 0.1 µm (noise floor 1 µm)."
     assert said("missing", [named()]) == f"foh leaves out creep ({law}).{falls}"
     assert said("confusable", [named("resonance", "delay")]) == (
         f"foh leaves out creep ({law}), or an effect that this drive cannot distinguish from it: "
@@ -182,7 +182,7 @@ def test_without_a_model_the_dynamics_are_told():
     whatever = "Whatever law of hysteresis the actuator has, the recording shows "
     assert said("missing", [named()], inquiry=asked).startswith(f"{whatever}creep ({law})")
     assert said("none", inquiry=asked) == (
-        f"{whatever}no dynamics beyond the noise floor of 1 um (specification); what the drive "
+        f"{whatever}no dynamics beyond the noise floor of 1 µm (specification); what the drive "
         "could not have shown is listed."
     )
     most = inquiry(model=None, is_adequate=False, path_misfit=8.0)
@@ -194,8 +194,8 @@ def test_without_a_model_the_dynamics_are_told():
 
 def test_the_loop_s_shape_is_told_with_its_size():
     shape = Shape(0.31, "um", 0.97, "foh")
-    falls = " With it the error on held-out data falls from 0.3 to 0.1 um (noise floor 1 um)."
-    size = " The loop's shape differs from that of foh by 0.31 um rms, 97 % of the mismatch."
+    falls = " With it the error on held-out data falls from 0.3 to 0.1 µm (noise floor 1 µm)."
+    size = " The loop's shape differs from that of foh by 0.31 µm rms, 97 % of the mismatch."
     assert said("missing", [named(name="hysteresis_shape")], shape=shape) == (
         "The hysteresis loop of foh does not have the actuator's shape; no other effect is "
         f"significant.{size}{falls}"
@@ -206,7 +206,7 @@ def test_the_loop_s_shape_is_told_with_its_size():
 
 
 def test_jumps_are_told_at_the_end():
-    jumps = "The response jumps by 2 um at 3 s."
+    jumps = "The response jumps by 2 µm at 3 s."
     assert said("unexplained", jumps=jumps) == f"{said('unexplained')} {jumps}"
 
 
@@ -217,7 +217,7 @@ def test_an_error_on_held_out_data_far_above_the_noise_is_remarked_on():
 
 def test_an_error_on_held_out_data_that_rises_is_not_said_to_fall():
     worse = HeldOut("recording", 0.3, 0.31, (0.3,), (0.31,), "b.csv")
-    assert "on held-out data rises from 0.3 to 0.31 um" in said(
+    assert "on held-out data rises from 0.3 to 0.31 µm" in said(
         "missing", [named()], held_out=worse
     )
 

@@ -469,7 +469,8 @@ def test_every_remedy_works_as_it_is_printed(put, name, capsys):
             r"(?:; |, or |or )?give (--.*?)(?: or | if | where |, which | to |, or |\.$)", message
         )
         assert remedy, message
-        options += shlex.split(remedy[1].replace("such as ", "").rstrip(",."))
+        words = remedy[1].replace("such as ", "").replace(" and --", " --").rstrip(",.")
+        options += shlex.split(words)
     raise AssertionError(options)
 
 

@@ -320,14 +320,14 @@ def test_a_good_recording_has_no_warnings():
 def test_clipping(sign, name):
     response = sign * np.minimum(SINE + 1e-3 * NOISE[:8000], 0.9)
     (warning,) = record(SINE, response).checks()
-    assert f"{name} value, {sign * 0.9:g} um" in warning
+    assert f"{name} value, {sign * 0.9:g} µm" in warning
 
 
 def test_a_held_drive_or_coarse_codes_do_not_look_clipped():
     trapezoid = np.clip(2 * SINE, -1, 1)
     assert record(trapezoid, 40 * trapezoid**3).checks() == ()
     (warning,) = record(SINE, np.round(20 * SINE)).checks()
-    assert "41 distinct values, about 1 um apart" in warning
+    assert "41 distinct values, about 1 µm apart" in warning
 
 
 def test_few_samples_per_period():

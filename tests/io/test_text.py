@@ -51,6 +51,89 @@ def is_the_loop(recording: Recording) -> None:
 # What is read -------------------------------------------------------------------------------------
 
 
+BASIC = [f"20261128T2359{59.9 + 0.005 * k:06.3f}" for k in range(20)]
+BASIC += [f"20261129T0000{0.005 * k:06.3f}" for k in range(20)]
+
+
+PLAIN = lines_of(DRIVE, RESPONSE, names=("voltage", "position"))
+
+
+@pytest.mark.parametrize(
+    ("lines", "units"),
+    [
+        # A stroke within a unit, and shares.
+        (lines_of(names=("time_s", "field_kV/mm", "strain_ppm")), ("kV/mm", "ppm")),
+        # An object of JSON, and a mapping of YAML.
+        (
+            ['# {"fs": 200, "units": ["V", "um"]}', *PLAIN],
+            ("V", "um"),
+        ),
+        (
+            ["rate: 200", "units: {voltage: V, position: um}", *PLAIN],
+            ("V", "um"),
+        ),
+        # Values of a key above a table without names.
+        (["#UNITS:V;um", "#RATE=200", *lines_of(DRIVE, RESPONSE, names=(), separator=";")],
+         ("V", "um")),
+        # Stamps in ISO's basic form, over midnight.
+        (
+            ["stamp,voltage_V,position_um"]
+            + [f"{t},{u!r},{y!r}" for t, u, y in
+               zip(BASIC, DRIVE.tolist(), RESPONSE.tolist(), strict=True)],
+            ("V", "um"),
+        ),
+        # Names above a line of dashes, and above a comment of as many words.
+        ([lines_of()[0], "-" * 30, *lines_of()[1:]], ("V", "um")),
+        ([lines_of()[0], "# measured in air", *lines_of()[1:]], ("V", "um")),
+        # Another table below.
+        ([*lines_of(), "", "frequency [Hz],gain [dB]", "1,2", "2,3"], ("V", "um")),
+    ],
+)  # fmt: skip
+def test_what_is_declared_in_other_ways(put, lines, units):
+    recording = read(put(lines))
+    is_the_loop(recording)
+    assert (recording.drive_unit, recording.response_unit) == units
+
+
+def test_a_rate_with_thousands_beside_decimal_commas(put):
+    rows = [line.replace(".", ",") for line in lines_of(DRIVE, RESPONSE, names=(), separator=";")]
+    recording = read(put(["# Abtastrate: 1.000,0 Hz", "Spannung [V];Weg [um]", *rows]))
+    assert recording.rate == pytest.approx(1000)
+
+
+def test_zeros_behind_the_last_row_are_none_of_it(put):
+    """As a logger leaves them that lost its power before it had filled its file."""
+    is_the_loop(read(put("\n".join(lines_of()).encode() + b"\n" + bytes(512))))
+
+
+def test_pieces_of_a_text_end_with_its_lines(put, monkeypatch):
+    """Arrow reads it in pieces of memory of its own, here of a few lines each."""
+    monkeypatch.setattr("fracjax._io._text._PIECE", 200)
+    is_the_loop(read(put(lines_of())))
+
+
+def test_rows_that_all_stand_twice_are_taken_once(put):
+    head, *rows = lines_of()
+    recording = read(put([head, *(row for row in rows for _ in range(2))]))
+    is_the_loop(recording)
+    assert "40 row(s) stand there twice" in recording.warnings[0]
+
+
+def test_stamps_of_single_precision_are_uniform(put):
+    """Nine digits, which are those of float32."""
+    stamps = [f"{np.float32(1234.5 + t):.9g}" for t in TIME]
+    rows = zip(stamps, DRIVE.tolist(), RESPONSE.tolist(), strict=True)
+    path = put([",".join(NAMES)] + [f"{t},{u},{y}" for t, u, y in rows])
+    assert read(path).rate == pytest.approx(200, rel=1e-4)
+
+
+def test_thousands_parted_by_a_space_that_does_not_break(put):
+    parted = [f"{1e4 * u:,.4f}".replace(",", "\u202f") for u in DRIVE]
+    rows = zip(TIME.tolist(), parted, RESPONSE.tolist(), strict=True)
+    path = put(["time_s;voltage_mV;displacement_um"] + [f"{t};{u};{y}" for t, u, y in rows])
+    np.testing.assert_allclose(read(path).drive, 1e4 * DRIVE, atol=1e-4)
+
+
 def test_real_recording():
     path = DATA / "piezo_dbo" / "Model_Vi_Do.dat"
     if not path.exists():
@@ -263,7 +346,38 @@ def test_a_bracket_that_is_no_unit_is_none(put):
 
 REFUSED = {
     "empty": ("", {}, "expected rows of numbers, found an empty file"),
+    "a factor in a name": (
+        lines_of(names=("time_s", "monitor (1 V = 10 V drive) [V]", "displacement_um")),
+        {},
+        "a name without a factor, found .*; give --unit drive=V",
+    ),
+    "a sensitivity in a name": (
+        lines_of(names=("time_s", "voltage_V", "sensor [V] (10 um/V)")),
+        {},
+        "a name without a factor, found .*; give --unit response=V",
+    ),
+    "a divided name": (
+        lines_of(names=("time_s", "voltage/10 [V]", "displacement_um")),
+        {},
+        "a name without a factor, found .*; give --unit drive=V",
+    ),
+    "force and motion": (
+        lines_of(names=("Time [s]", "Extension [mm]", "Load [N]")),
+        {},
+        "columns for input, found .*; give --input 'Load ",
+    ),
+    "two voltages": (
+        lines_of(names=("time_s", "CH1_V", "CH2_V")),
+        {},
+        "give --input CH1_V and --output CH2_V, or --input CH2_V and --output CH1_V",
+    ),
+    "a time without a name": (
+        lines_of(names=("device", "u_V", "x_um")),
+        {},
+        "a time column or a rate, .*; give --time device, in even steps, or --rate",
+    ),
     "only comments": ("# a\n\n", {}, "found an empty file"),
+    "a list of JSON": ('[{"time_s": 0, "u": 1}]', {}, "found JSON; save its arrays as"),
     "only names": ("time_s,u,y\n", {}, "found only a line of names"),
     "ten samples": (lines_of()[:11], {}, "expected at least 32 samples, found 10"),
     "one sample": (lines_of()[:2], {}, "expected at least 32 samples, found 1"),
@@ -290,7 +404,7 @@ REFUSED = {
     "two responses": (
         lines_of(names=("u_V", "x_um", "y_um")),
         {"rate": 200},
-        'one column for output, found "x_um" .*, "y_um" .*; give --output x_um or give --output y',
+        'one column for output, found "x_um" .*, "y_um" .*; give --output x_um or --output y',
     ),
     "twice the same": (lines_of(), {"input": 1, "output": 1}, "--input 1, --output 1"),
     "no such name": (lines_of(), {"input": "w"}, 'a column "w", found .*"voltage_V".*--input'),

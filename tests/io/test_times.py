@@ -12,7 +12,7 @@ from hypothesis import strategies as st
 
 from fracjax._cli import run
 from fracjax._io import _FORMATS, read, read_drive, read_segments, write
-from fracjax._io._clocks import is_time
+from fracjax._io._even import is_time
 from fracjax._recording import InputError
 from tests.io.layouts import (
     COUNT,

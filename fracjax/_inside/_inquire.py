@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import equinox as eqx
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import softmax
@@ -298,7 +299,12 @@ def _finer(preparation: Preparation) -> Preparation:
 
 
 def _started(block: Within, about: About, one: Hypothesis, worth: Worth, factor: float) -> Within:
-    """A machine with the effects of a hypothesis about it, at a factor of their sizes."""
+    """A machine with the effects of a hypothesis about it, at a factor of their sizes.
+
+    Where a port may have several places, that of the hypothesis' first effect is taken.
+    """
+    machine = about.shapes[one.kinds[0]].machine
+    block = eqx.tree_at(lambda within: within.machine, block, machine)
     for kind, values in zip(one.kinds, about.coefficients(one, worth), strict=True):
         for (site, effect), coefficient in zip(about.shapes[kind].inside, values, strict=True):
             signed = INSIDE[block_name(effect)].one_sided

@@ -201,9 +201,9 @@ class Within(AbstractBlock):
         return tuple(eqx.tree_at(lambda block: block.machine, self, m) for m in machines)
 
     def _beginning_as(self, other: Within) -> Within:
-        """This machine with the start and the drive's offset of another."""
-        values = {"start": other.start.value, "drive_offset": other.drive_offset.value}
-        return set_values(self, values)
+        """This machine with the start of another, fixed where that is, and its drive's offset."""
+        begun = eqx.tree_at(lambda block: block.start, self, other.start)
+        return set_values(begun, {"drive_offset": other.drive_offset.value})
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
         return self.respond_to(drive, jnp.zeros((1, drive.size)), grid)[0]

@@ -46,8 +46,8 @@ class Filters(AbstractMachine):
         zeros: η/2π (2,) [Hz].
         zero_dampings: ξ (2,), dimensionless; 0 where a frequency does not pass.
 
-    Source: Schoukens & Ljung, IEEE Control Syst. Mag. 39 (2019) 28, block-oriented models; Oppenheim
-    & Schafer, Discrete-Time Signal Processing (2010), appendix B, for filters with zeros.
+    Source: Schoukens & Ljung, IEEE Control Syst. Mag. 39 (2019) 28, block-oriented models;
+    Oppenheim & Schafer, Discrete-Time Signal Processing (2010), appendix B, filters with zeros.
     """
 
     gain: Parameter

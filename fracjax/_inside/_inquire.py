@@ -176,7 +176,11 @@ class _Inquiry:
         return [self.fits[k] for k in order], softmax(logs)[order]
 
     def search(self) -> None:
-        """Fit what may be missing about the best fit, as long as that changes it."""
+        """Fit what may be missing about the best fit, as long as that changes it.
+
+        With a finer step a set may need an effect less, which was there for the longer step's error.
+        """
+        self._reduce(self.ranked()[0][0])
         best = self.ranked()[0][0]
         for _ in range(_ROUNDS):
             self._extend(best)
@@ -187,7 +191,8 @@ class _Inquiry:
             best = self.ranked()[0][0]
 
     def is_coarse(self) -> bool:
-        """Whether half the step changes the best fit by more than is told apart."""
+        """Whether half the step changes the best fit by more than is told apart, beside what the
+        machine's own parameters absorb: what an effect absorbs, it may be there for."""
         solved, worth = self.ranked()[0][0].solved, self.worth
         now, finer = solved.preparation, _finer(solved.preparation)
         if not solved.block.effects or finer.oversampling > _FINEST:  # type: ignore[attr-defined]
@@ -196,7 +201,7 @@ class _Inquiry:
             np.concatenate([p.whiten(p.respond(solved.block)) for p in each.problems()])
             for each in (now, finer)
         ]
-        basis = orthonormal_basis(solved.whitened_derivative())
+        basis = orthonormal_basis(_machines_own(solved))
         change = ends[1] - ends[0]
         change = change - basis @ (basis.T @ change)
         samples = self.fits[0].about.samples
@@ -291,6 +296,14 @@ class _Inquiry:
         preparation = self.fits[0].solved.preparation
         descent = begin(start, preparation.problems(), preparation.conditions)
         return descend(_adapted(descent, start, held), _FREE)
+
+
+def _machines_own(solved: Solved) -> np.ndarray:
+    """The whitened derivative (ΣL, d) by the machine's own parameters and the offsets."""
+    parameters, _, whitened = solved.sensitivity()
+    is_own = np.ones(whitened.shape[1], dtype=bool)
+    is_own[: len(parameters)] = [_place(p.name) < 0 for p in parameters]
+    return whitened[:, is_own]
 
 
 def _finer(preparation: Preparation) -> Preparation:

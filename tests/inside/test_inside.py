@@ -153,6 +153,14 @@ def test_the_drives_offset_is_free_where_it_differs_from_one_of_the_response(mac
     assert machine.drive_offset.fixed is not free
 
 
+WAVES = {
+    "wave": np.cos(0.1 * np.arange(1000)),
+    "machine": np.cos(0.2 * np.arange(1000)),
+    "effect": np.cos(0.3 * np.arange(1000)),
+    "offset": np.ones(1000),
+}
+
+
 @dataclass
 class Stepped:
     """Recordings of unit noise whose response is wrong by the square of the step along a wave."""
@@ -162,7 +170,7 @@ class Stepped:
     along: str = "wave"
 
     def problems(self):
-        wave = np.cos(0.1 * np.arange(1000)) if self.along == "wave" else np.ones(1000)
+        wave = WAVES[self.along]
         error = self.size * wave / self.oversampling**2
         return [SimpleNamespace(whiten=lambda signal: signal, respond=lambda block: error)]
 
@@ -172,15 +180,20 @@ class Stepped:
     [
         (Stepped(1, 1.0), True),
         (Stepped(8, 1.0), False),
-        (Stepped(1, 1.0, along="tangent"), False),
+        (Stepped(1, 1.0, along="machine"), False),
+        (Stepped(1, 1.0, along="effect"), True),
         (Stepped(64, 1e6), False),
     ],
-    ids=["long", "short", "absorbed", "finest"],
+    ids=["long", "short", "absorbed by the machine", "absorbed by an effect", "finest"],
 )
 def test_a_step_is_too_long_where_half_of_it_is_told_apart(preparation, coarse):
     solved = SimpleNamespace(
         block=SimpleNamespace(effects=("one",)), preparation=preparation, cost=1000.0,
-        whitened_derivative=lambda: np.ones((1000, 1)),
+        sensitivity=lambda: (
+            [SimpleNamespace(name=n) for n in ("machine.gain", "effects.0.size")],
+            None,
+            np.stack([WAVES[of] for of in ("machine", "effect", "offset")], axis=1),
+        ),
     )  # fmt: skip
     fit = SimpleNamespace(
         names=("one",), solved=solved,

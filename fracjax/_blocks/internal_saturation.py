@@ -31,7 +31,6 @@ class InternalSaturation(AbstractForce):
     limit: Parameter
     kind = "flow"
     size = "overflow"
-    is_placed = False
 
     def __init__(self, overflow: float = 1.0, limit: float = 1.0):
         self.overflow = positive(overflow, "drive/response")

@@ -29,7 +29,6 @@ class RootOutflow(AbstractForce):
     empty: Parameter
     kind = "flow"
     size = "outflow"
-    is_placed = False
 
     def __init__(self, outflow: float = 1.0, empty: float = 0.0):
         self.outflow = positive(outflow, "drive*response^-0.5")

@@ -178,7 +178,7 @@ class _Inquiry:
     def search(self) -> None:
         """Fit what may be missing about the best fit, as long as that changes it.
 
-        With a finer step a set may need an effect less, which was there for the longer step's error.
+        With a finer step a set may need an effect less, which was there for a longer one's error.
         """
         self._reduce(self.ranked()[0][0])
         best = self.ranked()[0][0]
@@ -240,20 +240,28 @@ class _Inquiry:
         alone = [names for names in sets if len(names) == 1][:_ALONE]
         least = posterior.best.log_posterior + np.log(_WORTHY)
         likely = [n for n, own in sets.items() if n and own[0].log_posterior > least][:_TOGETHER]
-        for names in dict.fromkeys([*alone, *likely]):
-            whole = tuple(sorted((*fit.names, *names)))
-            if len(whole) > MOST_EFFECTS or any(f.names == whole for f in self.fits):
-                continue
-            if time_is_over():
-                break
-            self.progress(f"fitting {' and '.join(whole)}")
-            shapes = {one.kinds: one for one in reversed(sets[names])}
-            starts = [
-                _started(fit.block, about, hypothesis, worth, factor)
-                for hypothesis in shapes.values()
-                for factor in _STARTS
-            ]
-            self._fit(whole, starts, len(fit.block.effects))
+
+        def fit_each(several: Sequence[tuple[str, ...]]) -> None:
+            for names in dict.fromkeys(several):
+                whole = tuple(sorted((*fit.names, *names)))
+                if len(whole) > MOST_EFFECTS or any(f.names == whole for f in self.fits):
+                    continue
+                if time_is_over():
+                    break
+                self.progress(f"fitting {' and '.join(whole)}")
+                shapes = {one.kinds: (about, one) for one in reversed(sets[names])}
+                starts = [
+                    _started(fit.block, beside, one, worth, factor)
+                    for beside, one in [*shapes.values(), *_by_form(about, names, worth)]
+                    for factor in _STARTS
+                ]
+                self._fit(whole, starts, len(fit.block.effects))
+
+        fit_each([*alone, *likely])
+        # A set is complete only where what could stand in its effect's place was fitted too.
+        more = {*self.ranked()[0][0].names} - {*fit.names}
+        if len(more) == 1:
+            fit_each([(name,) for name in _alike(*more) if (name,) in sets])
 
     def _judged(self, about: About) -> tuple[Posterior, Worth]:
         """The posterior to first order about a fit, and what it judges by: what the best set
@@ -309,6 +317,37 @@ def _machines_own(solved: Solved) -> np.ndarray:
 def _finer(preparation: Preparation) -> Preparation:
     """The same with half the step."""
     return replace(preparation, oversampling=2 * preparation.oversampling)
+
+
+def _alike(name: str) -> list[str]:
+    """The effects that the catalogue says look like one, or that one looks like."""
+    return [
+        other
+        for other, effect in INSIDE.items()
+        if name in effect.separated_by or other in INSIDE[name].separated_by
+    ]
+
+
+def _by_form(about: About, names: tuple[str, ...], worth: Worth) -> list[tuple[About, Hypothesis]]:
+    """The best shape of each form of an effect that has several, as friction has one with bristles
+    and one without: to first order one may hide the other."""
+    own: dict[type, list[int]] = {}
+    for k, (kind, shape) in enumerate(zip(about.kinds, about.shapes, strict=True)):
+        if names == (kind.name,):
+            own.setdefault(type(shape.inside[0][1]), []).append(k)
+    forms = [
+        replace(
+            about,
+            kinds=tuple(about.kinds[k] for k in places),
+            shapes=tuple(about.shapes[k] for k in places),
+        )
+        for places in own.values()
+    ]
+    if len(forms) < 2:
+        return []
+    return [
+        (form, next(one for one in form.posterior(worth).hypotheses if one.names)) for form in forms
+    ]
 
 
 def _started(block: Within, about: About, one: Hypothesis, worth: Worth, factor: float) -> Within:

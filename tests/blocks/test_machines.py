@@ -395,13 +395,11 @@ def test_trials_are_of_the_size_that_the_motion_has(name):
 
 
 PLACES = {
-    "root_outflow": "empty",
-    "internal_saturation": "limit",
     "diode": "threshold",
     "clipping": "middle",
     "dead_zone": "middle",
 }
-"""The parameters that say where an effect is."""
+"""The parameters that say where an effect between filters is."""
 
 
 @pytest.mark.parametrize("name", INSIDE)

@@ -42,6 +42,7 @@ _PUBLISHED = {
     ("silverbox", "arrow head"): ("silverbox arrow head mV", 1e-3),
     ("silverbox", "multisine"): ("silverbox multisine mV", 1e-3),
     ("tanks", "validation"): ("cascaded tanks V", 1.0),
+    ("wiener_hammerstein", "test"): ("Wiener-Hammerstein mV", 1e-3),
 }
 """The columns of published figures, and what they are in the test's unit."""
 

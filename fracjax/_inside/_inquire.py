@@ -28,7 +28,7 @@ from .._solve import (
 )
 from ._columns import Column, Columns, columns_of
 from ._posterior import About, Worth
-from ._result import Candidate, Inside
+from ._result import ALTERNATIVE, Candidate, Inside
 
 _ALONE, _TOGETHER = 4, 3
 """Effects that are fitted alone in each round, and likely sets; chosen by judgement."""
@@ -181,14 +181,21 @@ class _Inquiry:
         With a finer step a set may need an effect less, which was there for a longer one's error.
         """
         self._reduce(self.ranked()[0][0])
-        best = self.ranked()[0][0]
+        extended: set[tuple[str, ...]] = set()
         for _ in range(_ROUNDS):
-            self._extend(best)
-            before, best = best, self.ranked()[0][0]
-            if best is before or time_is_over():
+            # What could stand in the best set's place may be what leads to a better one.
+            ranked, probabilities = self.ranked()
+            likely = [
+                fit
+                for fit, probability in zip(ranked[:2], probabilities[:2], strict=True)
+                if probability >= ALTERNATIVE * probabilities[0] and fit.names not in extended
+            ]
+            if not likely or time_is_over():
                 break
-            self._reduce(best)
-            best = self.ranked()[0][0]
+            for fit in likely:
+                self._extend(fit, again=fit is not ranked[0])
+                extended.add(fit.names)
+            self._reduce(self.ranked()[0][0])
 
     def is_coarse(self) -> bool:
         """Whether half the step changes the best fit by more than is told apart, beside what the
@@ -224,8 +231,9 @@ class _Inquiry:
         ]
         return replace(self, columns=columns, fits=fits)
 
-    def _extend(self, fit: _Fit) -> None:
-        """Fit the most probable sets of further effects about a fit."""
+    def _extend(self, fit: _Fit, *, again: bool) -> None:
+        """Fit the most probable sets of further effects about a fit; `again` those too that were
+        fitted about another."""
         self.progress("comparing effects")
         is_first = fit is self.fits[0]
         columns = self.columns if is_first else columns_of(fit.solved, self.columns.others)
@@ -244,7 +252,8 @@ class _Inquiry:
         def fit_each(several: Sequence[tuple[str, ...]]) -> None:
             for names in dict.fromkeys(several):
                 whole = tuple(sorted((*fit.names, *names)))
-                if len(whole) > MOST_EFFECTS or any(f.names == whole for f in self.fits):
+                there = any(f.names == whole for f in self.fits)
+                if len(whole) > MOST_EFFECTS or (there and not again):
                     continue
                 if time_is_over():
                     break
@@ -297,6 +306,10 @@ class _Inquiry:
             return
         block = best.objective.at(best.position).blocks[0]
         solved = solve_from([block], self.fits[0].solved.preparation)
+        same = next((fit for fit in self.fits if fit.names == names), None)
+        if same is not None and same.solved.cost <= solved.cost:
+            return
+        self.fits = [fit for fit in self.fits if fit is not same]
         self.fits.append(_Fit.of(solved, names, self.columns.others))
 
     def _descent(self, start: Within, held: int) -> Descent:

@@ -9,7 +9,16 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import fracjax as fj
-from fracjax._blocks import INSIDE, CubicStiffness, DryFriction, Mass, Oscillator, Within
+from fracjax._blocks import (
+    INSIDE,
+    CubicStiffness,
+    DryFriction,
+    LuGre,
+    Mass,
+    Modes,
+    Oscillator,
+    Within,
+)
 from fracjax._computing import computing
 from fracjax._inside import (
     About,
@@ -280,6 +289,89 @@ def test_a_curve_beside_the_machine_is_no_effect():
     alone = About.of(replace(columns, others={"response_curve": [Column((), 0 * curve[:, None])]}),
                      frozenset())  # fmt: skip
     assert alone.posterior(worth).best.names == ("cubic_stiffness",)
+
+
+def beside(shapes, seed=2, count=400) -> About:
+    """Columns of chance, one for each shape of an effect, about a residual of the second."""
+    white = np.random.default_rng(seed).standard_normal((count, len(shapes) + 1))
+    effects: dict[str, list[Column]] = {}
+    for k, (name, effect, machine) in enumerate(shapes):
+        column = Column((("joint", effect),), white[:, [k]], machine)
+        effects.setdefault(name, []).append(column)
+    others = {"drive_curve": [Column((), white[:, [-1]])]}
+    columns = Columns(effects, others, white[:, 1], np.ones((count, 1)), count**0.5)
+    return About.of(columns, frozenset())
+
+
+WORTH = Worth(1.0, 400.0)
+
+
+def test_each_form_of_an_effect_is_tried():
+    shapes = [
+        ("dry_friction", DryFriction(1.0), None),
+        ("dry_friction", DryFriction(2.0), None),
+        ("dry_friction", LuGre(3.0), None),
+        ("cubic_stiffness", CubicStiffness(), None),
+    ]
+    about = beside(shapes)
+    forms = _inquire._by_form(about, ("dry_friction",), WORTH)
+    kept = [form.shapes[one.kinds[0]].inside[0][1] for form, one in forms]
+    assert [(type(e), float(e.coulomb.value)) for e in kept] == [(DryFriction, 2.0), (LuGre, 3.0)]
+    assert _inquire._by_form(about, ("cubic_stiffness",), WORTH) == []
+    assert _inquire._by_form(about, ("cubic_stiffness", "dry_friction"), WORTH) == []
+
+
+def test_look_alikes_are_those_of_either_entry():
+    assert {"hysteretic_spring", "quadratic_damping"} <= {*_inquire._alike("dry_friction")}
+    assert "dry_friction" in _inquire._alike("hysteretic_spring")
+    assert "dry_friction" not in _inquire._alike("dry_friction")
+
+
+def test_a_start_has_its_port_where_the_column_had_it():
+    places = Within(Modes()).placements("joint")
+    about = beside([("cubic_stiffness", CubicStiffness(2.0), place.machine) for place in places])
+    best = about.posterior(WORTH).best
+    started = _inquire._started(Within(Modes()).at("joint", DryFriction()), about, best, WORTH, 0.5)
+    ((coefficient,),) = about.coefficients(best, WORTH)
+    np.testing.assert_array_equal(started.machine.joint.value, [0.0, 1.0])
+    assert float(started.effects[1].stiffness.value) == pytest.approx(2.0 * 0.5 * coefficient)
+
+
+@pytest.mark.parametrize(
+    ("second", "extended"),
+    [(0.04, [("a", False)]), (0.06, [("a", False), ("b", True)])],
+    ids=["unlikely", "likely"],
+)
+def test_what_could_stand_in_the_bests_place_is_extended_too(second, extended):
+    fits = [SimpleNamespace(names=(name,)) for name in "abc"]
+    inquiry: Any = _Inquiry(True, lambda text: None, Columns({}, {}, *3 * [np.ones(1)]), fits)  # type: ignore[list-item, arg-type]
+    asked, reduced = [], []
+    inquiry.ranked = lambda: (fits, np.array([1.0, second, 0.01]))
+    inquiry._extend = lambda fit, again: asked.append((*fit.names, again))
+    inquiry._reduce = lambda fit: reduced.append(fit.names)
+    inquiry.search()
+    assert asked == extended
+    assert reduced[0] == ("a",)
+
+
+def test_the_better_of_two_fits_of_a_set_is_kept(monkeypatch):
+    costs = iter([9.0, 11.0, 7.0])
+    monkeypatch.setattr(_inquire, "solve_from", lambda *_: SimpleNamespace(cost=next(costs)))
+    monkeypatch.setattr(
+        _inquire._Fit, "of", lambda solved, names, _: SimpleNamespace(names=names, solved=solved)
+    )
+    base = SimpleNamespace(
+        names=(), solved=SimpleNamespace(cost=20.0, preparation=None),
+        about=SimpleNamespace(samples=100),
+    )  # fmt: skip
+    inquiry: Any = _Inquiry(True, lambda text: None, Columns({}, {}, *3 * [np.ones(1)]), [base])  # type: ignore[list-item]
+    at = SimpleNamespace(at=lambda position: SimpleNamespace(blocks=(None,)))
+    inquiry._descent = lambda start, held: SimpleNamespace(cost=10.0, objective=at, position=None)
+    kept = []
+    for _ in range(3):
+        inquiry._fit(("a",), [Within(Oscillator())], 0)
+        kept.append([fit.solved.cost for fit in inquiry.fits])
+    assert kept == [[20.0, 9.0], [20.0, 9.0], [20.0, 7.0]]
 
 
 def test_names_and_what_they_may_be_instead():

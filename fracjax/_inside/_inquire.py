@@ -66,9 +66,10 @@ def inquire_inside(
     """Name the effects inside a machine that its model leaves out.
 
     The machine is fitted; every effect that one of its ports admits is a column about the fit, in
-    several shapes, beside static curves and further linear dynamics; the most probable sets of up
-    to three are fitted with all parameters free, again about the best of them, and each effect of
-    the best is taken away once.  What is named is the most probable set of all that were fitted.
+    several shapes and at every place of the port, beside static curves and further linear dynamics;
+    the most probable sets of up to three are fitted with all parameters free, and look-alikes of
+    the best, again about the best of them and what could stand in its place, and each effect of the
+    best is taken away once.  What is named is the most probable set of all that were fitted.
     Where a step of half the length changes the best of them visibly, all goes on with that step.
 
     Args:
@@ -183,11 +184,13 @@ class _Inquiry:
         self._reduce(self.ranked()[0][0])
         extended: set[tuple[str, ...]] = set()
         for _ in range(_ROUNDS):
-            # What could stand in the best set's place may be what leads to a better one.
+            # Where the best set leaves more than noise, what could stand in its place may be what
+            # leads to a better one.
             ranked, probabilities = self.ranked()
+            first = 2 if self.worth.variance > 1 or not self.specified else 1
             likely = [
                 fit
-                for fit, probability in zip(ranked[:2], probabilities[:2], strict=True)
+                for fit, probability in zip(ranked[:first], probabilities[:first], strict=True)
                 if probability >= ALTERNATIVE * probabilities[0] and fit.names not in extended
             ]
             if not likely or time_is_over():

@@ -338,12 +338,21 @@ def test_a_start_has_its_port_where_the_column_had_it():
 
 
 @pytest.mark.parametrize(
-    ("second", "extended"),
-    [(0.04, [("a", False)]), (0.06, [("a", False), ("b", True)])],
-    ids=["unlikely", "likely"],
+    ("second", "cost", "extended"),
+    [
+        (0.04, 150.0, [("a", False)]),
+        (0.06, 150.0, [("a", False), ("b", True)]),
+        (0.06, 90.0, [("a", False)]),
+    ],
+    ids=["unlikely", "likely", "at the noise"],
 )
-def test_what_could_stand_in_the_bests_place_is_extended_too(second, extended):
-    fits = [SimpleNamespace(names=(name,)) for name in "abc"]
+def test_what_could_stand_in_the_bests_place_is_extended_too(second, cost, extended):
+    fits = [
+        SimpleNamespace(
+            names=(name,), solved=SimpleNamespace(cost=cost), about=SimpleNamespace(samples=100)
+        )
+        for name in "abc"
+    ]
     inquiry: Any = _Inquiry(True, lambda text: None, Columns({}, {}, *3 * [np.ones(1)]), fits)  # type: ignore[list-item, arg-type]
     asked, reduced = [], []
     inquiry.ranked = lambda: (fits, np.array([1.0, second, 0.01]))

@@ -30,8 +30,7 @@ _CROSSCHECK = ("crosscheck/box", "crosscheck/searches", "crosscheck/crosscheck",
 _CREEP = ("frequency/creep_identification",)
 _OUSTALOUP = ("operators/definitions", "operators/responses", "blocks/laws")
 _DIAGNOSES = (
-    "diagnose/selection",
-    "diagnose/gram",
+    "diagnose/refits",
     "diagnose/held_out",
     "diagnose/sentence",
     "diagnose/diagnose",
@@ -51,7 +50,7 @@ _FOLDERS = {
     "_fit": _FITS,
     "_frequency": ("frequency/frequency_fit", *_CREEP),
     "_crosscheck": _CROSSCHECK,
-    "_diagnose": ("diagnose/nuisance", "diagnose/places", *_DIAGNOSES),
+    "_diagnose": ("diagnose/places", *_DIAGNOSES),
     "_inside": ("inside/inside",),
     "_blocks": ("blocks/machines",),
 }
@@ -141,8 +140,9 @@ _FILES = {
     "_diagnose": {
         name: (f"diagnose/{test}",)
         for name, test in (
-            ("_colour", "colour"),
-            ("_folds", "held_out"),
+            ("_drive", "drive"),
+            ("_held_out", "held_out"),
+            ("_jumps", "jumps"),
             ("_places", "places"),
             ("_sentence", "sentence"),
             ("_next_experiment", "next_experiment"),

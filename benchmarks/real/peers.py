@@ -79,7 +79,7 @@ def _aircraft() -> Split:
         path = Path(os.environ["FRACJAX_DATA"]) / "machines" / f"F16Data_FullMSine_{name}.csv"
         lines = path.read_text().splitlines()[1 + begin * period : 1 + end * period]
         signals = np.array([[float(cell) for cell in line.split(",")[:4]] for line in lines])
-        force, _, _, acceleration = resample(signals, len(lines) // 2).T
+        force, _, _, acceleration = np.asarray(resample(signals, len(lines) // 2)).T
         return force, acceleration
 
     steady = [periods(f"Level{level}", 8, 9) for level in (3, 5, 7)]
@@ -187,7 +187,8 @@ def jax_sysid(split: Split, choice: Any) -> tuple[Predictor, int]:
     shapes = [(states, states), (states, 1), (units, 1), (units,), (units, states),
               (states, units), (1, states), (1,)]  # fmt: skip
     start = [0.1 * generator.standard_normal(shape) for shape in shapes]
-    start[0] = start[0] + 0.9 * np.eye(states)
+    # Of a radius below 1 with any number of states.
+    start[0] = start[0] * (3 / states) ** 0.5 + 0.9 * np.eye(states)
     model.init(params=start)
     model.loss(rho_x0=1e-4, rho_th=1e-6)
     model.optimization(adam_epochs=300, lbfgs_epochs=600, iprint=-1)

@@ -295,8 +295,9 @@ def real() -> str:
 
 def inside() -> str:
     """Marks of what is named inside simulated machines."""
-    rows = rows_of("inside/answers_summary.csv")
-    return "\n".join([_line("80 machines", ""), "|---|---|", *(_line(*r.values()) for r in rows)])
+    rows, count = rows_of("inside/answers_summary.csv"), len(rows_of("inside/answers.csv"))
+    head = _line(f"{count} of 80 machines", "")
+    return "\n".join([head, "|---|---|", *(_line(*row.values()) for row in rows)])
 
 
 def nulls() -> str:

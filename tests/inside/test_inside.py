@@ -251,6 +251,22 @@ def test_chance_is_not_named_and_an_effect_is():
         assert posterior.probability_of("effect_0") > 0.95
 
 
+def test_what_the_fit_absorbs_is_no_evidence():
+    rng = np.random.default_rng(8)
+    tangent, own, residual = rng.standard_normal((3, 500))
+    effects = {
+        "absorbed": [Column((), tangent[:, None])],
+        "half": [Column((), (tangent + own)[:, None])],
+    }
+    others = {"drive_curve": [Column((), rng.standard_normal((500, 1)))]}
+    columns = Columns(effects, others, residual, tangent[:, None], 1.0)
+    inner = About.of(columns, frozenset()).inner
+    apart = own - tangent * (tangent @ own) / (tangent @ tangent)
+    np.testing.assert_allclose(inner.columns[1], 0.0, atol=1e-9)
+    assert inner.columns[2, 2] == pytest.approx(apart @ apart)
+    assert inner.along[2] == pytest.approx(apart @ residual)
+
+
 def test_coefficients_and_what_is_left():
     present = about(0.5)
     worth = Worth.of(present.inner.square / 1.25, present.samples, specified=True)

@@ -394,6 +394,26 @@ def test_trials_are_of_the_size_that_the_motion_has(name):
     assert effect.separated_by.keys() <= INSIDE.keys() - {name}
 
 
+def test_trials_between_filters_lie_within_the_signals_range():
+    """Of a signal from -1 to 3 about 1."""
+    signal = np.linspace(-1.0, 3.0, 401)
+    trials = {name: INSIDE[name].trials(Motion(signal, 0 * signal, signal)) for name in SIGNALS}
+
+    def values(name, parameter):
+        return [float(getattr(trial, parameter).value) for trial in trials[name]]
+
+    np.testing.assert_allclose(values("diode", "threshold"), 2 * [0.2, 1.0, 1.8], atol=1e-9)
+    np.testing.assert_allclose(values("clipping", "limit"), [0.6, 1.0, 1.4])
+    np.testing.assert_allclose(values("clipping", "middle"), 1.0)
+    np.testing.assert_allclose(values("dead_zone", "limit"), [0.1, 0.4, 1.0])
+    np.testing.assert_allclose(values("dead_zone", "middle"), 1.0)
+    for name in ("diode", "clipping"):
+        np.testing.assert_allclose(values(name, "width"), 0.12)
+    level = float(np.sqrt(np.mean(signal**2)))
+    np.testing.assert_allclose(values("curvature", "square"), 0.1 / level)
+    np.testing.assert_allclose(values("curvature", "cube"), np.array([0, 0.5, -0.5]) / level)
+
+
 PLACES = {
     "diode": "threshold",
     "clipping": "middle",

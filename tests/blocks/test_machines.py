@@ -354,6 +354,15 @@ def test_an_impedance_adds_what_acts_to_the_force():
     assert not OSCILLATOR.leads
 
 
+def test_an_impedance_is_the_sum_of_its_parts():
+    s = 2j * np.pi * np.array([0.07, 0.9, 20.0])
+    impedance = Impedance(2.0, 0.5, 0.1, 0.7, 0.4)
+    with jax.enable_x64(True):
+        symbol = impedance.symbol(jnp.asarray(s))
+    np.testing.assert_allclose(symbol, 2.0 + 0.5 * s + 0.1 * s**2 + 0.7 * s**0.4, rtol=1e-9)
+    assert impedance.static_gain() == 2.0
+
+
 def test_a_store_does_not_pass_its_limit_and_drains_by_the_root():
     full = Lag(2.0, (0.5,)) @ InternalSaturation(1e4, 1.0)
     level = np.asarray(respond(full, np.full(500, 3.0), Grid(0.01, "rest")))

@@ -56,7 +56,7 @@ INSIDE_OPENING = """\
 # Physics inside machines
 
 What acts at a port of a machine, `machine @ effect`, and changes the motion that it depends on
-([how it is found](how-to/machines.md)).  Forces and flows are in units of the drive.
+([how it is found](how-to/machines.md)).  Forces, flows and signals are in units of the drive.
 """
 
 INSIDE_SECTION = """\

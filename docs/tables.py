@@ -37,6 +37,15 @@ _DRIVES = {
     "bound: no error": "bound: the sensor's noise",
 }
 
+_PACKAGES = "jax-sysid", "SysIdentPy", "PySINDy", "IDIM-LS"
+_PUBLISHED = {
+    ("silverbox", "arrow head"): ("silverbox arrow head mV", 1e-3),
+    ("silverbox", "multisine"): ("silverbox multisine mV", 1e-3),
+    ("tanks", "validation"): ("cascaded tanks V", 1.0),
+    ("wiener_hammerstein", "test"): ("Wiener-Hammerstein mV", 1e-3),
+}
+"""The columns of published figures, and what they are in the test's unit."""
+
 # The sealed runs: the largest, the seven that came after it, and the two before it.
 _EXAM = (
     "from_971",
@@ -284,6 +293,13 @@ def real() -> str:
     return "\n".join(lines)
 
 
+def inside() -> str:
+    """Marks of what is named inside simulated machines."""
+    rows, count = rows_of("inside/answers_summary.csv"), len(rows_of("inside/answers.csv"))
+    head = _line(f"{count} of 80 machines", "")
+    return "\n".join([head, "|---|---|", *(_line(*row.values()) for row in rows)])
+
+
 def nulls() -> str:
     """How many recordings of real noise with nothing missing are said to be such."""
     rows = rows_of("real/nulls.csv")
@@ -303,6 +319,47 @@ def stage() -> str:
             model = row["model"] + (f" → {row['adopted']}" if row["adopted"] else "")
             cells = row["history"], row["train_um"], row["unseen_um"]
             lines.append(_line(row["how"], f"`{model}`", *cells))
+    return "\n".join(lines)
+
+
+def machines() -> str:
+    """What is named inside public benchmarks' machines, and the errors on their own test data
+    beside those of others."""
+    others = [*_PACKAGES, "published baselines", "published best"]
+    heads = "test", "documented", "named", "linear", "with it", *others
+    lines = [_line(*heads), "|---" * len(heads) + "|"]
+    peers = {
+        (row["benchmark"], row["test"], row["package"].split()[0]): row["rms_error"]
+        for row in rows_of("real/peers.csv")
+    }
+    published = rows_of("real/published.csv")
+    for row in rows_of("real/machines.csv"):
+        at = row["benchmark"], row["test"]
+        column, over = _PUBLISHED.get(at, ("", 1.0))
+        errors = {
+            kind: [
+                float(other[column]) * over
+                for other in published
+                if column and other["kind"] == kind and other[column]
+            ]
+            for kind in ("baseline", "published")
+        }
+        span = sorted(errors["baseline"])
+        names = " and ".join(
+            names.replace("|", " or ").replace("_", " ") for names in row["sets"].split(" + ")
+        )
+        lines.append(
+            _line(
+                f"{row['benchmark'].replace('_', ' ')}, {row['test']} [{row['unit']}]",
+                row["documented"].replace(" + ", ", ").replace("_", " "),
+                names or "–",
+                row["linear"],
+                row["extended"],
+                *(peers.get((*at, package), "–") for package in _PACKAGES),
+                f"{span[0]:.3g} to {span[-1]:.3g}" if span else "–",
+                f"{min(errors['published']):.3g}" if errors["published"] else "–",
+            )
+        )
     return "\n".join(lines)
 
 
@@ -354,6 +411,8 @@ TABLES = {
     "real": real,
     "nulls": nulls,
     "stage": stage,
+    "machines": machines,
+    "inside": inside,
     "proof": proof,
     "exam": exam,
     "anew": anew,

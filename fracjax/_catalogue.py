@@ -13,6 +13,7 @@ from ._blocks import (
     AbstractBlock,
     BoucWen,
     Creep,
+    Filters,
     FractionalKelvinVoigt,
     FractionalMaxwell,
     FractionalZener,
@@ -132,6 +133,16 @@ def modes(setting: Setting = ORDINARY) -> AbstractBlock:
     return Modes((0.7 * gain, 0.3 * gain), (0.4 * top, top))
 
 
+def filters(setting: Setting = ORDINARY) -> AbstractBlock:
+    """Two filters of third order in series, with their corners in the setting's band.
+
+    Source: Schoukens & Ljung, IEEE Control Syst. Mag. 39 (2019) 28.
+    """
+    top = setting.top_frequency
+    corners = (0.5 * top, 0.7 * top)
+    return Filters(_gain_of(setting), corners, (0.5, 0.5), corners, (4 * top, 4 * top))
+
+
 def impedance(setting: Setting = ORDINARY) -> AbstractBlock:
     """Stiffness, damper, mass and springpot side by side, position to force.
 
@@ -169,6 +180,7 @@ _DYNAMICS: dict[str, Callable[..., AbstractBlock]] = {
     "lag": lag,
     "two_lags": two_lags,
     "modes": modes,
+    "filters": filters,
     "wiener_hammerstein": wiener_hammerstein,
 }
 _MATERIALS: dict[str, Callable[..., AbstractBlock]] = {

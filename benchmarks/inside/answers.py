@@ -1,6 +1,6 @@
 """What the inquiry names inside eighty machines.
 
-    python -m benchmarks.inside.answers [--cases 0:80] [--to benchmarks/inside]
+    python -m benchmarks.inside.answers [--cases 0:80] [--missing] [--to benchmarks/inside]
 
 Right is the effect as the first name alone, or within the sets that hold .95 of the probability;
 wrong is a name that is not there.  A machine's noise is given, as by a sensor's specification.
@@ -100,11 +100,14 @@ def main() -> None:
     """Answer the cases and write the tables, in which rows of other cases stay."""
     p = argparse.ArgumentParser(description="Physics inside machines.")
     p.add_argument("--cases", default="0:80", help="first:last:step")
+    p.add_argument("--missing", action="store_true", help="those that the table has not yet")
     p.add_argument("--to", type=Path, default=ROOT)
     a = p.parse_args()
     a.to.mkdir(parents=True, exist_ok=True)
     rows = written(a.to / "answers.csv")
     for number in range(80)[slice(*map(int, a.cases.split(":")))]:
+        if a.missing and number in rows:
+            continue
         answer = map(str, row_of(case(number)))
         rows[number] = dict(zip(HEADER, answer, strict=True))
         with (a.to / "answers.csv").open("w", newline="") as out:

@@ -30,8 +30,7 @@ _CROSSCHECK = ("crosscheck/box", "crosscheck/searches", "crosscheck/crosscheck",
 _CREEP = ("frequency/creep_identification",)
 _OUSTALOUP = ("operators/definitions", "operators/responses", "blocks/laws")
 _DIAGNOSES = (
-    "diagnose/selection",
-    "diagnose/gram",
+    "diagnose/refits",
     "diagnose/held_out",
     "diagnose/sentence",
     "diagnose/diagnose",
@@ -51,7 +50,9 @@ _FOLDERS = {
     "_fit": _FITS,
     "_frequency": ("frequency/frequency_fit", *_CREEP),
     "_crosscheck": _CROSSCHECK,
-    "_diagnose": ("diagnose/nuisance", "diagnose/places", *_DIAGNOSES),
+    "_diagnose": ("diagnose/places", *_DIAGNOSES),
+    "_inside": ("inside/inside",),
+    "_blocks": ("blocks/machines",),
 }
 _FILES = {
     "_operators": {
@@ -104,12 +105,44 @@ _FILES = {
         "_uncertainty": ("fit/uncertainty", "prepare/conditions"),
         "_whiteness": ("fit/residuals",),
     },
+    "_blocks": {
+        name: (("blocks/viscoelastic",) if name == "viscoelastic" else ())
+        for name in (
+            "_inside",
+            "_machine",
+            "_port",
+            "clearance",
+            "clipping",
+            "cubic_stiffness",
+            "curvature",
+            "dead_zone",
+            "diode",
+            "dry_friction",
+            "end_stop",
+            "filters",
+            "hysteretic_spring",
+            "impedance",
+            "internal_saturation",
+            "lag",
+            "mass",
+            "modes",
+            "negative_stiffness",
+            "oscillator",
+            "position_dependent_gain",
+            "quadratic_damping",
+            "quadratic_stiffness",
+            "root_outflow",
+            "static_curve",
+            "viscoelastic",
+        )
+    },
     "_frequency": {"_amplitude_ratios": _CREEP, "_creep_identification": _CREEP},
     "_diagnose": {
         name: (f"diagnose/{test}",)
         for name, test in (
-            ("_colour", "colour"),
-            ("_folds", "held_out"),
+            ("_drive", "drive"),
+            ("_held_out", "held_out"),
+            ("_jumps", "jumps"),
             ("_places", "places"),
             ("_sentence", "sentence"),
             ("_next_experiment", "next_experiment"),
@@ -118,6 +151,12 @@ _FILES = {
 }
 # A file whose own tests are all that can notice it: the others never reach it.
 _ALONE = {"_definitions", "_linear", "_grade", "_whiteness", "_spelling", "_stack"}
+
+
+def sampled(file: str) -> bool:
+    """Whether a file takes part: all of a folder, or of the blocks those of machines."""
+    path = PurePath(file)
+    return path.parent.name != "_blocks" or path.stem in _FILES["_blocks"]
 
 
 def tests_of(file: str) -> list[str]:

@@ -1,6 +1,7 @@
 """Would the tests notice?  Small faults are put into the core, one at a time.
 
     python -m benchmarks.mutation.run --out benchmarks/mutation/results.csv
+    python -m benchmarks.mutation.run --folders _inside _blocks --out …/machines/results.csv
 
 A sample of the places of the core (`FOLDERS` of the package) where something can go wrong
 (`mutants.py`), each place as likely as another, in an order that the seed fixes: a longer sample
@@ -33,7 +34,7 @@ from contextlib import contextmanager
 from pathlib import Path
 
 from benchmarks.fitting.tables import Table
-from benchmarks.mutation.choice import tests_of
+from benchmarks.mutation.choice import sampled, tests_of
 from benchmarks.mutation.mutants import Mutant, places
 from benchmarks.mutation.session import session
 from benchmarks.versions import versions
@@ -42,6 +43,8 @@ ROOT = Path(__file__).resolve().parents[2]
 FOLDERS = (
     "_operators", "_prepare", "_solve", "_fit", "_frequency", "_crosscheck", "_diagnose",
 )  # fmt: skip
+MACHINES = ("_inside", "_blocks")
+"""Of machines and the physics inside them, in a table of their own."""
 COPIED = ("fracjax", "tests", "benchmarks", "pyproject.toml")
 COLUMNS = ("number", "file", "line", "column", "mutation", "outcome", "by", "seconds")
 KEY = ("number", "file", "line", "column", "mutation")
@@ -61,7 +64,7 @@ def sample(seed: int, folders: Sequence[str] = FOLDERS) -> list[Mutant]:
         ways
         for folder in folders
         for path in sorted((ROOT / "fracjax" / folder).glob("*.py"))
-        if path.name != "_programs.py"
+        if path.name != "_programs.py" and sampled(path.as_posix())
         for ways in places(path.relative_to(ROOT).as_posix(), path.read_text(encoding="utf-8"))
     ]
     chance.shuffle(every)
@@ -157,10 +160,10 @@ def add(table: Table, key: tuple[str, ...], outcome: str, by: str, began: float)
     table.add([dict(zip(COLUMNS, (*key, outcome, by, seconds), strict=True))])
 
 
-def summary(table: Table) -> Iterator[dict[str, str | int]]:
+def summary(table: Table, folders: Sequence[str]) -> Iterator[dict[str, str | int]]:
     """How many mutants of each folder were noticed."""
     last = outcomes(table).values()
-    for folder in (*FOLDERS, "all"):
+    for folder in (*folders, "all"):
         count = Counter(
             row["outcome"] for row in last if folder in (*Path(row["file"]).parts, "all")
         )
@@ -178,7 +181,7 @@ def main() -> None:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--mutants", type=int, default=100, help="How many, from the first.")
     parser.add_argument("--from", dest="part", help="A part of the sample instead, as 0:30.")
-    parser.add_argument("--folders", nargs="+", default=FOLDERS, choices=FOLDERS)
+    parser.add_argument("--folders", nargs="+", default=FOLDERS, choices=FOLDERS + MACHINES)
     parser.add_argument(
         "--nearest", type=int, help="Files of tests for each mutant, from the first."
     )
@@ -202,7 +205,7 @@ def main() -> None:
         for key in wanted:
             began = time.perf_counter()
             add(table, key, *trial.tried(keys[key], options.nearest), began)
-    rows = list(summary(table))
+    rows = list(summary(table, options.folders))
     with options.out.with_name("summary.csv").open("w", encoding="utf-8", newline="") as file:
         file.write(versions(PACKAGES))
         writer = csv.DictWriter(file, rows[0], lineterminator="\n")

@@ -20,11 +20,12 @@ from dataclasses import replace
 from pathlib import Path
 from typing import Any, NamedTuple
 
+import equinox as eqx
 import h5py
 import numpy as np
 import pooch
 from scipy.io import loadmat
-from scipy.signal import butter, filtfilt
+from scipy.signal import butter, filtfilt, resample
 
 import fracjax as fj
 from benchmarks.real.recordings import HERE, rounded, table
@@ -179,11 +180,87 @@ def bouc_wen() -> Case:
     )
 
 
+_PERIOD = 8192
+"""Samples of a period of the aircraft's multisines, at 400 Hz.  A steady one is simulated twice,
+and the second counts."""
+_MODES = (3.47, 3.96, 5.18, 6.59, 7.32, 9.18, 17.0)
+"""Starts of the aircraft's frequencies [Hz]: the peaks of the response over the force at the lowest
+level, and one for what is above the band."""
+
+
+def f16() -> Case:
+    """An aircraft on the ground, shaken under a wing by three levels of a multisine: acceleration
+    of the wing beside the joint of a payload that slides in a rail."""
+
+    def periods(name: str, begin: int, end: int) -> np.ndarray:
+        lines = Path(path_of(f"machines/F16Data_FullMSine_{name}.csv")).read_text().splitlines()
+        cells = (line.split(",") for line in lines[1 + begin * _PERIOD : 1 + end * _PERIOD])
+        return np.array([(float(row[0]), float(row[3])) for row in cells]).T
+
+    def recording(name: str, signals: np.ndarray, rate: float) -> fj.Recording:
+        force, acceleration = signals
+        return fj.Recording(
+            force, acceleration, 1 / rate, drive_unit="N", response_unit="m/s^2",
+            source=f"F-16 {name}",
+        )  # fmt: skip
+
+    def steady(level: int) -> fj.Recording:
+        """The last period, at a quarter of the rate: the band ends at 15 Hz."""
+        fewer = resample(periods(f"Level{level}", 8, 9), _PERIOD // 4, axis=1)
+        return recording(f"level {level}", np.tile(fewer, 2), 100.0)
+
+    def validation(level: int) -> tuple[fj.Recording, int]:
+        signals = periods(f"Level{level}_Validation", 8, 9)
+        return recording(f"level {level}", np.tile(signals, 2), 400.0), _PERIOD
+
+    count = len(_MODES)
+    modes = blocks.Modes(np.full(count, -1e-6), _MODES, np.full(count, 0.02), "acceleration")
+    # The structure rings as long as its period: a free start would be fitted to what it leaves out.
+    rest = fj.Parameter(np.zeros(2 * count), "response", fixed=True)
+    machine = eqx.tree_at(lambda block: block.start, blocks.Within(modes), rest)
+    return Case(
+        documented=("clearance", "dry_friction"),
+        source="Noel & Schoukens, F-16 aircraft benchmark based on ground vibration test data "
+        "(2017)",
+        machine=machine,
+        training=[steady(level) for level in (3, 5, 7)],
+        tests={f"level {level}": validation(level) for level in (2, 4, 6)},
+        oversampling=1,
+        settling=_PERIOD // 4,
+    )
+
+
+def wiener_hammerstein() -> Case:
+    """A circuit of a Chebyshev filter, a diode with a resistor, and an inverse Chebyshev filter,
+    whose zeros lie where the noise that drives it still is."""
+    data = loadmat(path_of("machines/WienerHammerBenchMark.mat"))
+    drive, response = (np.ravel(data[f"{signal}BenchMark"]) for signal in "uy")
+
+    def part(begin: int, end: int) -> fj.Recording:
+        return fj.Recording(
+            drive[begin:end], response[begin:end], 1 / 51_200, drive_unit="V", response_unit="V",
+            source="Wiener-Hammerstein",
+        )  # fmt: skip
+
+    return Case(
+        documented=("diode",),
+        source="Schoukens, Suykens & Ljung, Wiener-Hammerstein benchmark, 15th IFAC Symposium on "
+        "System Identification (2009)",
+        machine=blocks.Filters(
+            1.0, (4000.0, 5000.0), (0.5, 0.5), (4000.0, 5000.0), (9000.0, 6000.0), (0.0, 0.0)
+        ),
+        training=[part(10_000, 18_192)],
+        tests={"test": (part(100_000, 188_000), 1000)},
+    )
+
+
 CASES: dict[str, Callable[[], Case]] = {
     "silverbox": silverbox,
     "emps": emps,
     "tanks": tanks,
     "bouc_wen": bouc_wen,
+    "f16": f16,
+    "wiener_hammerstein": wiener_hammerstein,
 }
 
 

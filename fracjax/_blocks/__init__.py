@@ -4,13 +4,17 @@ from . import (
     amplitude_dependence,
     backlash,
     clearance,
+    clipping,
     clock_skew,
     coulomb_friction,
     creep,
     cubic_nonlinearity,
     cubic_stiffness,
+    curvature,
+    dead_zone,
     degradation,
     delay,
+    diode,
     drive_lag,
     dry_friction,
     electrostriction,
@@ -64,6 +68,7 @@ from .amplitude_dependence import AmplitudeDependence as AmplitudeDependence
 from .backlash import Backlash as Backlash
 from .bouc_wen import BoucWen as BoucWen
 from .clearance import Clearance as Clearance
+from .clipping import Clipping as Clipping
 from .clock_skew import ClockSkew as ClockSkew
 from .coulomb_friction import CoulombFriction as CoulombFriction
 from .coulomb_friction import LuGreFriction as LuGreFriction
@@ -72,14 +77,18 @@ from .creep import KelvinVoigtCreep as KelvinVoigtCreep
 from .creep import LogarithmicCreep as LogarithmicCreep
 from .cubic_nonlinearity import CubicNonlinearity as CubicNonlinearity
 from .cubic_stiffness import CubicStiffness as CubicStiffness
+from .curvature import Curvature as Curvature
+from .dead_zone import DeadZone as DeadZone
 from .degradation import Degradation as Degradation
 from .delay import Delay as Delay
+from .diode import Diode as Diode
 from .drive_circuit import DriveCircuit as DriveCircuit
 from .drive_lag import DriveLag as DriveLag
 from .dry_friction import DryFriction as DryFriction
 from .dry_friction import LuGre as LuGre
 from .electrostriction import Electrostriction as Electrostriction
 from .end_stop import EndStop as EndStop
+from .filters import Filters as Filters
 from .foh import FOH as FOH
 from .foh_linear import FOHLinear as FOHLinear
 from .foh_rate_term import FOHRateTerm as FOHRateTerm
@@ -169,6 +178,10 @@ INSIDE: dict[str, InsideEffect] = {  # in the order in which the command line li
         internal_saturation,
         hysteretic_spring,
         negative_stiffness,
+        diode,
+        clipping,
+        dead_zone,
+        curvature,
     )
 }
 """Physics inside machines, by name."""

@@ -28,8 +28,8 @@ class AbstractInside(eqx.Module):
         sticks: whether it can stop the motion, as dry friction does; it is then integrated by the
             implicit Euler rule, of first order, under which a stuck motion stays at rest.
         is_placed: whether it changes where the machine is displaced as a whole, unlike what follows
-            from velocities and steps alone; only then an offset of the drive differs from one of
-            the response.
+            from velocities and steps alone, or, between filters, has a parameter that says where it
+            is; only then is the drive's offset fitted beside the response's.
     """
 
     __getattribute__ = object.__getattribute__  # as in a block

@@ -70,6 +70,10 @@ class AbstractMachine(AbstractLinearBlock):
         """This machine with the parameters free that what acts at a port depends on."""
         return self
 
+    def placements(self, site: str) -> tuple[AbstractMachine, ...]:
+        """This machine with a port at every place that its linear response leaves open."""
+        return (self,)
+
     def __matmul__(self, effect: AbstractInside) -> Within:
         """This machine with an effect at its first port of the effect's kind."""
         return Within(self) @ effect
@@ -189,10 +193,17 @@ class Within(AbstractBlock):
         del effects[which], sites[which]
         return Within(self.machine, tuple(effects), tuple(sites))._beginning_as(self)
 
+    def placements(self, site: str) -> tuple[Within, ...]:
+        """This machine with a port at every place that it may have: one, where an effect is."""
+        if site in self.sites:
+            return (self,)
+        machines = self.machine.placements(site)
+        return tuple(eqx.tree_at(lambda block: block.machine, self, m) for m in machines)
+
     def _beginning_as(self, other: Within) -> Within:
-        """This machine with the start and the drive's offset of another."""
-        values = {"start": other.start.value, "drive_offset": other.drive_offset.value}
-        return set_values(self, values)
+        """This machine with the start of another, fixed where that is, and its drive's offset."""
+        begun = eqx.tree_at(lambda block: block.start, self, other.start)
+        return set_values(begun, {"drive_offset": other.drive_offset.value})
 
     def __call__(self, drive: Array, grid: Grid) -> Array:
         return self.respond_to(drive, jnp.zeros((1, drive.size)), grid)[0]

@@ -7,8 +7,8 @@ from typing import Any, Literal, NamedTuple
 from jax import Array
 from jax.typing import ArrayLike
 
-PortKind = Literal["force", "flow"]
-"""What acts at a port: a force on a motion, or a flow into a store."""
+PortKind = Literal["force", "flow", "signal"]
+"""What acts at a port: a force on a motion, a flow into a store, or a signal added to one."""
 
 
 class Motion(NamedTuple):

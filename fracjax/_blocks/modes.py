@@ -10,7 +10,7 @@ import numpy as np
 from jax import Array
 from jax.typing import ArrayLike
 
-from .._parameters import Parameter
+from .._parameters import Parameter, set_values
 from ._machine import AbstractMachine
 from ._port import Port, System
 from .oscillator import _POWERS, Measured, gain_unit
@@ -25,6 +25,8 @@ class Modes(AbstractMachine):
     band.  With two states for each mode, z_i and its rate, z̈_i + 2 ζ_i ω_i ż_i + ω_i² z_i = ω_i² u.
     At the port `joint` a force acts between two parts of the structure, in units of the drive: it
     enters mode i by the share φ_i, and its position is the sum of φ_i z_i, as reciprocity has it.
+    No linear recording tells the shares: a diagnosis tries the joint in each mode alone, and fits
+    them from there.
 
     Args:
         gains: initial g_i (n,).
@@ -115,6 +117,12 @@ class Modes(AbstractMachine):
 
     def opened(self, site: str) -> Modes:
         return eqx.tree_at(lambda block: block.joint, self, self.joint.freed())
+
+    def placements(self, site: str) -> tuple[AbstractMachine, ...]:
+        # Where the joint is, is unknown: in each mode alone, from where a fit finds its shares.
+        return tuple(
+            set_values(self, {"joint": shares}) for shares in np.eye(np.size(self.joint.value))
+        )
 
     def scales(self) -> Array:
         w, size = (

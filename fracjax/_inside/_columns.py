@@ -18,7 +18,15 @@ import numpy as np
 from jax import Array
 from scipy.signal import cont2discrete, lfilter, ss2tf
 
-from .._blocks import INSIDE, AbstractForce, AbstractInside, InsideEffect, Motion, Within
+from .._blocks import (
+    INSIDE,
+    AbstractForce,
+    AbstractInside,
+    AbstractMachine,
+    InsideEffect,
+    Motion,
+    Within,
+)
 from .._computing import compiled
 from .._naming import block_name
 from .._operators import Grid
@@ -42,10 +50,13 @@ class Column(NamedTuple):
     Attributes:
         inside: (d,) the ports where it acts, and the effect at each; empty for what is not inside.
         white: (ΣL, d) what each of them, or of its columns, adds to the whitened responses.
+        machine: the machine whose port it is, for a port may have several places; None for what is
+            not inside.
     """
 
     inside: tuple[tuple[str, AbstractInside], ...]
     white: np.ndarray
+    machine: AbstractMachine | None = None
 
 
 @dataclass(frozen=True)
@@ -54,7 +65,7 @@ class Columns:
 
     Attributes:
         effects: by name, the shapes of each effect that a port of the machine admits, at each alone
-            and at all of them.
+            and at all of them, and at every place that the port may have.
         others: by name, what is not inside: `linear_dynamics`, one more pair of poles in parallel;
             `drive_curve` and `response_curve`, a static curve before or after the machine.
         residual: (ΣL,) whitened.
@@ -80,24 +91,28 @@ def columns_of(solved: Solved, others: dict[str, list[Column]] | None = None) ->
         (_recorded(block, problem), block, problem)
         for block, problem in zip(blocks, problems, strict=True)
     ]
-    within = pairs[0][1]
+    within, ports = pairs[0][1], pairs[0][1].machine.ports()
+    at = {site: _placed(site, pairs) for site in ports}
     has = {(site, block_name(e)) for site, e in zip(within.sites, within.effects, strict=True)}
     effects = {}
     for name, effect in INSIDE.items():
-        ports = within.machine.ports().items()
-        places = [
-            k
-            for k, (site, port) in enumerate(ports)
+        sites = [
+            site
+            for site, port in ports.items()
             if port.kind == effect.kind and (site, name) not in has
         ]
-        single = [_shapes(effect, place, pairs) for place in places]
-        if places:
+        single = [
+            [shape for placed in at[site] for shape in _shapes(effect, site, placed)]
+            for site in sites
+        ]
+        if sites:
             effects[name] = [shape for shapes in single for shape in shapes]
-        if len(places) > 1:  # all stores drain alike
+        if len(sites) > 1:  # all stores drain alike
             effects[name] += [
                 Column(
                     tuple(pair for shape in shapes for pair in shape.inside),
                     np.concatenate([shape.white for shape in shapes], axis=1),
+                    within.machine,
                 )
                 for shapes in zip(*single, strict=True)
             ]
@@ -110,9 +125,24 @@ def columns_of(solved: Solved, others: dict[str, list[Column]] | None = None) ->
     )
 
 
-def _shapes(effect: InsideEffect, place: int, pairs: _Recorded) -> list[Column]:
+def _placed(site: str, pairs: _Recorded) -> list[_Recorded]:
+    """The recordings with a port at every place that it may have."""
+    variants = list(zip(*(block.placements(site) for _, block, _ in pairs), strict=True))
+    if len(variants) == 1:
+        return [pairs]
+    return [
+        [
+            (_recorded(block, problem), block, problem)
+            for block, (*_, problem) in zip(blocks, pairs, strict=True)
+        ]
+        for blocks in variants
+    ]
+
+
+def _shapes(effect: InsideEffect, site: str, pairs: _Recorded) -> list[Column]:
     """An effect's trials at one port."""
-    site = list(pairs[0][1].machine.ports())[place]
+    machine = pairs[0][1].machine
+    place = list(machine.ports()).index(site)
     motions = [Motion(*(signal[place] for signal in motion)) for (_, motion), *_ in pairs]
     trials = effect.trials(Motion(*map(np.concatenate, zip(*motions, strict=True))))
     columns = [
@@ -120,7 +150,7 @@ def _shapes(effect: InsideEffect, place: int, pairs: _Recorded) -> list[Column]:
         for (_, motion), block, problem in pairs
     ]
     return [
-        Column(((site, trial),), np.concatenate([c[k] for c in columns])[:, None])
+        Column(((site, trial),), np.concatenate([c[k] for c in columns])[:, None], machine)
         for k, trial in enumerate(trials)
     ]
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace
 
+import equinox as eqx
 import numpy as np
 from scipy.optimize import least_squares
 from scipy.special import softmax
@@ -27,7 +28,7 @@ from .._solve import (
 )
 from ._columns import Column, Columns, columns_of
 from ._posterior import About, Worth
-from ._result import Candidate, Inside
+from ._result import ALTERNATIVE, Candidate, Inside
 
 _ALONE, _TOGETHER = 4, 3
 """Effects that are fitted alone in each round, and likely sets; chosen by judgement."""
@@ -65,9 +66,10 @@ def inquire_inside(
     """Name the effects inside a machine that its model leaves out.
 
     The machine is fitted; every effect that one of its ports admits is a column about the fit, in
-    several shapes, beside static curves and further linear dynamics; the most probable sets of up
-    to three are fitted with all parameters free, again about the best of them, and each effect of
-    the best is taken away once.  What is named is the most probable set of all that were fitted.
+    several shapes and at every place of the port, beside static curves and further linear dynamics;
+    the most probable sets of up to three are fitted with all parameters free, and look-alikes of
+    the best, again about the best of them and what could stand in its place, and each effect of the
+    best is taken away once.  What is named is the most probable set of all that were fitted.
     Where a step of half the length changes the best of them visibly, all goes on with that step.
 
     Args:
@@ -175,18 +177,32 @@ class _Inquiry:
         return [self.fits[k] for k in order], softmax(logs)[order]
 
     def search(self) -> None:
-        """Fit what may be missing about the best fit, as long as that changes it."""
-        best = self.ranked()[0][0]
+        """Fit what may be missing about the best fit, as long as that changes it.
+
+        With a finer step a set may need an effect less, which was there for a longer one's error.
+        """
+        self._reduce(self.ranked()[0][0])
+        extended: set[tuple[str, ...]] = set()
         for _ in range(_ROUNDS):
-            self._extend(best)
-            before, best = best, self.ranked()[0][0]
-            if best is before or time_is_over():
+            # Where the best set leaves more than noise, what could stand in its place may be what
+            # leads to a better one.
+            ranked, probabilities = self.ranked()
+            first = 2 if self.worth.variance > 1 or not self.specified else 1
+            likely = [
+                fit
+                for fit, probability in zip(ranked[:first], probabilities[:first], strict=True)
+                if probability >= ALTERNATIVE * probabilities[0] and fit.names not in extended
+            ]
+            if not likely or time_is_over():
                 break
-            self._reduce(best)
-            best = self.ranked()[0][0]
+            for fit in likely:
+                self._extend(fit, again=fit is not ranked[0])
+                extended.add(fit.names)
+            self._reduce(self.ranked()[0][0])
 
     def is_coarse(self) -> bool:
-        """Whether half the step changes the best fit by more than is told apart."""
+        """Whether half the step changes the best fit by more than is told apart, beside what the
+        machine's own parameters absorb: what an effect absorbs, it may be there for."""
         solved, worth = self.ranked()[0][0].solved, self.worth
         now, finer = solved.preparation, _finer(solved.preparation)
         if not solved.block.effects or finer.oversampling > _FINEST:  # type: ignore[attr-defined]
@@ -195,7 +211,7 @@ class _Inquiry:
             np.concatenate([p.whiten(p.respond(solved.block)) for p in each.problems()])
             for each in (now, finer)
         ]
-        basis = orthonormal_basis(solved.whitened_derivative())
+        basis = orthonormal_basis(_machines_own(solved))
         change = ends[1] - ends[0]
         change = change - basis @ (basis.T @ change)
         samples = self.fits[0].about.samples
@@ -218,8 +234,9 @@ class _Inquiry:
         ]
         return replace(self, columns=columns, fits=fits)
 
-    def _extend(self, fit: _Fit) -> None:
-        """Fit the most probable sets of further effects about a fit."""
+    def _extend(self, fit: _Fit, *, again: bool) -> None:
+        """Fit the most probable sets of further effects about a fit; `again` those too that were
+        fitted about another."""
         self.progress("comparing effects")
         is_first = fit is self.fits[0]
         columns = self.columns if is_first else columns_of(fit.solved, self.columns.others)
@@ -234,20 +251,29 @@ class _Inquiry:
         alone = [names for names in sets if len(names) == 1][:_ALONE]
         least = posterior.best.log_posterior + np.log(_WORTHY)
         likely = [n for n, own in sets.items() if n and own[0].log_posterior > least][:_TOGETHER]
-        for names in dict.fromkeys([*alone, *likely]):
-            whole = tuple(sorted((*fit.names, *names)))
-            if len(whole) > MOST_EFFECTS or any(f.names == whole for f in self.fits):
-                continue
-            if time_is_over():
-                break
-            self.progress(f"fitting {' and '.join(whole)}")
-            shapes = {one.kinds: one for one in reversed(sets[names])}
-            starts = [
-                _started(fit.block, about, hypothesis, worth, factor)
-                for hypothesis in shapes.values()
-                for factor in _STARTS
-            ]
-            self._fit(whole, starts, len(fit.block.effects))
+
+        def fit_each(several: Sequence[tuple[str, ...]]) -> None:
+            for names in dict.fromkeys(several):
+                whole = tuple(sorted((*fit.names, *names)))
+                there = any(f.names == whole for f in self.fits)
+                if len(whole) > MOST_EFFECTS or (there and not again):
+                    continue
+                if time_is_over():
+                    break
+                self.progress(f"fitting {' and '.join(whole)}")
+                shapes = {one.kinds: (about, one) for one in reversed(sets[names])}
+                starts = [
+                    _started(fit.block, beside, one, worth, factor)
+                    for beside, one in [*shapes.values(), *_by_form(about, names, worth)]
+                    for factor in _STARTS
+                ]
+                self._fit(whole, starts, len(fit.block.effects))
+
+        fit_each([*alone, *likely])
+        # A set is complete only where what could stand in its effect's place was fitted too.
+        more = {*self.ranked()[0][0].names} - {*fit.names}
+        if len(more) == 1:
+            fit_each([(name,) for name in _alike(*more) if (name,) in sets])
 
     def _judged(self, about: About) -> tuple[Posterior, Worth]:
         """The posterior to first order about a fit, and what it judges by: what the best set
@@ -283,6 +309,10 @@ class _Inquiry:
             return
         block = best.objective.at(best.position).blocks[0]
         solved = solve_from([block], self.fits[0].solved.preparation)
+        same = next((fit for fit in self.fits if fit.names == names), None)
+        if same is not None and same.solved.cost <= solved.cost:
+            return
+        self.fits = [fit for fit in self.fits if fit is not same]
         self.fits.append(_Fit.of(solved, names, self.columns.others))
 
     def _descent(self, start: Within, held: int) -> Descent:
@@ -292,13 +322,57 @@ class _Inquiry:
         return descend(_adapted(descent, start, held), _FREE)
 
 
+def _machines_own(solved: Solved) -> np.ndarray:
+    """The whitened derivative (ΣL, d) by the machine's own parameters and the offsets."""
+    parameters, _, whitened = solved.sensitivity()
+    is_own = np.ones(whitened.shape[1], dtype=bool)
+    is_own[: len(parameters)] = [_place(p.name) < 0 for p in parameters]
+    return whitened[:, is_own]
+
+
 def _finer(preparation: Preparation) -> Preparation:
     """The same with half the step."""
     return replace(preparation, oversampling=2 * preparation.oversampling)
 
 
+def _alike(name: str) -> list[str]:
+    """The effects that the catalogue says look like one, or that one looks like."""
+    return [
+        other
+        for other, effect in INSIDE.items()
+        if name in effect.separated_by or other in INSIDE[name].separated_by
+    ]
+
+
+def _by_form(about: About, names: tuple[str, ...], worth: Worth) -> list[tuple[About, Hypothesis]]:
+    """The best shape of each form of an effect that has several, as friction has one with bristles
+    and one without: to first order one may hide the other."""
+    own: dict[type, list[int]] = {}
+    for k, (kind, shape) in enumerate(zip(about.kinds, about.shapes, strict=True)):
+        if names == (kind.name,):
+            own.setdefault(type(shape.inside[0][1]), []).append(k)
+    forms = [
+        replace(
+            about,
+            kinds=tuple(about.kinds[k] for k in places),
+            shapes=tuple(about.shapes[k] for k in places),
+        )
+        for places in own.values()
+    ]
+    if len(forms) < 2:
+        return []
+    return [
+        (form, next(one for one in form.posterior(worth).hypotheses if one.names)) for form in forms
+    ]
+
+
 def _started(block: Within, about: About, one: Hypothesis, worth: Worth, factor: float) -> Within:
-    """A machine with the effects of a hypothesis about it, at a factor of their sizes."""
+    """A machine with the effects of a hypothesis about it, at a factor of their sizes.
+
+    Where a port may have several places, that of the hypothesis' first effect is taken.
+    """
+    machine = about.shapes[one.kinds[0]].machine
+    block = eqx.tree_at(lambda within: within.machine, block, machine)
     for kind, values in zip(one.kinds, about.coefficients(one, worth), strict=True):
         for (site, effect), coefficient in zip(about.shapes[kind].inside, values, strict=True):
             signed = INSIDE[block_name(effect)].one_sided

@@ -7,14 +7,21 @@ import jax.numpy as jnp
 import numpy as np
 import pytest
 from scipy.integrate import solve_ivp
+from scipy.signal import lsim
+from scipy.special import wrightomega
 
 import fracjax as fj
 from fracjax._blocks import (
     INSIDE,
     Clearance,
+    Clipping,
     CubicStiffness,
+    Curvature,
+    DeadZone,
+    Diode,
     DryFriction,
     EndStop,
+    Filters,
     HystereticSpring,
     Impedance,
     InternalSaturation,
@@ -29,6 +36,7 @@ from fracjax._blocks import (
     QuadraticDamping,
     QuadraticStiffness,
     RootOutflow,
+    StaticCurve,
     Within,
 )
 from fracjax._operators import Grid
@@ -37,6 +45,7 @@ from tests.helpers import respond
 
 W, ZETA = 2 * np.pi * 3.0, 0.08
 OSCILLATOR = Oscillator(0.5, 3.0, ZETA)
+FILTERS = Filters(0.5, (2.0, 3.0), (0.3, 0.5), (2.5, 4.0), (9.0, 6.0), (0.4, 0.0))
 MACHINES = {
     "oscillator": OSCILLATOR,
     "velocity": Oscillator(0.5, 3.0, ZETA, "velocity"),
@@ -47,6 +56,7 @@ MACHINES = {
     "two lags": Lag(0.8, (0.4, 1.1)),
     "modes": Modes((1.0, -0.4), (2.0, 5.0), (0.05, 0.03)),
     "accelerating modes": Modes((1.0, -0.4), (2.0, 5.0), (0.05, 0.03), "acceleration"),
+    "filters": FILTERS,
 }
 FORCES = {
     "cubic_stiffness": CubicStiffness(0.7),
@@ -64,6 +74,13 @@ FLOWS = {
     "root_outflow": RootOutflow(0.5, -0.6),
     "internal_saturation": InternalSaturation(30.0, 0.4),
 }
+SIGNALS = {
+    "diode": Diode(1.2, 0.2, 0.05),
+    "clipping": Clipping(1.2, 0.3, 0.1, 0.05),
+    "dead_zone": DeadZone(1.2, 0.3, 0.1),
+    "curvature": Curvature(0.6, 0.5),
+}
+HOSTS = {"force": OSCILLATOR, "flow": Lag(0.8, (0.3, 0.5)), "signal": FILTERS}
 PERIOD = 2.0
 
 
@@ -138,6 +155,65 @@ def test_the_step_converges_at_its_order_to_another_integrator(name):
     order = 1.0 if FORCES[name].sticks else 2.0
     assert errors[-1] < (2e-2 if order == 1 else 5e-4)
     assert np.log2(errors[0] / errors[-1]) / 2 > order - 0.35
+
+
+CURVES = {
+    "diode": lambda x: 1.2 * 0.05 * wrightomega((x - 0.2) / 0.05),
+    "clipping": lambda x: 1.2 * 0.05 * (np.logaddexp(0, (x - 0.4) / 0.05)
+                                        - np.logaddexp(0, (-0.2 - x) / 0.05)),
+    "dead_zone": lambda x: 1.2 * np.clip(x - 0.1, -0.3, 0.3),
+    "curvature": lambda x: -0.6 * x**2 - 0.3 * x**3,
+}  # fmt: skip
+
+
+def filtered(k: int, signal: np.ndarray, times: np.ndarray) -> np.ndarray:
+    """A signal (N,) behind the first or the second of the filters, by their polynomials."""
+    pair, corner, zero = (
+        2 * np.pi * np.asarray(f.value)[k]
+        for f in (FILTERS.frequencies, FILTERS.corners, FILTERS.zeros)
+    )
+    zeta, xi = (float(d.value[k]) for d in (FILTERS.dampings, FILTERS.zero_dampings))
+    poles = np.polymul([1 / corner, 1], [1 / pair**2, 2 * zeta / pair, 1])
+    return lsim(([1 / zero**2, 2 * xi / zero, 1], poles), signal, times)[1]
+
+
+@pytest.mark.parametrize("name", CURVES)
+def test_what_acts_between_filters_is_a_curve_between_filters(name):
+    times = np.linspace(0, PERIOD, 1601)
+    drive, grid = drive_at(times), Grid(times[1], "rest")
+    between = filtered(0, drive, times)
+    wanted = 0.5 * filtered(1, between - CURVES[name](0.5 * between), times)
+    acted = np.asarray(respond(FILTERS @ SIGNALS[name], drive, grid))
+    assert np.abs(acted - wanted).max() < 2e-3 * np.ptp(wanted)
+
+
+def test_a_diode_may_conduct_below_its_threshold():
+    times = np.linspace(0, PERIOD, 401)
+    drive, grid = drive_at(times), Grid(times[1], "rest")
+    lower = np.asarray(respond(FILTERS @ Diode(1.2, -0.2, 0.05, upward=False), -drive, grid))
+    upper = np.asarray(respond(FILTERS @ SIGNALS["diode"], drive, grid))
+    np.testing.assert_allclose(lower, -upper, atol=1e-9)
+
+
+@pytest.mark.parametrize(("name", "site"), [("filters", "between"), ("modes", "joint")])
+def test_a_ports_places_differ_in_its_motion_alone(name, site):
+    machine = MACHINES[name]
+    times = np.linspace(0, PERIOD, 401)
+    places = Within(machine).placements(site)
+    assert len(places) == {"filters": 8, "modes": 2}[name]
+    moved = [
+        place.respond_to(jnp.asarray(drive_at(times)), jnp.zeros((1, 401)), Grid(times[1], "rest"))
+        for place in places
+    ]
+    for response, _ in moved[1:]:
+        np.testing.assert_allclose(response, moved[0][0], atol=1e-5)
+    positions = [np.asarray(motion.position[0]) for _, motion in moved]
+    for k, one in enumerate(positions):
+        for other in positions[:k]:
+            assert np.abs(one - other).max() > 1e-2 * np.ptp(one)
+    # With physics there it has its place.
+    effect = {"signal": Diode(), "force": CubicStiffness()}[machine.ports()[site].kind]
+    assert (machine @ effect).placements(site) == (machine @ effect,)
 
 
 @pytest.mark.parametrize("measured", ["velocity", "acceleration"])
@@ -224,10 +300,10 @@ def test_a_hysteretic_spring_is_the_equation_and_does_no_work_of_its_own():
     assert np.trapezoid(np.array(forces)[1500:3501], path[1500:3501]) < -0.1
 
 
-@pytest.mark.parametrize("name", FORCES | FLOWS)
+@pytest.mark.parametrize("name", FORCES | FLOWS | SIGNALS)
 def test_derivatives_are_central_differences(name):
-    effect = (FORCES | FLOWS)[name]
-    machine = OSCILLATOR @ effect if name in FORCES else Lag(0.8, (0.3, 0.5)) @ effect
+    effect = (FORCES | FLOWS | SIGNALS)[name]
+    machine = HOSTS[effect.kind] @ effect
     times = np.linspace(0, PERIOD, 601)
     drive, grid = drive_at(times) + (2.0 if name in FLOWS else 0.0), Grid(times[1], "rest")
     values = {n: np.asarray(p.value) for n, p in named_parameters(machine).items() if not p.fixed}
@@ -278,6 +354,15 @@ def test_an_impedance_adds_what_acts_to_the_force():
     assert not OSCILLATOR.leads
 
 
+def test_an_impedance_is_the_sum_of_its_parts():
+    s = 2j * np.pi * np.array([0.07, 0.9, 20.0])
+    impedance = Impedance(2.0, 0.5, 0.1, 0.7, 0.4)
+    with jax.enable_x64(True):
+        symbol = impedance.symbol(jnp.asarray(s))
+    np.testing.assert_allclose(symbol, 2.0 + 0.5 * s + 0.1 * s**2 + 0.7 * s**0.4, rtol=1e-9)
+    assert impedance.static_gain() == 2.0
+
+
 def test_a_store_does_not_pass_its_limit_and_drains_by_the_root():
     full = Lag(2.0, (0.5,)) @ InternalSaturation(1e4, 1.0)
     level = np.asarray(respond(full, np.full(500, 3.0), Grid(0.01, "rest")))
@@ -286,6 +371,16 @@ def test_a_store_does_not_pass_its_limit_and_drains_by_the_root():
     drained = set_values(Lag(1e6, (1e6,)) @ RootOutflow(0.5, 0.0), {"start": np.array([4.0])})
     level = np.asarray(respond(drained, np.zeros(1201), Grid(0.01, "rest")))
     np.testing.assert_allclose(level[::100][:8], (2 - 0.25 * np.arange(8)) ** 2, atol=2e-3)
+
+
+def test_a_curve_is_straight_between_its_values_and_beyond():
+    values = np.array([0.0, 1.0, -2.0, 3.0, 3.0, 2.0, 5.0, 4.0, 4.5])
+    drive = np.linspace(-3.0, 3.0, 61)
+    curve = np.asarray(respond(StaticCurve(-2.0, 2.0, values), drive, Grid(0.1)))
+    inner = np.abs(drive) <= 2
+    wanted = np.interp(drive, np.linspace(-2.0, 2.0, 9), values)
+    np.testing.assert_allclose(curve[inner], wanted[inner], atol=1e-12)
+    np.testing.assert_allclose(curve[[0, -1]], [0.0 - 2 * 1.0, 4.5 + 2 * 0.5], atol=1e-12)
 
 
 def test_an_effect_needs_its_port():
@@ -308,6 +403,34 @@ def test_trials_are_of_the_size_that_the_motion_has(name):
     assert effect.separated_by.keys() <= INSIDE.keys() - {name}
 
 
+def test_trials_between_filters_lie_within_the_signals_range():
+    """Of a signal from -1 to 3 about 1."""
+    signal = np.linspace(-1.0, 3.0, 401)
+    trials = {name: INSIDE[name].trials(Motion(signal, 0 * signal, signal)) for name in SIGNALS}
+
+    def values(name, parameter):
+        return [float(getattr(trial, parameter).value) for trial in trials[name]]
+
+    np.testing.assert_allclose(values("diode", "threshold"), 2 * [0.2, 1.0, 1.8], atol=1e-9)
+    np.testing.assert_allclose(values("clipping", "limit"), [0.6, 1.0, 1.4])
+    np.testing.assert_allclose(values("clipping", "middle"), 1.0)
+    np.testing.assert_allclose(values("dead_zone", "limit"), [0.1, 0.4, 1.0])
+    np.testing.assert_allclose(values("dead_zone", "middle"), 1.0)
+    for name in ("diode", "clipping"):
+        np.testing.assert_allclose(values(name, "width"), 0.12)
+    level = float(np.sqrt(np.mean(signal**2)))
+    np.testing.assert_allclose(values("curvature", "square"), 0.1 / level)
+    np.testing.assert_allclose(values("curvature", "cube"), np.array([0, 0.5, -0.5]) / level)
+
+
+PLACES = {
+    "diode": "threshold",
+    "clipping": "middle",
+    "dead_zone": "middle",
+}
+"""The parameters that say where an effect between filters is."""
+
+
 @pytest.mark.parametrize("name", INSIDE)
 def test_what_is_placed_changes_where_the_machine_is_displaced(name):
     effect, rng = INSIDE[name], np.random.default_rng(5)
@@ -325,6 +448,10 @@ def test_what_is_placed_changes_where_the_machine_is_displaced(name):
 
     for trial in effect.trials(motion)[:2]:
         still, moved = acted(trial, 0.0), acted(trial, 0.5)
+        if name in PLACES:
+            assert not np.allclose(still, moved, atol=1e-9)
+            place = np.asarray(getattr(trial, PLACES[name]).value) + 0.5
+            moved = acted(set_values(trial, {PLACES[name]: place}), 0.5)
         assert np.allclose(still, moved, atol=1e-9) != trial.is_placed
 
 

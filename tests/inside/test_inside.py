@@ -9,7 +9,16 @@ import pytest
 from scipy.integrate import solve_ivp
 
 import fracjax as fj
-from fracjax._blocks import INSIDE, CubicStiffness, DryFriction, Mass, Oscillator, Within
+from fracjax._blocks import (
+    INSIDE,
+    CubicStiffness,
+    DryFriction,
+    LuGre,
+    Mass,
+    Modes,
+    Oscillator,
+    Within,
+)
 from fracjax._computing import computing
 from fracjax._inside import (
     About,
@@ -153,6 +162,14 @@ def test_the_drives_offset_is_free_where_it_differs_from_one_of_the_response(mac
     assert machine.drive_offset.fixed is not free
 
 
+WAVES = {
+    "wave": np.cos(0.1 * np.arange(1000)),
+    "machine": np.cos(0.2 * np.arange(1000)),
+    "effect": np.cos(0.3 * np.arange(1000)),
+    "offset": np.ones(1000),
+}
+
+
 @dataclass
 class Stepped:
     """Recordings of unit noise whose response is wrong by the square of the step along a wave."""
@@ -162,7 +179,7 @@ class Stepped:
     along: str = "wave"
 
     def problems(self):
-        wave = np.cos(0.1 * np.arange(1000)) if self.along == "wave" else np.ones(1000)
+        wave = WAVES[self.along]
         error = self.size * wave / self.oversampling**2
         return [SimpleNamespace(whiten=lambda signal: signal, respond=lambda block: error)]
 
@@ -172,15 +189,20 @@ class Stepped:
     [
         (Stepped(1, 1.0), True),
         (Stepped(8, 1.0), False),
-        (Stepped(1, 1.0, along="tangent"), False),
+        (Stepped(1, 1.0, along="machine"), False),
+        (Stepped(1, 1.0, along="effect"), True),
         (Stepped(64, 1e6), False),
     ],
-    ids=["long", "short", "absorbed", "finest"],
+    ids=["long", "short", "absorbed by the machine", "absorbed by an effect", "finest"],
 )
 def test_a_step_is_too_long_where_half_of_it_is_told_apart(preparation, coarse):
     solved = SimpleNamespace(
         block=SimpleNamespace(effects=("one",)), preparation=preparation, cost=1000.0,
-        whitened_derivative=lambda: np.ones((1000, 1)),
+        sensitivity=lambda: (
+            [SimpleNamespace(name=n) for n in ("machine.gain", "effects.0.size")],
+            None,
+            np.stack([WAVES[of] for of in ("machine", "effect", "offset")], axis=1),
+        ),
     )  # fmt: skip
     fit = SimpleNamespace(
         names=("one",), solved=solved,
@@ -229,6 +251,22 @@ def test_chance_is_not_named_and_an_effect_is():
         assert posterior.probability_of("effect_0") > 0.95
 
 
+def test_what_the_fit_absorbs_is_no_evidence():
+    rng = np.random.default_rng(8)
+    tangent, own, residual = rng.standard_normal((3, 500))
+    effects = {
+        "absorbed": [Column((), tangent[:, None])],
+        "half": [Column((), (tangent + own)[:, None])],
+    }
+    others = {"drive_curve": [Column((), rng.standard_normal((500, 1)))]}
+    columns = Columns(effects, others, residual, tangent[:, None], 1.0)
+    inner = About.of(columns, frozenset()).inner
+    apart = own - tangent * (tangent @ own) / (tangent @ tangent)
+    np.testing.assert_allclose(inner.columns[1], 0.0, atol=1e-9)
+    assert inner.columns[2, 2] == pytest.approx(apart @ apart)
+    assert inner.along[2] == pytest.approx(apart @ residual)
+
+
 def test_coefficients_and_what_is_left():
     present = about(0.5)
     worth = Worth.of(present.inner.square / 1.25, present.samples, specified=True)
@@ -267,6 +305,98 @@ def test_a_curve_beside_the_machine_is_no_effect():
     alone = About.of(replace(columns, others={"response_curve": [Column((), 0 * curve[:, None])]}),
                      frozenset())  # fmt: skip
     assert alone.posterior(worth).best.names == ("cubic_stiffness",)
+
+
+def beside(shapes, seed=2, count=400) -> About:
+    """Columns of chance, one for each shape of an effect, about a residual of the second."""
+    white = np.random.default_rng(seed).standard_normal((count, len(shapes) + 1))
+    effects: dict[str, list[Column]] = {}
+    for k, (name, effect, machine) in enumerate(shapes):
+        column = Column((("joint", effect),), white[:, [k]], machine)
+        effects.setdefault(name, []).append(column)
+    others = {"drive_curve": [Column((), white[:, [-1]])]}
+    columns = Columns(effects, others, white[:, 1], np.ones((count, 1)), count**0.5)
+    return About.of(columns, frozenset())
+
+
+WORTH = Worth(1.0, 400.0)
+
+
+def test_each_form_of_an_effect_is_tried():
+    shapes = [
+        ("dry_friction", DryFriction(1.0), None),
+        ("dry_friction", DryFriction(2.0), None),
+        ("dry_friction", LuGre(3.0), None),
+        ("cubic_stiffness", CubicStiffness(), None),
+    ]
+    about = beside(shapes)
+    forms = _inquire._by_form(about, ("dry_friction",), WORTH)
+    kept = [form.shapes[one.kinds[0]].inside[0][1] for form, one in forms]
+    assert [(type(e), float(e.coulomb.value)) for e in kept] == [(DryFriction, 2.0), (LuGre, 3.0)]
+    assert _inquire._by_form(about, ("cubic_stiffness",), WORTH) == []
+    assert _inquire._by_form(about, ("cubic_stiffness", "dry_friction"), WORTH) == []
+
+
+def test_look_alikes_are_those_of_either_entry():
+    assert {"hysteretic_spring", "quadratic_damping"} <= {*_inquire._alike("dry_friction")}
+    assert "dry_friction" in _inquire._alike("hysteretic_spring")
+    assert "dry_friction" not in _inquire._alike("dry_friction")
+
+
+def test_a_start_has_its_port_where_the_column_had_it():
+    places = Within(Modes()).placements("joint")
+    about = beside([("cubic_stiffness", CubicStiffness(2.0), place.machine) for place in places])
+    best = about.posterior(WORTH).best
+    started = _inquire._started(Within(Modes()).at("joint", DryFriction()), about, best, WORTH, 0.5)
+    ((coefficient,),) = about.coefficients(best, WORTH)
+    np.testing.assert_array_equal(started.machine.joint.value, [0.0, 1.0])
+    assert float(started.effects[1].stiffness.value) == pytest.approx(2.0 * 0.5 * coefficient)
+
+
+@pytest.mark.parametrize(
+    ("second", "cost", "extended"),
+    [
+        (0.04, 150.0, [("a", False)]),
+        (0.06, 150.0, [("a", False), ("b", True)]),
+        (0.06, 90.0, [("a", False)]),
+    ],
+    ids=["unlikely", "likely", "at the noise"],
+)
+def test_what_could_stand_in_the_bests_place_is_extended_too(second, cost, extended):
+    fits = [
+        SimpleNamespace(
+            names=(name,), solved=SimpleNamespace(cost=cost), about=SimpleNamespace(samples=100)
+        )
+        for name in "abc"
+    ]
+    inquiry: Any = _Inquiry(True, lambda text: None, Columns({}, {}, *3 * [np.ones(1)]), fits)  # type: ignore[list-item, arg-type]
+    asked, reduced = [], []
+    inquiry.ranked = lambda: (fits, np.array([1.0, second, 0.01]))
+    inquiry._extend = lambda fit, again: asked.append((*fit.names, again))
+    inquiry._reduce = lambda fit: reduced.append(fit.names)
+    inquiry.search()
+    assert asked == extended
+    assert reduced[0] == ("a",)
+
+
+def test_the_better_of_two_fits_of_a_set_is_kept(monkeypatch):
+    costs = iter([9.0, 11.0, 7.0])
+    monkeypatch.setattr(_inquire, "solve_from", lambda *_: SimpleNamespace(cost=next(costs)))
+    monkeypatch.setattr(
+        _inquire._Fit, "of", lambda solved, names, _: SimpleNamespace(names=names, solved=solved)
+    )
+    base = SimpleNamespace(
+        names=(), solved=SimpleNamespace(cost=20.0, preparation=None),
+        about=SimpleNamespace(samples=100),
+    )  # fmt: skip
+    inquiry: Any = _Inquiry(True, lambda text: None, Columns({}, {}, *3 * [np.ones(1)]), [base])  # type: ignore[list-item]
+    at = SimpleNamespace(at=lambda position: SimpleNamespace(blocks=(None,)))
+    inquiry._descent = lambda start, held: SimpleNamespace(cost=10.0, objective=at, position=None)
+    kept = []
+    for _ in range(3):
+        inquiry._fit(("a",), [Within(Oscillator())], 0)
+        kept.append([fit.solved.cost for fit in inquiry.fits])
+    assert kept == [[20.0, 9.0], [20.0, 9.0], [20.0, 7.0]]
 
 
 def test_names_and_what_they_may_be_instead():

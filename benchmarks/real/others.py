@@ -91,7 +91,7 @@ def _magnet(name: str) -> Callable[[], fj.Recording]:
 
 def _wiener_hammerstein() -> fj.Recording:
     """The first 20,000 samples after the start of the estimation part."""
-    data = loadmat(machines.path_of("others/wh.mat"))
+    data = loadmat(machines.path_of("machines/WienerHammerBenchMark.mat"))
     drive, response = (np.ravel(data[key])[5_200:25_200] for key in ("uBenchMark", "yBenchMark"))
     return fj.Recording(
         drive, response, 1 / 51_200, drive_unit="V", response_unit="V", source="wh.mat"

@@ -150,8 +150,8 @@ def diagnose(
         # A model with rates of its own may lead its drive; one without follows with odd parameters.
         follows = not (base.displaced and isinstance(law.block, BoucWen | PrandtlIshlinskii))
         doubts = [t for t in (wrong_way(r, law.block, follows=follows) for r in listed) if t]
-        # The misfit of a fit that had to end early is not that of its model.
-        may_name = not doubts and not clock.is_over
+        # The misfit of a fit that had to end early is not that of its model; path curves have none.
+        may_name = not doubts and (model is None or not clock.is_over)
         inquiry = unnamed(base, path, view)
         extension = None
         machine = base.solved.block

@@ -29,7 +29,7 @@ class Resonance(AbstractLinearBlock):
 
     def __init__(self, frequency: float, damping: float = 0.02):
         self.frequency = Parameter(
-            frequency, "Hz", lower=0.1, upper=1e8, plausible=(10.0, 1e5), logarithmic=True
+            frequency, "Hz", lower=1e-6, upper=1e8, plausible=(10.0, 1e5), logarithmic=True
         )
         self.damping = Parameter(
             damping, lower=1e-3, upper=1.0, plausible=(4e-3, 0.2), logarithmic=True

@@ -50,7 +50,7 @@ class SecondMode(AbstractLinearBlock):
         second_damping: float = 0.02,
     ):
         self.frequency = Parameter(
-            frequency, "Hz", lower=0.1, upper=1e8, plausible=(10.0, 1e5), logarithmic=True
+            frequency, "Hz", lower=1e-6, upper=1e8, plausible=(10.0, 1e5), logarithmic=True
         )
         self.ratio = Parameter(
             ratio, lower=1.01, upper=100.0, plausible=(1.05, 100.0), logarithmic=True

@@ -42,7 +42,7 @@ class ViscoelasticLayer(AbstractLinearBlock):
     def __init__(self, strength: float, time_constant: float, order: float = 0.25):
         self.strength = Parameter(strength, lower=-1.0, upper=0.9, plausible=(-0.5, 0.5))
         self.time_constant = Parameter(
-            time_constant, "s", lower=1e-8, upper=1e6, plausible=(1e-6, 1e4), logarithmic=True
+            time_constant, "s", lower=1e-8, upper=1e9, plausible=(1e-6, 1e4), logarithmic=True
         )
         self.order = Parameter(order, lower=0.05, upper=1.0, plausible=(0.1, 0.8))
 
@@ -86,7 +86,7 @@ class MaxwellLayer(AbstractLadder):
         shares = np.full(RELAXATIONS, share)
         self.shares = Parameter(shares, lower=0.0, upper=0.5, plausible=(0.0, 0.2))
         self.fastest = Parameter(
-            fastest, "s", lower=1e-6, upper=1e4, plausible=(1e-5, 1e3), logarithmic=True
+            fastest, "s", lower=1e-10, upper=1e7, plausible=(1e-5, 1e3), logarithmic=True
         )
         self.ratio = Parameter(ratio, lower=2.0, upper=100.0, plausible=(3.0, 40.0))
 

@@ -8,6 +8,8 @@ import pytest
 from fracjax._blocks import EFFECTS, FOH, Setting
 from fracjax._operators import Grid
 from fracjax._parameters import named_parameters, set_values
+from fracjax._prepare import prepare
+from fracjax._recording import Recording
 from tests.blocks.linear import GRID, smooth
 from tests.helpers import respond
 
@@ -96,3 +98,18 @@ def test_an_effect_is_no_other(name):
     for other in EFFECTS[name].separated_by.keys() & EFFECTS.keys():
         for rival in EFFECTS[other].trials(SETTINGS["common"]):
             assert abs(own @ direction(EFFECTS[other], rival)) < 0.99999
+
+
+@pytest.mark.parametrize("step", [1e-8, 1e-3, 4.0, 60.0, 3600.0])
+def test_trials_are_within_their_bounds_at_any_rate(step):
+    """A reading a minute, of a magnet that is stepped, had a mode below the least frequency."""
+    samples = np.arange(400)
+    drive = 50 - 50 * np.cos(2 * np.pi * samples / 100)
+    noise = 1e-3 * np.random.default_rng(0).standard_normal(samples.size)
+    setting = prepare([Recording(drive, 0.1 * drive + noise, step, "V", "um")]).setting
+    for name, effect in EFFECTS.items():
+        for trial in effect.trials(setting):
+            for parameter in named_parameters(trial).values():
+                value = np.asarray(parameter.value)
+                assert np.all(parameter.lower <= value), name
+                assert np.all(value <= parameter.upper), name

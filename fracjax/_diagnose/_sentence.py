@@ -141,8 +141,10 @@ def _dynamics(findings: Findings) -> str:
 
 def _remaining(findings: Findings) -> str:
     """The sentence on what even path curves with the named effects leave, or ""."""
+    if findings.inquiry.is_adequate:
+        return ""
     floors = np.sqrt(1 + max(findings.inquiry.path_misfit, 0.0))
-    if findings.inquiry.is_adequate or floors < _LEFT:
+    if floors < _LEFT:
         return ""
     return (
         f" Beside any law of hysteresis {floors:.2g} times the noise is left, which nothing here "

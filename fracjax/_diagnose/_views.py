@@ -40,6 +40,9 @@ column leaves of it looks like a second effect."""
 _OF_PATH, _OF_NOISE = 0.5, 0.2
 """The shares of the time that is left in which path curves are searched for what is in series with
 the path, and are where they tell the noise alone; chosen by judgement."""
+_MOST_SPENT = 0.9
+"""The share of noise that curves have taken up at most: of what less is left tells no level; chosen
+by judgement."""
 MODEL = "model"
 """The name of the law of the user's model."""
 
@@ -180,7 +183,7 @@ def path_view(preparation: Preparation) -> tuple[PathView, Preparation]:
         return view, preparation
     takes = preparation.takes
     ends = np.cumsum([len(take.recording) for take in takes])[:-1]
-    spent = view.freedom / view.law.count
+    spent = min(view.freedom / view.law.count, _MOST_SPENT)
     residuals = [
         Residual(part, take.used, take.recording, spent)
         for part, take in zip(np.split(view.residual, ends), takes, strict=True)

@@ -57,6 +57,16 @@ def test_a_steady_recording_is_read_beside_one_that_is_not():
     assert [take.recording for take in diagnosis.base.preparation.takes] == [steady, resting]
 
 
+def test_a_reading_a_minute_of_a_loop_that_is_stepped_is_diagnosed():
+    """Of a magnet's sixty readings curves had taken up all noise, and a mode lay below the least
+    frequency."""
+    steps = [*np.linspace(0, 1, 11), *np.linspace(0.9, 0, 10), *np.linspace(0.05, 1, 20)]
+    drive = np.array([*steps, *np.linspace(0.95, 0, 20)])
+    response = plays(drive) + 1e-4 * np.random.default_rng(0).standard_normal(drive.size)
+    diagnosis = fj.diagnose(None, fj.Recording(drive, response, 60.0, "A", "T"), max_time=30)
+    assert diagnosis.effects == ()
+
+
 def test_recordings_share_the_states_of_their_path():
     fast, slow = (through([0.0, 1.0, 0.0, 1.0, 0.0], [n] * 4) for n in (100, 300))
     recordings = [recorded(u, plays(u), seed=k) for k, u in enumerate((fast, slow))]

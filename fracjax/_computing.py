@@ -30,19 +30,23 @@ which takes a tenth less CPU time to compile."""
 
 
 class Clock:
-    """The time that a computation may take; `stopped` once it is over or the user interrupts, and
-    `was_short` once it was, or a part of it."""
+    """The time that a computation may take; `stopped` once it is over or the user interrupts."""
 
     def __init__(self, seconds: float):
         self._end = time.monotonic() + seconds
-        self.stopped = self.was_short = False
+        self.stopped = self._part_was_short = False
 
     @property
     def is_over(self) -> bool:
         """Whether nothing further may start."""
         self.stopped = self.stopped or time.monotonic() > self._end
-        self.was_short = self.was_short or self.stopped
         return self.stopped
+
+    @property
+    def was_short(self) -> bool:
+        """Whether the time, or a part of it, was over before all was done, or the user has
+        interrupted."""
+        return self.stopped or self._part_was_short
 
     def part(self, share: float) -> Callable[[], bool]:
         """A share of the time that is left: whether it is over, whenever it is asked."""
@@ -51,7 +55,7 @@ class Clock:
 
         def is_over() -> bool:
             short = self.stopped or time.monotonic() > end
-            self.was_short = self.was_short or short
+            self._part_was_short = self._part_was_short or short
             return short
 
         return is_over

@@ -11,7 +11,6 @@ package.
 
 from __future__ import annotations
 
-import csv
 import os
 import sys
 import time
@@ -28,7 +27,7 @@ from scipy.io import loadmat
 from scipy.signal import butter, filtfilt, resample
 
 import fracjax as fj
-from benchmarks.real.recordings import HERE, rounded, table
+from benchmarks.real.recordings import HERE, renew, rounded
 from fracjax import blocks
 from fracjax._inside import Inside, error_on, inquire_inside
 from fracjax._operators import History
@@ -316,20 +315,7 @@ def main() -> None:
                 }
             )
             print(rows[-1], flush=True)
-    again = {row["benchmark"] for row in rows}
-    kept = [row for row in _written() if row["benchmark"] not in again]
-    kept = [{key: row.get(key, "") for key in rows[0]} for row in kept]
-    order = list(CASES)
-    table("machines", sorted(kept + rows, key=lambda row: order.index(row["benchmark"])))
-
-
-def _written() -> list[dict]:
-    """The rows that the table has."""
-    path = HERE / "machines.csv"
-    if not path.is_file():
-        return []
-    lines = path.read_text(encoding="utf-8").splitlines()
-    return list(csv.DictReader(line for line in lines if not line.startswith("#")))
+    renew("machines", rows, ("benchmark",), [(name,) for name in CASES])
 
 
 if __name__ == "__main__":

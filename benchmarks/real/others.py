@@ -18,7 +18,6 @@ from pathlib import Path
 from typing import Any, NamedTuple
 
 import numpy as np
-from scipy.io import loadmat
 
 import fracjax as fj
 from benchmarks.real import machines
@@ -27,8 +26,8 @@ from benchmarks.real.recordings import (
     low_passed,
     mr_damper,
     piezo_dbo,
+    renew,
     rounded,
-    table,
 )
 
 LAG = ("sensor_lag", "drive_lag")
@@ -87,15 +86,6 @@ def _magnet(name: str) -> Callable[[], fj.Recording]:
         )  # fmt: skip
 
     return read
-
-
-def _wiener_hammerstein() -> fj.Recording:
-    """The first 20,000 samples after the start of the estimation part."""
-    data = loadmat(machines.path_of("machines/WienerHammerBenchMark.mat"))
-    drive, response = (np.ravel(data[key])[5_200:25_200] for key in ("uBenchMark", "yBenchMark"))
-    return fj.Recording(
-        drive, response, 1 / 51_200, drive_unit="V", response_unit="V", source="wh.mat"
-    )
 
 
 def _circuit() -> fj.Recording:
@@ -204,7 +194,8 @@ ROWS = (
         "hysteresis of the force over the speed; no effect of the catalogue",
         lambda: mr_damper("ensaio4.2")),
     Row("wiener_hammerstein", "two filters and a diode", None, (*LAG, *MODE), ("delay",),
-        "low-pass filters of third order before and after a diode", _wiener_hammerstein),
+        "low-pass filters of third order before and after a diode",
+        _training("wiener_hammerstein")),
     Row("rlc", "circuit with a saturating coil", None, MODE, (), "one mode, simulated", _circuit),
 )  # fmt: skip
 
@@ -251,14 +242,13 @@ def answered(row: Row) -> dict[str, Any]:
 
 
 def main() -> None:
-    """Diagnose the recordings that are asked for, or all, and write the table."""
+    """Diagnose the recordings that are asked for, or all, and write their rows of the table."""
     wanted, rows = sys.argv[1:], []
     for row in ROWS:
         if not wanted or row.recording in wanted:
             rows.append(answered(row))
             print(rows[-1], flush=True)
-    if not wanted:
-        table("others", rows)
+    renew("others", rows, ("recording", "model"), [(r.recording, r.model or "") for r in ROWS])
 
 
 if __name__ == "__main__":

@@ -100,6 +100,21 @@ def table(name: str, rows: Sequence[dict], packages: Sequence[str] = PACKAGES) -
     print(path.read_text(encoding="utf-8"))
 
 
+def renew(name: str, rows: Sequence[dict], keys: Sequence[str], order: Sequence[tuple]) -> None:
+    """Write rows to benchmarks/real/NAME.csv in place of those with the same values of some
+    columns; all others stay as they are, in an order of these values."""
+
+    def key(row: dict) -> tuple:
+        return tuple(row[k] for k in keys)
+
+    again, path = {key(row) for row in rows}, HERE / f"{name}.csv"
+    lines = path.read_text(encoding="utf-8").splitlines() if path.is_file() else []
+    kept = [r for r in csv.DictReader(x for x in lines if x[0] != "#") if key(r) not in again]
+    columns = max([*rows, *kept], key=len)
+    whole = [{column: row.get(column, "") for column in columns} for row in [*kept, *rows]]
+    table(name, sorted(whole, key=lambda row: order.index(key(row))))
+
+
 def rounded(value: float | np.floating) -> str:
     """Three digits."""
     return f"{value:.3g}"

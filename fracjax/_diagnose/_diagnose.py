@@ -33,7 +33,7 @@ from ._extension import ANY_LOOP, extended_by, extended_inside
 from ._findings import Findings
 from ._fitted import Fitted, fitted
 from ._held_out import predict_recording, predict_stretches
-from ._inquiry import inquire, inquired_inside, is_described, unnamed
+from ._inquiry import Inquiry, inquire, inquired_inside, is_described
 from ._next_experiment import propose
 from ._result import Diagnosis, NextExperiment
 from ._sentence import (
@@ -152,7 +152,7 @@ def diagnose(
         doubts = [t for t in (wrong_way(r, law.block, follows=follows) for r in listed) if t]
         # The misfit of a fit that had to end early is not that of its model; path curves have none.
         may_name = not doubts and (model is None or not clock.is_over)
-        inquiry = unnamed(base, path, view)
+        inquiry = Inquiry.of(base, path, view)
         extension = None
         machine = base.solved.block
         if may_name and isinstance(machine, AbstractMachine | Within):

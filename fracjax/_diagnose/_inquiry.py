@@ -38,7 +38,8 @@ class Inquiry:
 
     Attributes:
         base: the fitted model.
-        path: the recordings under path curves; None where the model describes them.
+        path: the recordings under path curves; None where the model describes them, and of
+            machines.
         model: the recordings under the model; None where no model is asked about.
         posterior: over effects, under the law that describes the recordings.
         is_adequate: whether the model describes them, with the named effects or without.
@@ -58,6 +59,14 @@ class Inquiry:
     explanation: Explanation | None = None
     refits: tuple[Explanation, ...] = ()
     jumps: Jumps | None = None
+
+    @classmethod
+    def of(cls, base: Fitted, path: PathView | None, model: ModelView | None) -> Inquiry:
+        """What is known before anything is named: under the model, if there is one."""
+        if model is not None:
+            return cls(base, path, model, model.posterior, is_adequate=True)
+        assert path is not None  # without a model recordings are under path curves
+        return cls(base, path, None, path.posterior, is_adequate=False)
 
     def unnamed(self) -> Inquiry:
         """The same without names."""
@@ -95,14 +104,6 @@ class Inquiry:
         return float(np.clip(explained / max(view.base_misfit, 1e-300), 0.0, 1.0))
 
 
-def unnamed(base: Fitted, path: PathView | None, model: ModelView | None) -> Inquiry:
-    """What is known before anything is named: under the model, if there is one."""
-    if model is not None:
-        return Inquiry(base, path, model, model.posterior, is_adequate=True)
-    assert path is not None  # without a model recordings are under path curves
-    return Inquiry(base, path, None, path.posterior, is_adequate=False)
-
-
 def is_described(view: ModelView) -> bool:
     """Whether a model without any effect describes recordings: no more than noise is left.
 
@@ -117,7 +118,7 @@ def inquire(inquiry: Inquiry, nominal: AbstractBlock, progress: Progress, clock:
     """Search for the effects that recordings show: those that a model leaves out if there is one,
     otherwise those that no law of hysteresis makes."""
     path, view, base = inquiry.path, inquiry.model, inquiry.base
-    if path is None or base.numerics > tolerated_error(NUMERICS, base.solved, _MINOR):
+    if path is None:
         return inquiry
     of_curves = Inquiry(
         base, path, view, path.posterior, is_adequate=False,
@@ -125,6 +126,8 @@ def inquire(inquiry: Inquiry, nominal: AbstractBlock, progress: Progress, clock:
     )  # fmt: skip
     if view is None:
         return of_curves
+    if base.numerics > tolerated_error(NUMERICS, base.solved, _MINOR):
+        return inquiry
     best = misfit(view.law, view.posterior.best)
     limit = ADEQUATE * (1 + max(inquiry.path_misfit, 0.0)) - 1
     refits: list[Explanation] = []

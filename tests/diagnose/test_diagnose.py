@@ -10,7 +10,7 @@ import fracjax as fj
 from benchmarks.concealed.cases import make_case
 from fracjax._computing import Clock, computing, within
 from fracjax._diagnose._fitted import fitted
-from fracjax._diagnose._inquiry import inquire, unnamed
+from fracjax._diagnose._inquiry import Inquiry, inquire
 from fracjax._diagnose._views import model_view, path_view
 from fracjax._fit import settle
 from fracjax._prepare import prepare
@@ -200,7 +200,7 @@ def test_when_the_time_is_over_no_further_rival_is_refitted():
         solved = settle(model.block, preparation, history=None, starts=4, seed=0)
         base = fitted([solved.block], solved.preparation)
         path, _ = path_view(solved.preparation)
-        inquiry = unnamed(base, path, model_view(base))
+        inquiry = Inquiry.of(base, path, model_view(base))
         inquire(inquiry, model.block, progress, clock)
     assert len(refits) == 1
     assert clock.stopped

@@ -66,7 +66,7 @@ class PEADynamics(AbstractLinearBlock):
         )
         self.mu = Parameter(mu, lower=-0.95, upper=0.95, plausible=(-0.5, 0.5))
         self.frequency = Parameter(
-            frequency, "Hz", lower=1e-6, upper=1e8, plausible=(10.0, 1e4), logarithmic=True
+            frequency, "Hz", lower=0.1, upper=1e8, plausible=(10.0, 1e4), logarithmic=True
         )
         self.damping = Parameter(
             damping, lower=1e-4, upper=10.0, plausible=(5e-3, 0.5), logarithmic=True

@@ -195,6 +195,13 @@ class Expansion:
         """The same beside what fits best and does not belong in series."""
         return self.adequacy(_but(self.best, IN_SERIES))
 
+    def of_chain(self, share: float) -> float:
+        """The logarithm of the chain's prior and of the share of its parameters' that is likely, if
+        only this share of the likelihood counts."""
+        if self.fitted is None:
+            return 0.0
+        return self.fitted.log_prior + self.fitted.volume(share)
+
     def hypotheses(self, excess: float, front: Expansion | None = None) -> Iterator[Hypothesis]:
         """The hypotheses behind the chain, tempered by a misfit κ - 1.  What belongs in series is
         there exactly or not at all.
@@ -212,9 +219,7 @@ class Expansion:
             chance = share**2 * abs(self.settled.freedom - front.settled.freedom) / 2
             whole = other + (whole - other) / np.sqrt(1 + np.pi * chance / 8)
         # Relative to the best columns, beside which the law behind the chain is adequate or not.
-        of_chain = whole - (best.log_posterior - best.log_prior)
-        if self.fitted is not None:
-            of_chain += self.fitted.log_prior + self.fitted.volume(share)
+        of_chain = whole - (best.log_posterior - best.log_prior) + self.of_chain(share)
         chain = tuple(one.effect for one in self.line.chain)
         for one in listed:
             if len(chain) + len(one.names) <= MOST_EFFECTS:

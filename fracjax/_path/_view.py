@@ -154,9 +154,10 @@ def _longer(
     chains: Sequence[tuple[Chain, Hypothesis]],
     is_over: Callable[[], bool],
 ) -> dict[Key, Expansion]:
-    """The expansions behind the likeliest of longer chains that one proposes."""
+    """The expansions behind the likeliest of longer chains that one proposes, of those that are
+    likelier than it."""
     longer: list[tuple[Fitted, Hypothesis]] = []
-    before, least = front.adequacy(front.best), -np.inf
+    before, least = front.adequacy(front.best), front.own_adequacy + front.of_chain(1.0)
     for chain, beside in chains:
         if is_over():
             break

@@ -60,6 +60,7 @@ _PART = 0.25
 for one to be tried."""
 _PARTICIPATIONS = (0.1, 0.4)
 """The shares of a second mode at first."""
+_NOTHING = 1e-300
 
 
 def family_of(name: str) -> set[str]:
@@ -239,7 +240,6 @@ class Expansion:
         much = _PART * (listed[0].log_posterior - without)
         beside = _but(listed[0], IN_SERIES)
         leading = {name: h for h in reversed(listed) for name in h.names if name in IN_SERIES}
-        alone = {h.names[0]: h for h in listed if len(h.names) == 1}
         stages: dict[str, list[tuple[Stage, Hypothesis]]] = {}
         for name in sorted(leading, key=lambda name: -leading[name].log_posterior):
             own, is_second = leading[name], name == MODE.effect and _has_mode(chain)
@@ -248,15 +248,26 @@ class Expansion:
             if (gain <= 0 or gain < much) and not is_second:
                 continue
             # What is beside it may be there in its stead.
-            for start, companions in {own: beside, alone[name]: _but(own, own.names)}.items():
-                shape = self.columns[start.kinds[start.names.index(name)]].shape
-                stages.setdefault(name, []).append((Stage(name, shape), companions))
+            for companions in dict.fromkeys([beside, _but(own, own.names)]):
+                stages.setdefault(name, []).append((self._begun(name, companions), companions))
         # Which lag it is the chains decide: about a curve they are alike.
         for (effect, shape), companions in [one for own in stages.values() for one in own[:1]]:
             for other in lags_like(effect, shape):
                 stages.setdefault(other.effect, [(other, companions)])
         for stage, companions in [one for own in stages.values() for one in own]:
             yield from ((longer, companions) for longer in _longer(chain, stage))
+
+    def _begun(self, name: str, beside: Hypothesis) -> Stage:
+        """The stage from which a chain's fit begins: the shape that explains most beside a
+        hypothesis as a stage does, with the coefficient one.  Of a mode half the width of a peak
+        away the ringing is out of phase, so that its coefficient is free."""
+        inner = self.law.inner.given(*beside.columns(self.law.kinds))
+        shapes = [k for k, one in enumerate(self.columns) if one.effect == name]
+        at = [self.law.kinds[k].start for k in shapes]
+        along, square = inner.along[at], np.maximum(inner.columns[at, at], _NOTHING)
+        size = np.maximum(along / square, 0.0) if name == MODE.effect else 1.0
+        best = int(np.argmax(size * along - 0.5 * size**2 * square))
+        return Stage(name, self.columns[shapes[best]].shape)
 
     def sized(self, hypothesis: Hypothesis) -> np.ndarray:
         """The columns (ΣN, k) of a hypothesis, of unit prior standard deviation."""

@@ -11,7 +11,7 @@ from scipy.optimize import least_squares
 from scipy.special import softmax
 
 from .._blocks import INSIDE, AbstractMachine, Within
-from .._computing import computing, time_is_over
+from .._computing import computing, map_in_threads, time_is_over
 from .._naming import block_name
 from .._parameters import named_parameters, set_values
 from .._path import MOST_EFFECTS, Hypothesis, Posterior
@@ -301,8 +301,7 @@ class _Inquiry:
 
     def _fit(self, names: tuple[str, ...], starts: Sequence[Within], held: int) -> None:
         """Fit a set of effects from starts, first with the effects from `held` on held."""
-        # NumPy's handling of overflow is a thread's own, so that there are no threads here.
-        descents = [self._descent(start, held) for start in starts]
+        descents = map_in_threads(lambda start: self._descent(start, held), starts)
         best = min(descents, key=lambda each: each.cost)
         least = min(fit.solved.cost for fit in self.fits)
         if 0.5 * self.worth.samples * np.log(best.cost / least) > _HOPELESS:
@@ -318,8 +317,10 @@ class _Inquiry:
     def _descent(self, start: Within, held: int) -> Descent:
         """A few evaluations from a start."""
         preparation = self.fits[0].solved.preparation
-        descent = begin(start, preparation.problems(), preparation.conditions)
-        return descend(_adapted(descent, start, held), _FREE)
+        # NumPy's handling of overflow is a thread's own.
+        with np.errstate(over="ignore", invalid="ignore"):
+            descent = begin(start, preparation.problems(), preparation.conditions)
+            return descend(_adapted(descent, start, held), _FREE)
 
 
 def _machines_own(solved: Solved) -> np.ndarray:

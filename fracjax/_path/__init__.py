@@ -1,6 +1,5 @@
 """Path curves: the dynamics of a recording whatever its law of hysteresis, without JAX."""
 
-from ._absorbed import kinds_of as kinds_of
 from ._chain import Stage as Stage
 from ._drive import denoised as denoised
 from ._dynamics import Columns as Columns
@@ -9,6 +8,7 @@ from ._expansion import PATH as PATH
 from ._expansion import UNKNOWN as UNKNOWN
 from ._expansion import apart as apart
 from ._expansion import family_of as family_of
+from ._expansion import kinds_of as kinds_of
 from ._expansion import scanned_modes as scanned_modes
 from ._law import Inner as Inner
 from ._law import Prior as Prior

@@ -8,10 +8,8 @@ from functools import cached_property
 
 import numpy as np
 from numpy.polynomial import chebyshev
-from scipy.linalg import block_diag
 
 from .._recording import maxima_of
-from ._absorbed import kinds_of, unabsorbed
 from ._chain import IN_SERIES, Chain, Fitted, Line, Stage, adequacy, lags_like
 from ._dynamics import (
     MAINS,
@@ -28,7 +26,7 @@ from ._dynamics import (
     refined,
 )
 from ._law import Curve, PathLaw, Settled
-from ._posterior import MOST_EFFECTS, Hypothesis, Law, search
+from ._posterior import MOST_EFFECTS, Hypothesis, Kind, Law, search
 from ._signal import Signal, ends_of, response_of
 
 PATH = "path"
@@ -46,8 +44,8 @@ FAMILIES = (
 """Effects of which a hypothesis has one at most: together two of them make what neither is, such as
 the loop of a rate-independent law from two relaxations of opposite sign."""
 _CRUDE, _CLEAR = 5, 1e-4
-"""Order of the polynomials of the first, crude curve, and the smallest singular value of columns
-that counts, over the largest."""
+"""Order of the polynomials of the first, crude curve, and the smallest singular value that counts
+in its fit, over the largest."""
 _CLOSE = 1.5
 """χ² per sample that free curves leave beside the effects so far up to which columns are made from
 them."""
@@ -131,10 +129,7 @@ class Expansion:
         ]
         columns = [c for c in columns if c.effect not in barred]
         matrix = np.concatenate([c.values for c in columns], axis=1)
-        white = whitening(matrix)
-        inner = settled.prior.inner(white, whitening(response))
-        columns, turn = unabsorbed(columns, white, inner.columns)
-        matrix, inner = matrix @ turn, inner.turned(turn)
+        inner = settled.prior.inner(whitening(matrix), whitening(response))
         name = ", ".join([PATH, *(f"{e} {o:g}" for e, o in key_of(line.chain))])
         law = Law(name, kinds_of(columns), inner, float(whitening.count), UNKNOWN, apart())
         one = cls(line, chain, settled, motions, law, columns, matrix)
@@ -160,9 +155,6 @@ class Expansion:
             columns=np.block([[inner.columns, across], [across.T, own]]),
             along=np.concatenate([inner.along, weighted.T @ response]),
         )
-        seen, turn = unabsorbed(new, white, own)
-        columns, turn = [*self.columns, *seen], block_diag(np.eye(self.matrix.shape[1]), turn)
-        matrix, inner = matrix @ turn, inner.turned(turn)
         law = replace(self.law, kinds=kinds_of(columns), inner=inner)
         return replace(self, law=law, columns=columns, matrix=matrix)
 
@@ -360,6 +352,16 @@ def _crude_curve(line: Line, response: np.ndarray) -> Curve:
 def prior_of(signals: Sequence[Signal]) -> PathLaw:
     """The prior of path curves of recordings."""
     return Line.of(signals, ()).prior
+
+
+def kinds_of(columns: Sequence[Columns]) -> list[Kind]:
+    """The range of each effect's columns in their matrix."""
+    kinds, at = [], 0
+    for one in columns:
+        width = one.values.shape[1]
+        kinds.append(Kind(one.effect, at, at + width, one.one_sided))
+        at += width
+    return kinds
 
 
 def motions_of(signals: Sequence[Signal], curve: Curve) -> list[Motion]:

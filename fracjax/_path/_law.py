@@ -62,10 +62,6 @@ class Inner(NamedTuple):
         own = self.columns[chosen][:, chosen]
         return np.linalg.solve(np.diag(sizes**-2) + own, self.along[chosen])
 
-    def turned(self, turn: np.ndarray) -> Inner:
-        """Of the columns times a matrix (K, K')."""
-        return self._replace(columns=turn.T @ self.columns @ turn, along=turn.T @ self.along)
-
     def given(self, chosen: np.ndarray, sizes: np.ndarray) -> Inner:
         """The same with the columns `chosen` (k,) in the covariance too, with coefficients of these
         standard deviations (k,)."""

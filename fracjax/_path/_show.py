@@ -16,7 +16,6 @@ from typing import NamedTuple
 
 import numpy as np
 
-from ._absorbed import kinds_of
 from ._curves import Curves
 from ._dynamics import (
     _HIGHEST,
@@ -29,7 +28,7 @@ from ._dynamics import (
     Motion,
     Scale,
 )
-from ._expansion import PATH, UNKNOWN, apart, motions_of, prior_of
+from ._expansion import PATH, UNKNOWN, apart, kinds_of, motions_of, prior_of
 from ._filters import Shape
 from ._law import FADINGS, ROUGHNESSES, Curve, PathLaw, Settled
 from ._named import levels

@@ -17,7 +17,7 @@ from scipy.linalg import block_diag
 from .._filters import solve_recursion
 from . import _kernels as kernels
 from ._drive import limited
-from ._fading import SETTLED, path_length
+from ._fading import path_length
 from ._filters import Shape, corner_of, time_constant_of
 
 MODE_DAMPINGS = (0.01, 0.03, 0.1)
@@ -424,7 +424,7 @@ FAMILIES: dict[str, Family] = {
         ),
         Family(
             "degradation",
-            _each_of("path", lambda s: [max(share * s.strokes, SETTLED) for share in _SHARES]),
+            _each_of("path", lambda s: [share * s.strokes for share in _SHARES]),
             _worn,
             False,
             _apart(path=3.0),

@@ -22,9 +22,6 @@ few cycles.  With none below .1 and polynomials of order 2, a recording of Jiles
 kept 1.5 times its noise, and a sensor's lag was named for it; so it keeps .84, as others do."""
 _SETTLING = np.array([0.5, 1.0, 2.0, 4.0, 8.0])
 """Lengths, over the drive's span, along which a loop settles at the start."""
-SETTLED = float(_SETTLING[-1])
-"""The length over the drive's span from which a change along the path is wear: a shorter one is a
-loop that settles."""
 _BLOCK = 300.0
 """Lengths that a block goes on."""
 _ORDERS = 4

@@ -85,14 +85,15 @@ def _below(text: Text, layout: Layout) -> list[tuple[int, str]]:
     if text.encoding not in ("utf-8", "ascii", "cp1252"):
         return []
     tail = text.raw[-_TAIL:].decode(text.encoding, "replace").split("\n")
-    number = text.raw.count(b"\n") + 1
-    lines = []
+    said = []
     for at, line in enumerate(reversed(tail[1:])):
         if not is_comment(line) and not is_text(line, layout):
             break
         if line.strip():
-            lines.append((number - at, line))
-    return lines[::-1]
+            said.append((at, line))
+    # Of a long file the lines are counted only where there is something to say of them.
+    number = text.raw.count(b"\n") + 1 if said else 0
+    return [(number - at, line) for at, line in reversed(said)]
 
 
 def _column(

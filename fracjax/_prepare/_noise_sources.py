@@ -400,9 +400,13 @@ def repetition_lag(drive: np.ndarray) -> int | None:
     repeated part must vary at least half as much as the whole.
     """
     u = unit_range(drive)
-    first_lag, spread = u.size // 3, u.std()
-    values = mismatch(u)
-    lag = first_lag + int(np.argmin(values[first_lag:]))
-    second, first = u[lag:], u[: u.size - lag]
-    same = np.sqrt(np.mean((second - first) ** 2)) <= _SAME_DRIVE * spread
-    return lag if same and first.std() > 0.5 * spread else None
+    first_lag = u.size // 3
+    lag = first_lag + int(np.argmin(mismatch(u)[first_lag:]))
+    return lag if repeats_after(u, lag) else None
+
+
+def repeats_after(drive: np.ndarray, lag: int) -> bool:
+    """Whether a drive (N,) is the same a lag of so many samples later, as `repetition_lag` asks."""
+    first, spread = drive[: drive.size - lag], drive.std()
+    departure = np.sqrt(np.mean((drive[lag:] - first) ** 2))
+    return bool(departure <= _SAME_DRIVE * spread and first.std() > 0.5 * spread)

@@ -11,7 +11,7 @@ import numpy as np
 from .._operators import History
 from .._recording import MINIMUM_SAMPLES, InputError, Recording, parse_quantity
 from ._noise import Noise
-from ._noise_sources import repetition_lag
+from ._noise_sources import repeats_after, repetition_lag
 
 HistoryOption = History | Literal["estimated"]
 _MANY_PERIODS = 8
@@ -64,8 +64,12 @@ class Take:
         repeats = self.recording.drive_period()
         if repeats is not None:
             return repeats.period
-        lag = repetition_lag(self.recording.drive)
-        return lag if lag is not None and 2 * lag == len(self.recording) else None
+        half, odd = divmod(len(self.recording), 2)
+        drive = self.recording.drive
+        # The lag of all is found by transforms, which a drive whose halves differ is spared.
+        if odd or not repeats_after(drive, half):
+            return None
+        return half if repetition_lag(drive) == half else None
 
     @property
     def roots(self) -> np.ndarray | None:

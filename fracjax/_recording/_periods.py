@@ -163,7 +163,9 @@ def stretches_at_rest(u: np.ndarray, minimum: int) -> list[tuple[int, int]]:
     centred = u - u.mean()
 
     def means(values: np.ndarray, width: int) -> np.ndarray:
-        sums = np.concatenate(([0.0], np.cumsum(values)))
+        sums = np.empty(len(values) + 1)
+        sums[0] = 0.0
+        np.cumsum(values, out=sums[1:])
         return (sums[width:] - sums[:-width]) / width
 
     def quiet(variance, noise):

@@ -13,6 +13,7 @@ from collections.abc import Callable, Iterator
 from contextlib import chdir
 from functools import wraps
 from pathlib import Path
+from tempfile import TemporaryDirectory
 from typing import Any
 
 import click
@@ -29,6 +30,8 @@ _FURTHER = 4
 _VALUE = r"(?:\"[^\"]*\"|'[^']*'|(?!--|as |by |in |and |or |where |with |alone|to )[^\s,;]+)"
 _OPTION = re.compile(rf"--[a-z]+(?:-[a-z]+)* (?:such as )?{_VALUE}")
 _COMMAND = re.compile(r"grep -F .*? > \S+?\.csv")
+_OTHER = re.compile(r": fracjax (.*)\.$")
+"""Another command of the program, for a file that is no recording."""
 _OPTIONS = {name for each in info_command.params for name in each.opts}
 _NAMES = {
     "input_unit": "drive",
@@ -87,6 +90,9 @@ def _carry_out(refusal: str, paths: list[str], words: list[str], place: Path, fu
     """Note the remedies of a refusal that do not work."""
     for command in _COMMAND.findall(refusal):
         subprocess.run(command, shell=True, check=True, cwd=place)
+    if other := _OTHER.search(refusal):
+        _run_other(refusal, shlex.split(other[1]), place)
+        return
     for way in alternatives(refusal):
         try:
             with chdir(place):
@@ -98,6 +104,16 @@ def _carry_out(refusal: str, paths: list[str], words: list[str], place: Path, fu
                 _carry_out(f"{error}", paths, [*words, *way], place, further - 1)
         except (AssertionError, click.ClickException) as error:
             failed.append(f"{refusal}\n   with {shlex.join(way)}: {error!r}")
+
+
+def _run_other(refusal: str, words: list[str], place: Path) -> None:
+    """Note a proposed command that does not work."""
+    with chdir(place), TemporaryDirectory() as out:
+        call = [*words, "--quiet", "--out", out]
+        try:
+            cli.main(call, prog_name="fracjax", standalone_mode=False, obj=Call("", []))
+        except (InputError, click.ClickException) as error:
+            failed.append(f"{refusal}\n   with {shlex.join(words)}: {error!r}")
 
 
 def _place(refusal: str) -> str:

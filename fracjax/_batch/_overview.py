@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import re
+from collections.abc import Iterator
 from typing import TYPE_CHECKING, NamedTuple
 
 import numpy as np
@@ -26,7 +27,7 @@ class Spread(NamedTuple):
 
     Attributes:
         name: the parameter, or the score.
-        unit: the unit that most recordings have.
+        unit: the unit that most of them have.
         values: (R,) in `unit`, NaN where there is none, or one that cannot be converted to it.
         errors: (R,) standard errors in `unit`, NaN where there is none.
         outlying: (R,) whether a value is far from the median.
@@ -49,26 +50,32 @@ def parameters_in(rows: pd.DataFrame) -> list[str]:
 
 
 def spreads(rows: pd.DataFrame) -> list[Spread]:
-    """The residual's rms and every parameter, over the recordings that were fitted."""
+    """The residual's rms and every parameter, over the recordings that were fitted: one for all
+    whose units can be converted to each other."""
     columns = [("RMSE", "rmse", "", "response_unit")]
     columns += [(p, f"{p}.value", f"{p}.standard_error", f"{p}.unit") for p in parameters_in(rows)]
     fitted = (rows["status"] == "fitted").to_numpy()
-    return [_spread(rows, fitted, *column) for column in columns] if fitted.any() else []
+    return [each for column in columns for each in _spreads(rows, fitted, *column)]
 
 
-def _spread(
+def _spreads(
     rows: pd.DataFrame, fitted: np.ndarray, name: str, value: str, error: str, unit_name: str
-) -> Spread:
-    """One column over the fitted rows."""
+) -> Iterator[Spread]:
+    """One column over the fitted rows, for each kind of unit, the commonest first."""
     units = rows[unit_name].where(fitted)
-    common = str(units.mode().iloc[0])
-    scales = {each: _scale(str(each), common) for each in units.dropna().unique()}
-    scale = np.array([scales.get(each, np.nan) for each in units])
-    values = rows[value].to_numpy(float) * scale
-    errors = rows[error].to_numpy(float) * scale if error else np.full(len(rows), np.nan)
-    away = np.abs(values - np.nanmedian(values))
-    deviation = _NORMAL_DEVIATION * float(np.nanmedian(away))
-    return Spread(name, common, values, errors, away > _OUTLYING * deviation)
+    given = rows[value].to_numpy(float)
+    given_errors = rows[error].to_numpy(float) if error else np.full(len(rows), np.nan)
+    while not units.isna().to_numpy().all():
+        common = str(units.mode().iloc[0])
+        scales = {each: _scale(str(each), common) for each in units.dropna().unique()}
+        scale = np.array([scales.get(each, np.nan) for each in units])
+        values, errors = given * scale, given_errors * scale
+        units = units.where(np.isnan(scale))
+        away = np.abs(values - np.nanmedian(values))
+        deviation = _NORMAL_DEVIATION * float(np.nanmedian(away))
+        # What is within its own error is no outlier, however alike the others are.
+        far = _OUTLYING * np.maximum(deviation, np.nan_to_num(errors))
+        yield Spread(name, common, values, errors, away > far)
 
 
 def _scale(written: str, common: str) -> float:

@@ -139,7 +139,8 @@ def _misfits(rows: pd.DataFrame) -> list[str]:
 
 
 def _spreads(rows: pd.DataFrame) -> Figures:
-    """Each parameter's spread over the fitted recordings, in the unit that most of them have."""
+    """Each parameter's spread over the fitted recordings, in the unit that most of them have; a row
+    more for those whose unit is of another kind."""
     from .._batch import spreads
     from .._show import figure, pretty_unit
 

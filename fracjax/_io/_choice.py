@@ -199,7 +199,7 @@ def _recognised(table: Table, wanted: str, chosen: Mapping[str, int]) -> int | N
         )
         others = {"input", "output"} - {wanted, *chosen}
         rest = [c for c in free if c not in candidates and role(table, c) in (None, *others)]
-        rest = [c for c in rest if not is_time(table.numbers(c))]
+        rest = [c for c in rest if not (is_time(table.numbers(c)) or _speaks_of(table, c, "time"))]
         if others and not rest and len(candidates) == 2:
             ways = f"give {_each_way(table, ['input', 'output'], candidates)}"
         raise InputError.at(
@@ -332,7 +332,13 @@ def _nothing_for(table: Table, missing: list[str], chosen: Mapping[str, int]) ->
     if len(alone) == len(missing):
         time = f"--time {column_key(table.names, runs[0])} and " if len(runs) == 1 else ""
         remedy = f"give {time}{_each_way(table, missing, alone, time)}"
-    if cures and len(usable) < len(missing):
+    if len(missing) == 2 and any(_are_frequencies(table, c) for c in usable):
+        shown = shlex.quote(table.source)
+        remedy = (
+            f"fit it as what it is: fracjax fit {shown} --model 'gain >> resonance' "
+            "--frequency-response"
+        )
+    elif cures and len(usable) < len(missing):
         remedy = cures[0]
     elif table.width < len(missing):
         names = " and ".join(missing)
@@ -359,6 +365,14 @@ def _nothing_for(table: Table, missing: list[str], chosen: Mapping[str, int]) ->
     return InputError.at(
         table.source, f"columns for {' and '.join(missing)}", listing(table), remedy
     )
+
+
+def _are_frequencies(table: Table, column: int) -> bool:
+    """Whether a column is that of a frequency response: frequencies that rise."""
+    read = readable(written_unit(table, column) or "")
+    if read is None or not is_compatible(read, "Hz"):
+        return False
+    return bool((np.diff(table.numbers(column)) > 0).all())
 
 
 def _each_way(table: Table, missing: list[str], columns: list[int], time: str = "") -> str:

@@ -113,7 +113,8 @@ def signals_of(tables: Mapping[str, Table], request: Request) -> Segments:
 def _with_length(refusal: str, tables: Mapping[str, Table]) -> str:
     """A refusal that also says, where it does not, that the file is too short."""
     for table in tables.values():
-        count = max((table.about(column).length for column in range(table.width)), default=0)
+        read = [about for each in range(table.width) if not (about := table.about(each)).remedy]
+        count = max((about.length for about in read), default=MINIMUM_SAMPLES)
         if count < MINIMUM_SAMPLES and f"at least {MINIMUM_SAMPLES} samples" not in refusal:
             return (
                 f"{refusal.removesuffix('.')}; and give a longer recording: it has {count} "

@@ -171,9 +171,9 @@ class Fitted:
 
     @property
     def log_prior(self) -> float:
-        """Of the chain's effects: of two modes each counts."""
-        count = sum(1 + (one.effect == "second_mode") for one in self.line.chain)
-        return count * float(np.log(EACH))
+        """Of the chain's effects.  Two modes are one of them: what has one mode has further ones,
+        and that another is seen, too, is no second coincidence."""
+        return len(self.line.chain) * float(np.log(EACH))
 
     def volume(self, share: float) -> float:
         """The logarithm of the share of the parameters' prior that is likely, if only this share

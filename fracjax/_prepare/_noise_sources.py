@@ -33,6 +33,8 @@ from ._noise_stretches import (
 
 _REST_SECONDS = 0.2
 """The shortest rest [s] from which noise is read.  Chosen by judgement."""
+_BRIDGED = 0.02
+"""The largest share of a period or a rest that straight lines may bridge.  Chosen by judgement."""
 _SHARED = 2.0
 """Successive second differences have the correlations -2/3 and 1/6: 1 + 2 Σ ρ² ≈ 2."""
 _BARELY_MORE = 1.25
@@ -140,8 +142,8 @@ def _from_repeats(
 
     A first difference would still hold the slow decay from the start; the second difference keeps
     only what is new in each period.  Where all of them hold the first period and have not settled,
-    it is the first difference of the last two periods, divided by √2.  Periods with samples of
-    weight 0 in `counts` (N,) are left out.  `signal` (N,) replaces the response.
+    it is the first difference of the last two periods, divided by √2.  Periods with more than
+    a few samples of weight 0 in `counts` (N,) are left out.  `signal` (N,) replaces the response.
     """
     repeats = recording.drive_period()
     if repeats is None:
@@ -149,9 +151,9 @@ def _from_repeats(
     period, used = repeats.period, slice(repeats.start, repeats.stop)
     count = (repeats.stop - repeats.start) // period
     y = recording.response if signal is None else signal
-    periods = y[used][: count * period].reshape(count, period)
-    counted = np.ones(len(y)) if counts is None else counts
-    complete = np.all(counted[used][: count * period].reshape(count, period) > 0, axis=1)
+    lost = np.zeros(len(y), bool) if counts is None else counts == 0
+    periods = bridged(y, lost)[used][: count * period].reshape(count, period)
+    complete = lost[used][: count * period].reshape(count, period).mean(axis=1) <= _BRIDGED
     pairs = np.flatnonzero(complete[1:] & complete[:-1])
 
     def stretch(difference: np.ndarray, number: int) -> Stretch:
@@ -194,16 +196,19 @@ def _least_level(recording: Recording) -> float:
 def _from_static(recording: Recording, counts: np.ndarray | None) -> list[Stretch]:
     """Rests minus the actuator's slow relaxation, a fitted parabola and logarithms of time.
 
-    Rests with samples of weight 0 in `counts` (N,) are left out.  So are rests that show less than
-    the rounding error of the response's codes: on one or two codes the noise is hidden.
+    Rests with more than a few samples of weight 0 in `counts` (N,) are left out.  So are rests that
+    show less than the rounding error of the response's codes: on one or two codes the noise is
+    hidden.
     """
     stretches = []
+    lost = np.zeros(len(recording), bool) if counts is None else counts == 0
+    response = bridged(recording.response, lost)
     for start, stop in recording.static_stretches(_REST_SECONDS):
         begin = start + (stop - start) // 10
-        if counts is not None and not np.all(counts[begin:stop]):
+        if np.mean(lost[begin:stop]) > _BRIDGED:
             continue
-        stretch = Stretch.settled(recording.response[begin:stop], begin)
-        constant = np.ptp(recording.response[begin:stop]) == 0
+        stretch = Stretch.settled(response[begin:stop], begin)
+        constant = np.ptp(response[begin:stop]) == 0
         if constant or stretch.samples.std() < recording.resolution / np.sqrt(12):
             continue
         stretches.append(stretch)

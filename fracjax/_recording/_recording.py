@@ -14,6 +14,7 @@ from fracjax._recording._periods import Repeats, repeats_in, stretches_at_rest, 
 from fracjax._recording._rows import in_rows
 from fracjax._recording._signals import (
     LARGEST,
+    bridged,
     resolution,
     signal_of,
     spikes,
@@ -44,8 +45,8 @@ class Recording(Shown):
         response_unit: Unit of the response, likewise "response units".
         source: The name in messages.
         warnings: What the reader had to assume.
-        masked: True (N,) where a sample need be no number, which no fit counts; None where all
-            count.
+        masked: True (N,) where a sample need be no number, which no fit counts: the response is a
+            straight line there; None where all count.
 
     Raises:
         InputError: Unless drive and response are finite, one-dimensional, of equal length, at least
@@ -76,7 +77,9 @@ class Recording(Shown):
             masked = np.array(self.masked, dtype=bool)
             masked.setflags(write=False)
             object.__setattr__(self, "masked", masked)
-            drive, response = (without_missing(each, masked) for each in (drive, response))
+            drive = without_missing(drive, masked)
+            # A spike that is left out would still be the response's range, its cycle, its start.
+            response = bridged(without_missing(response, masked), masked)
         drive = signal_of(drive, f"{self.source}, drive")
         response = varying(response, f"{self.source}, response")
         if len(drive) != len(response):

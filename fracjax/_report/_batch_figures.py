@@ -49,4 +49,6 @@ def _draw(panel: Axes, side: Axes, each: Spread, shown: np.ndarray) -> None:
     # An offset such as 1e-8 + 1.08e-2 would hide that the values are alike.
     panel.ticklabel_format(axis="y", useOffset=False)
     every = each.values[np.isfinite(each.values)]
-    side.hist(every, 30, orientation="horizontal", color=COLOURS[1])
+    # Values that are alike but for rounding span no thirty bins.
+    alike = np.ptp(every) <= 1e-9 * np.abs(every).max() if every.size else True
+    side.hist(every, 1 if alike else 30, orientation="horizontal", color=COLOURS[1])

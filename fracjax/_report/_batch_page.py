@@ -63,11 +63,17 @@ def batch_content(rows: pd.DataFrame, model: str) -> dict[str, Any]:
             for each in columns
         ],
         "figure": distributions(columns, listed),
-        "names": [each.name for each in columns],
+        "names": [_heading(each, columns) for each in columns],
         "rows": [_listed(rows, at, columns, ratios, suspect[at]) for at in listed],
         "omitted": len(rows) - len(listed),
         "failures": unfitted[["source", "status", "reason"]].to_dict("records")[:_MOST_ROWS],
     }
+
+
+def _heading(each: Spread, columns: list[Spread]) -> str:
+    """A column's name, with its unit where there is one of the same name in another."""
+    alike = sum(other.name == each.name for other in columns) > 1
+    return f"{each.name} [{pretty_unit(each.unit)}]" if alike else each.name
 
 
 def batch_sentence(rows: pd.DataFrame, model: str) -> str:

@@ -10,6 +10,7 @@ import pytest
 from fracjax._batch import over_noise, overview, spreads
 from fracjax._fit import FAR_ABOVE_NOISE
 from fracjax._report import write_batch_report
+from fracjax._report._batch_figures import distributions
 
 
 @pytest.fixture
@@ -58,6 +59,28 @@ def test_parameters_are_compared_in_one_unit(rows):
     assert np.flatnonzero(k.outlying).tolist() == [7]
     assert np.isnan(k.values[9])
     assert k.quantile(0.5) == pytest.approx(0.1, abs=2e-3)
+
+
+def test_parameters_of_units_of_another_kind_have_a_row_of_their_own(rows):
+    rows.loc[:4, ["k.unit", "response_unit"]] = ["mrad/V*s^alpha", "mrad"]
+    spread = {(each.name, each.unit): each for each in spreads(rows)}
+    assert {unit for name, unit in spread if name == "k"} == {"um/V*s^alpha", "mrad/V*s^alpha"}
+    counted = [np.isfinite(each.values).sum() for (name, _), each in spread.items() if name == "k"]
+    assert sum(counted) == (rows["status"] == "fitted").sum()
+
+
+def test_what_is_within_its_error_is_no_outlier_however_alike_the_others_are(rows):
+    rows["k.value"] = 0.1 + 1e-9 * np.exp(np.arange(len(rows)) / 2)
+    rows.loc[3, ["k.unit", "response_unit"]] = ["um/V*s^alpha", "um"]
+    assert not spreads(rows)[1].outlying.any()
+    rows["k.standard_error"] = 1e-12
+    assert spreads(rows)[1].outlying.any()
+
+
+def test_values_that_are_alike_but_for_rounding_are_drawn(rows):
+    rows.loc[3, ["k.unit", "response_unit"]] = ["um/V*s^alpha", "um"]
+    rows["k.value"] = 0.1 * (1 + 1e-16 * np.arange(len(rows)))
+    assert "<svg" in distributions(spreads(rows), np.arange(len(rows)))
 
 
 def test_a_parameter_per_drive_is_compared_in_one_unit_too(rows):

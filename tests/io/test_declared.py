@@ -321,6 +321,24 @@ def test_the_proposed_rate_is_the_roundest_that_fits(put):
     assert run(["info", path, "--quiet", "--rate", "50Hz"]) == 0
 
 
+def test_two_signals_beside_stamps_that_repeat_are_named_together(put):
+    stamps = 0.002 * (np.arange(COUNT) // 2)
+    path = put("in s,CH1 in V,CH2 in V\n" + rows(stamps, DRIVE, RESPONSE))
+    with pytest.raises(InputError, match="give --input 'CH1 in V' and --output 'CH2 in V', or"):
+        read(path)
+
+
+def test_a_frequency_response_is_told_how_to_be_fitted(put):
+    frequencies = np.geomspace(1, 2000, 60)
+    values = 0.1 / (1 - (frequencies / 900) ** 2 + 0.06j * frequencies / 900)
+    path = put(
+        "Frequency (Hz),Real (um/V),Imag (um/V)\n" + rows(frequencies, values.real, values.imag)
+    )
+    # `remedies` carries the command out.
+    with pytest.raises(InputError, match=r"as what it is: fracjax fit loop\.csv --model 'gain"):
+        read(path)
+
+
 def test_pairs_of_one_stamp_are_said_as_such(put):
     stamps = 2.0 * (np.arange(COUNT) // 2)
     path = put("time_ms,voltage_kV,displacement_nm\n" + rows(stamps, DRIVE, RESPONSE))

@@ -12,6 +12,7 @@ from scipy.signal import chirp, lfilter
 
 from fracjax._cli import run
 from fracjax._io import read, read_segments, write
+from fracjax._prepare import prepare
 from fracjax._recording import Recording
 from fracjax._report._description import describe, loop_opening
 from fracjax._report._doubts import doubts_about
@@ -287,3 +288,18 @@ def test_rests_do_not_overlap():
         rests = recording_of(drive).static_stretches()
         assert all(stop <= start for (_, stop), (start, _) in pairwise(rests))
         assert sum(stop - start for start, stop in rests) <= drive.size
+
+
+def test_what_is_left_out_is_no_part_of_what_is_told():
+    drive = np.tile(np.sin(2 * np.pi * np.arange(250) / 250), 4)
+    response = noisy(np.asarray(lfilter([0.3], [1, -0.7], drive)), 1e-3)
+    spoilt, bad = response.copy(), np.zeros(drive.size, bool)
+    bad[[3, 130, 400, 777]] = True
+    spoilt[bad] = [50, -30, 0, 80]
+    clean, left_out = (Recording(drive, each, STEP, masked=bad) for each in (response, spoilt))
+    assert loop_opening(left_out) == loop_opening(clean)
+    assert np.array_equal(left_out.response, clean.response)
+    (kept,) = prepare([left_out]).takes
+    assert kept.noise is not None
+    assert kept.noise.sigma == pytest.approx(1e-3 * np.ptp(response), rel=0.2)
+    assert kept.noise.method == "repeats"

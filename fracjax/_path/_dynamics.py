@@ -18,12 +18,10 @@ from .._filters import solve_recursion
 from . import _kernels as kernels
 from ._drive import limited
 from ._fading import path_length
-from ._filters import Shape, corner_of, time_constant_of
+from ._filters import Shape, corner_of, highest_of, time_constant_of
 
 MODE_DAMPINGS = (0.01, 0.03, 0.1)
 """Damping ratios of modes; frequencies are tried half the width of a peak apart."""
-_HIGHEST = 0.9
-"""The highest frequency of a mode, over Nyquist's."""
 _LEAST_PERIODS = 10.0
 """The fewest periods of the slowest mode that the recordings hold: a slower one is a lag."""
 _MAINS, _HARMONICS = (50.0, 60.0), 5
@@ -172,7 +170,7 @@ def columns_of(name: str, motions: Sequence[Motion]) -> list[Columns]:
 def modes_of(motions: Sequence[Motion], family: Family) -> Iterator[list[Columns]]:
     """Modes at frequencies that are half the width of a peak apart, the list of each damping."""
     scale = Scale.of(motions)
-    lowest, highest = _LEAST_PERIODS / scale.duration, 0.5 * _HIGHEST / scale.step
+    lowest, highest = _LEAST_PERIODS / scale.duration, highest_of(scale.step)
     for damping in MODE_DAMPINGS:
         count = 1 + int(np.log(highest / lowest) / damping)
         yield [

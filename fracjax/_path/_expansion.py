@@ -60,6 +60,10 @@ _PART = 0.25
 for one to be tried."""
 _PARTICIPATIONS = (0.1, 0.4)
 """The shares of a second mode at first."""
+_SMALL_PART = 0.5
+"""The part of the motion below which a mode is rather one of several than the only one."""
+_STIFF = 30.0
+"""How many times as high another is whose ringing is not to be seen."""
 _NOTHING = 1e-300
 
 
@@ -119,7 +123,8 @@ class Expansion:
         curve = free if is_free else crude
         motions = motions_of(line.signals, curve)
         barred = {n for one in line.chain for n in (one.effect, *family_of(one.effect))}
-        barred -= {MODE.effect}
+        if not any(one.effect == "second_mode" for one in line.chain):
+            barred -= {MODE.effect}
         scanned = settled.prior.weighted(whitening(without_effect))
         columns = [
             *dynamics_of(motions),
@@ -249,25 +254,35 @@ class Expansion:
                 continue
             # What is beside it may be there in its stead.
             for companions in dict.fromkeys([beside, _but(own, own.names)]):
-                stages.setdefault(name, []).append((self._begun(name, companions), companions))
+                begun = [(one, companions) for one in self._begun(name, companions)]
+                stages.setdefault(name, []).extend(begun)
         # Which lag it is the chains decide: about a curve they are alike.
-        for (effect, shape), companions in [one for own in stages.values() for one in own[:1]]:
+        for (effect, shape), companions in [own[0] for own in stages.values()]:
             for other in lags_like(effect, shape):
                 stages.setdefault(other.effect, [(other, companions)])
         for stage, companions in [one for own in stages.values() for one in own]:
             yield from ((longer, companions) for longer in _longer(chain, stage))
 
-    def _begun(self, name: str, beside: Hypothesis) -> Stage:
-        """The stage from which a chain's fit begins: the shape that explains most beside a
+    def _begun(self, name: str, beside: Hypothesis) -> Iterator[Stage]:
+        """The stages from which a chain's fit begins: the shape that explains most beside a
         hypothesis as a stage does, with the coefficient one.  Of a mode half the width of a peak
-        away the ringing is out of phase, so that its coefficient is free."""
+        away the ringing is out of phase, so that its coefficient is free; one that has a small part
+        in the motion is beside another, which has the rest and is too stiff to be seen."""
         inner = self.law.inner.given(*beside.columns(self.law.kinds))
         shapes = [k for k, one in enumerate(self.columns) if one.effect == name]
         at = [self.law.kinds[k].start for k in shapes]
         along, square = inner.along[at], np.maximum(inner.columns[at, at], _NOTHING)
-        size = np.maximum(along / square, 0.0) if name == MODE.effect else 1.0
+        size = np.maximum(along / square, 0.0) if name == MODE.effect else np.ones(len(at))
         best = int(np.argmax(size * along - 0.5 * size**2 * square))
-        return Stage(name, self.columns[shapes[best]].shape)
+        shape = self.columns[shapes[best]].shape
+        yield Stage(name, shape)
+        if size[best] < _SMALL_PART and not _has_mode(self.line.chain):
+            rest = {
+                "ratio": _STIFF,
+                "second_damping": shape["damping"],
+                "participation": 1 - float(size[best]),
+            }
+            yield Stage("second_mode", shape | rest)
 
     def sized(self, hypothesis: Hypothesis) -> np.ndarray:
         """The columns (ΣN, k) of a hypothesis, of unit prior standard deviation."""

@@ -36,6 +36,11 @@ def corner_of(time_constant: float, order: float) -> float:
     return time_constant_of(time_constant, order)
 
 
+def highest_of(step: float) -> float:
+    """The highest frequency [Hz] of a mode that recordings of a step [s] show."""
+    return 0.5 * _HIGHEST / step
+
+
 def filters_of(effect: str, shape: Shape, step: float) -> list[Recursion]:
     """The departures of an effect of a shape, in series."""
     if effect == "sensor_lag":
@@ -51,6 +56,8 @@ def filters_of(effect: str, shape: Shape, step: float) -> list[Recursion]:
     return [kernels.shared(first, other, shape["participation"])]
 
 
+_HIGHEST = 0.9
+"""The highest frequency of a mode, over Nyquist's."""
 _STEEPEST = 2
 """The order of a filter whose equations have digits left at any slowness."""
 _SLOW = 3.0

@@ -18,7 +18,6 @@ import numpy as np
 
 from ._curves import Curves
 from ._dynamics import (
-    _HIGHEST,
     _LEAST_PERIODS,
     FAMILIES,
     MODE,
@@ -29,7 +28,7 @@ from ._dynamics import (
     Scale,
 )
 from ._expansion import PATH, UNKNOWN, apart, kinds_of, motions_of, prior_of
-from ._filters import Shape
+from ._filters import Shape, highest_of
 from ._law import FADINGS, ROUGHNESSES, Curve, PathLaw, Settled
 from ._named import levels
 from ._posterior import Law
@@ -176,7 +175,7 @@ def _shapes(family: Family, scale: Scale) -> list[Shape]:
         every = family.shapes(scale)
         chosen = np.linspace(0, len(every) - 1, min(_SHAPES, len(every)))
         return [every[k] for k in np.unique(chosen.astype(int))]
-    ends = _LEAST_PERIODS / scale.duration, 0.5 * _HIGHEST / scale.step
+    ends = _LEAST_PERIODS / scale.duration, highest_of(scale.step)
     return [
         {"frequency": float(frequency), "damping": damping}
         for damping in MODE_DAMPINGS

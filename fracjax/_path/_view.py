@@ -132,7 +132,8 @@ def _expansions(
 ) -> list[Expansion]:
     """The best expansion behind each likely chain, that without any first."""
     behind: dict[Key, Expansion] = {(): plain}
-    tried: set[Key] = set()
+    # Of one mode two are made, whose fit begins elsewhere than that of two at once.
+    tried: set[tuple[int, Key]] = set()
     asked: set[Key] = set()
     while True:
         most = max(one.log_posterior for one in behind.values()) - _LIKELY
@@ -140,11 +141,14 @@ def _expansions(
         fronts = sorted(likely.keys() - asked, key=lambda key: -likely[key].log_posterior)
         if not fronts or is_over():
             break
-        front = behind[fronts[0]]
+        front, size = behind[fronts[0]], len(fronts[0])
         asked.add(fronts[0])
-        chains = [(c, beside) for c, beside in front.proposed() if key_of(c) not in tried]
-        tried |= {key_of(chain) for chain, _ in chains}
-        behind |= _longer(signals, front, chains, is_over)
+        chains = [(c, b) for c, b in front.proposed() if (size, key_of(c)) not in tried]
+        tried |= {(size, key_of(chain)) for chain, _ in chains}
+        for key, one in _longer(signals, front, chains, is_over).items():
+            if key not in behind or one.log_posterior > behind[key].log_posterior:
+                behind[key] = one
+                asked.discard(key)
     return list(behind.values())
 
 

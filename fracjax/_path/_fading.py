@@ -22,6 +22,8 @@ few cycles.  With none below .1 and polynomials of order 2, a recording of Jiles
 kept 1.5 times its noise, and a sensor's lag was named for it; so it keeps .84, as others do."""
 _SETTLING = np.array([0.5, 1.0, 2.0, 4.0, 8.0])
 """Lengths, over the drive's span, along which a loop settles at the start."""
+_LOOP = 0.2
+"""The length over the drive's span along which a typical loop opens."""
 _BLOCK = 300.0
 """Lengths that a block goes on."""
 _ORDERS = 4
@@ -46,6 +48,14 @@ def fading_memory(drive: np.ndarray, low: float, span: float, error: float) -> n
     fading = np.exp(-path[:, None] / _SETTLING)
     columns = np.concatenate([*states, fading, fading * curves[:, 1:2]], axis=1)
     return columns / np.maximum(np.abs(columns).max(axis=0), 1e-300)
+
+
+def loop_of(drive: np.ndarray, low: float, span: float) -> np.ndarray:
+    """The opening (N,) of a loop of a drive (N,), from -½ to ½: Dahl's memory, which fades along a
+    fifth of the drive's `span`."""
+    path = np.cumsum(np.abs(np.diff(drive, prepend=drive[0]))) / span
+    steps = np.diff(drive, prepend=drive[0]) / span
+    return _faded(steps[:, None], path / _LOOP)[:, 0] / (2 * _LOOP)
 
 
 def _faded(added: np.ndarray, path: np.ndarray) -> np.ndarray:

@@ -28,6 +28,7 @@ from ._dynamics import (
     Scale,
 )
 from ._expansion import PATH, UNKNOWN, apart, kinds_of, motions_of, prior_of
+from ._fading import loop_of
 from ._filters import Shape, highest_of
 from ._law import FADINGS, ROUGHNESSES, Curve, PathLaw, Settled
 from ._named import levels
@@ -49,6 +50,8 @@ _NEAREST = 3
 """Shapes of such an effect that are only just seen, whose median counts."""
 _SHAPES = 8
 """Shapes that are tried of each effect, and of modes of each damping: their median is asked for."""
+_OPENING = 0.15
+"""How far the typical loop opens, over its span: a line would promise a third too much of a lag."""
 _AGAIN = 0.1
 """The share of samples on branches that are met again below which a drive repeats nothing."""
 
@@ -130,12 +133,15 @@ def _seen(signals: Sequence[Signal], prior: PathLaw, effects: Collection[str]) -
     """The columns of effects under path curves."""
     low, high = min(s.drive.min() for s in signals), max(s.drive.max() for s in signals)
     slope = prior.span / (high - low)
-    ideal = [replace(s, response=slope * (s.drive - low)) for s in signals]
+    sizes = np.cumsum([s.drive.size for s in signals])[:-1]
+
+    def typical(drive: np.ndarray) -> np.ndarray:
+        opened = [loop_of(part, low, high - low) for part in np.split(drive, sizes)]
+        return slope * (drive - low - _OPENING * (high - low) * np.concatenate(opened))
+
     settled = Settled(prior, float(ROUGHNESSES[0]) * prior.noise, float(FADINGS.max()))
-    response = np.concatenate([s.response for s in ideal])
-    curve = Curve(
-        response, response, np.full(response.size, slope), lambda drive: slope * (drive - low)
-    )
+    response = typical(np.concatenate([s.drive for s in signals]))
+    curve = Curve(response, response, np.full(response.size, slope), typical)
     columns = list(_columns(motions_of(signals, curve), effects))
     whitening, kinds = prior.whitening, kinds_of(columns)
     matrix = np.concatenate([c.values for c in columns], axis=1)

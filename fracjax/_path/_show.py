@@ -1,6 +1,6 @@
 r"""What a recording can show: the smallest effect that would be named, from its drive and noise.
 
-With a response in proportion to the drive, an effect of the size a has along its column d the
+With a response of a typical loop an effect of the size a has along its column d the
 detectability a ‖P d‖, P the projection off path curves and fading memory of the largest size, since
 the law is not known, tempered by what they do not know.  It is named where the posterior over no
 effect and one would name it on the expected recording.  No response is needed.
@@ -11,7 +11,7 @@ Source: the local approach, Benveniste, Basseville & Moustakides, IEEE TAC 32 (1
 from __future__ import annotations
 
 from collections.abc import Collection, Iterator, Sequence
-from dataclasses import dataclass, replace
+from dataclasses import dataclass
 from typing import NamedTuple
 
 import numpy as np
@@ -33,7 +33,7 @@ from ._filters import Shape, highest_of
 from ._law import FADINGS, ROUGHNESSES, Curve, PathLaw, Settled
 from ._named import levels
 from ._posterior import Law
-from ._signal import Signal
+from ._signal import Signal, ends_of
 
 LEVEL = 6.0
 """The detectability by which drives are compared: with its prior odds of .02 and Occam's factor of
@@ -51,7 +51,8 @@ _NEAREST = 3
 _SHAPES = 8
 """Shapes that are tried of each effect, and of modes of each damping: their median is asked for."""
 _OPENING = 0.15
-"""How far the typical loop opens, over its span: a line would promise a third too much of a lag."""
+"""How far the typical loop opens, over its span: a response in proportion to the drive promises a
+fifth less of a lag than a loop needs."""
 _AGAIN = 0.1
 """The share of samples on branches that are met again below which a drive repeats nothing."""
 
@@ -133,10 +134,9 @@ def _seen(signals: Sequence[Signal], prior: PathLaw, effects: Collection[str]) -
     """The columns of effects under path curves."""
     low, high = min(s.drive.min() for s in signals), max(s.drive.max() for s in signals)
     slope = prior.span / (high - low)
-    sizes = np.cumsum([s.drive.size for s in signals])[:-1]
 
     def typical(drive: np.ndarray) -> np.ndarray:
-        opened = [loop_of(part, low, high - low) for part in np.split(drive, sizes)]
+        opened = [loop_of(part, low, high - low) for part in np.split(drive, ends_of(signals))]
         return slope * (drive - low - _OPENING * (high - low) * np.concatenate(opened))
 
     settled = Settled(prior, float(ROUGHNESSES[0]) * prior.noise, float(FADINGS.max()))

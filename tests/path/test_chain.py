@@ -129,6 +129,17 @@ def test_two_modes_are_told_from_one():
     assert np.std(view.residual) < 1.1 * NOISE
 
 
+def test_a_mode_of_a_small_part_in_the_motion_is_one_of_two():
+    square = (90 * np.pi) ** 2
+    ringing = behind([square], [1.0, 0.06 * 90 * np.pi, square], LAW)
+    view = view_of([signal_of(DRIVE, 0.9 * LAW + 0.1 * ringing, NOISE)])
+    assert view.posterior.best.names == ("second_mode",)
+    shape = view.shape_of("second_mode")
+    assert shape["frequency"] == pytest.approx(45.0, rel=0.02)
+    assert 1 - shape["participation"] == pytest.approx(0.1, abs=0.02)
+    assert np.std(view.residual) < 1.1 * NOISE
+
+
 def test_newtons_method_finds_parameters_from_far():
     signals = [signal_of(DRIVE, EFFECTS["sensor_lag"](), NOISE)]
     start = (Stage("sensor_lag", {"corner": 4.0, "order": 1.0}),)

@@ -8,7 +8,8 @@ import pytest
 from fracjax._path import can_show, view_of
 from fracjax._path._chain import IN_SERIES
 from fracjax._path._dynamics import Motion, columns_of
-from tests.path.helpers import plays, signal_of, through, twin_rates
+from fracjax._path._fading import loop_of
+from tests.path.helpers import signal_of, through, twin_rates
 
 NOISE = 1e-3
 TWINS = twin_rates()
@@ -51,15 +52,12 @@ def test_twice_the_size_is_named_and_a_third_is_not(name, alike):
     assert presence(with_effect(TWINS, name, size / 3), names) < 0.95
 
 
-def test_what_a_lag_needs_is_said_of_a_loop():
-    """A line would say less than a loop needs."""
-    size, loop = shown(TWINS)["sensor_lag"].size, plays(TWINS)
-    motion = Motion(TWINS, loop, lambda other: other, 1e-3, error=0.0, periodic=False)
-    lags = [c.values[:, 0] for c in columns_of("sensor_lag", [motion])]
-    lag = min(lags, key=lambda c: abs(np.log(np.ptp(c) / (1.5 * size))))
-    # Between two shapes there is none of that size.
-    signal = signal_of(TWINS, loop + 1.5 * size / np.ptp(lag) * lag, NOISE)
-    assert presence(signal, {"drive_lag", "sensor_lag", "delay"}) > 0.95
+def test_the_typical_loop_opens_along_a_fifth_of_the_stroke_and_lags():
+    drive = np.concatenate([np.linspace(2, 7, 1001), np.linspace(7, 2, 1001)[1:]])
+    path = np.abs(drive[:1001] - 2) / 5
+    rising, falling = np.split(loop_of(drive, 2.0, 5.0), [1001])
+    np.testing.assert_allclose(rising, 0.5 * (1 - np.exp(-path / 0.2)), atol=2e-3)
+    assert falling[-1] == pytest.approx(-0.5, abs=0.01)
 
 
 def test_amplitudes_that_are_met_once_do_not_show_a_gain_that_drifts():

@@ -20,6 +20,8 @@ RATIO = 8.0
 """The least ratio of the slow path's rate to the fast one's, as far as the limits allow."""
 LEAST_RATIO = 2.0
 """The ratio below which two rates are none."""
+_FEWEST = 8
+"""Samples of a rest at least: the rounding of a corner takes some of them."""
 _FITTINGS, _MARGIN = 6, 8
 """How often the parts are shortened until they fit, and by how many samples more than are over."""
 _STROKE = 16
@@ -145,7 +147,7 @@ def _written(
             pen.go(limits.low + level * limits.span, length / recipe.travelled * slow / rate)
 
     pen.begin("rest", "the noise, and a drift that is under way")
-    pen.hold(0.5 * recipe.rests * unit)
+    pen.hold(max(0.5 * recipe.rests * unit, _FEWEST * step))
     whole = recipe.path
     pen.begin("slow path", "the hysteresis: each branch of the path as if at rest")
     along(whole, 1.0)
@@ -172,7 +174,7 @@ def _written(
         along(_beginning(whole, recipe.again), 1.0)
     pen.begin("rest", "what still creeps, and the noise once more")
     pen.go(limits.start, 0.02 * unit)
-    pen.hold(0.45 * recipe.rests * unit)
+    pen.hold(max(0.45 * recipe.rests * unit, _FEWEST * step))
     return pen
 
 

@@ -2,7 +2,7 @@
 
 import numpy as np
 import pytest
-from hypothesis import given, settings
+from hypothesis import example, given, settings
 from hypothesis import strategies as st
 
 from fracjax._path._memory import branches_of
@@ -45,7 +45,14 @@ recipes = st.builds(
 )
 
 
+_HARDLY_A_REST = Recipe(
+    slow=1.0, ratio=4.0, passes=1, between=0, rungs=0, minor=0.0, holds=0.0, tones=0.0, size=0.25,
+    tilt=0.0, biases=1, again=0.0, rests=0.015625,
+)  # fmt: skip
+
+
 @settings(max_examples=60, deadline=None)
+@example(recipe=_HARDLY_A_REST, low=0.0, span=1.0, strokes=1.0, duration=6.0, codes=0)
 @given(
     recipe=recipes, low=st.floats(-300.0, 50.0), span=st.floats(1.0, 1000.0),
     strokes=st.floats(0.3, 1e4), duration=st.floats(5.0, 60.0), codes=st.integers(0, 4000),

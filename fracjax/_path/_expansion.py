@@ -266,8 +266,8 @@ class Expansion:
     def _begun(self, name: str, beside: Hypothesis) -> Iterator[Stage]:
         """The stages from which a chain's fit begins: the shape that explains most beside a
         hypothesis as a stage does, with the coefficient one.  Of a mode half the width of a peak
-        away the ringing is out of phase, so that its coefficient is free; one that has a small part
-        in the motion is beside another, which has the rest and is too stiff to be seen."""
+        away the ringing is out of phase, so that its coefficient is free; one that is small in what
+        fits best is beside another, which has the rest and is too stiff to be seen."""
         inner = self.law.inner.given(*beside.columns(self.law.kinds))
         shapes = [k for k, one in enumerate(self.columns) if one.effect == name]
         at = [self.law.kinds[k].start for k in shapes]
@@ -276,7 +276,8 @@ class Expansion:
         best = int(np.argmax(size * along - 0.5 * size**2 * square))
         shape = self.columns[shapes[best]].shape
         yield Stage(name, shape)
-        if size[best] < _SMALL_PART and not _has_mode(self.line.chain):
+        is_held = name in self.best.names and not _has_mode(self.line.chain)
+        if is_held and size[best] < _SMALL_PART:
             rest = {
                 "ratio": _STIFF,
                 "second_damping": shape["damping"],

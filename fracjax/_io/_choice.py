@@ -332,7 +332,8 @@ def _nothing_for(table: Table, missing: list[str], chosen: Mapping[str, int]) ->
     if len(alone) == len(missing):
         time = f"--time {column_key(table.names, runs[0])} and " if len(runs) == 1 else ""
         remedy = f"give {time}{_each_way(table, missing, alone, time)}"
-    if len(missing) == 2 and any(_are_frequencies(table, c) for c in usable):
+    timed = any(role(table, c) == "time" or _speaks_of(table, c, "time") for c in usable)
+    if len(missing) == 2 and not timed and any(_are_frequencies(table, c) for c in usable):
         shown = shlex.quote(table.source)
         remedy = (
             f"fit it as what it is: fracjax fit {shown} --model 'gain >> resonance' "

@@ -339,6 +339,13 @@ def test_a_frequency_response_is_told_how_to_be_fitted(put):
         read(path)
 
 
+def test_a_frequency_beside_a_time_is_that_of_a_sweep(put):
+    columns = MILLISECONDS, np.linspace(1, 90, COUNT), DRIVE, RESPONSE
+    with pytest.raises(InputError, match="give --input") as refused:
+        read(put("time (ms),Frequency (Hz),a,b\n" + rows(*columns)))
+    assert "--frequency-response" not in str(refused.value)
+
+
 def test_pairs_of_one_stamp_are_said_as_such(put):
     stamps = 2.0 * (np.arange(COUNT) // 2)
     path = put("time_ms,voltage_kV,displacement_nm\n" + rows(stamps, DRIVE, RESPONSE))

@@ -50,11 +50,11 @@ def fading_memory(drive: np.ndarray, low: float, span: float, error: float) -> n
     return columns / np.maximum(np.abs(columns).max(axis=0), 1e-300)
 
 
-def loop_of(drive: np.ndarray, low: float, span: float) -> np.ndarray:
+def loop_of(drive: np.ndarray, span: float) -> np.ndarray:
     """The opening (N,) of a loop of a drive (N,), from -½ to ½: Dahl's memory, which fades along a
     fifth of the drive's `span`."""
-    path = np.cumsum(np.abs(np.diff(drive, prepend=drive[0]))) / span
     steps = np.diff(drive, prepend=drive[0]) / span
+    path = np.cumsum(np.abs(steps))
     return _faded(steps[:, None], path / _LOOP)[:, 0] / (2 * _LOOP)
 
 

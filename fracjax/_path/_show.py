@@ -136,7 +136,7 @@ def _seen(signals: Sequence[Signal], prior: PathLaw, effects: Collection[str]) -
     slope = prior.span / (high - low)
 
     def typical(drive: np.ndarray) -> np.ndarray:
-        opened = [loop_of(part, low, high - low) for part in np.split(drive, ends_of(signals))]
+        opened = [loop_of(part, high - low) for part in np.split(drive, ends_of(signals))]
         return slope * (drive - low - _OPENING * (high - low) * np.concatenate(opened))
 
     settled = Settled(prior, float(ROUGHNESSES[0]) * prior.noise, float(FADINGS.max()))

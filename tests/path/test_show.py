@@ -55,7 +55,7 @@ def test_twice_the_size_is_named_and_a_third_is_not(name, alike):
 def test_the_typical_loop_opens_along_a_fifth_of_the_stroke_and_lags():
     drive = np.concatenate([np.linspace(2, 7, 1001), np.linspace(7, 2, 1001)[1:]])
     path = np.abs(drive[:1001] - 2) / 5
-    rising, falling = np.split(loop_of(drive, 2.0, 5.0), [1001])
+    rising, falling = np.split(loop_of(drive, 5.0), [1001])
     np.testing.assert_allclose(rising, 0.5 * (1 - np.exp(-path / 0.2)), atol=2e-3)
     assert falling[-1] == pytest.approx(-0.5, abs=0.01)
 

@@ -7,11 +7,10 @@ from dataclasses import dataclass
 
 from .._blocks import EFFECTS, AbstractBlock
 from .._computing import Clock
-from .._fit import settle
 from .._inside import Inside
 from .._models import Model
 from .._naming import block_name
-from .._prepare import HistoryOption, Preparation, model_of
+from .._prepare import Preparation, model_of
 from .._solve import Progress
 from ._fitted import Fitted, fitted
 from ._held_out import Predict, of_determined
@@ -22,8 +21,6 @@ from ._views import block_of
 
 ANY_LOOP = "prandtl_ishlinskii"
 """The model that stands for a loop of any shape."""
-_STARTS = 4
-"""Starts of its fit; chosen by judgement."""
 
 
 @dataclass(frozen=True, eq=False)
@@ -58,7 +55,6 @@ def extended_by(
     inquiry: Inquiry,
     model: Model,
     predict: Predict,
-    history: HistoryOption | None,
     progress: Progress,
     clock: Clock,
 ) -> Extension | None:
@@ -79,10 +75,8 @@ def extended_by(
         return own
     progress(f"comparing with {ANY_LOOP}")
     recordings = [take.recording for take in preparation.takes]
-    block = model_of(ANY_LOOP, recordings).block
-    solved = settle(block, preparation, history=history, starts=_STARTS, seed=0)
-    plain = fitted([solved.block], solved.preparation)
-    other = _with(layers, plain.solved.block, preparation) if layers else plain
+    # Under the same noise and history, so that the two are compared.
+    other = _with(layers, model_of(ANY_LOOP, recordings).block, preparation.uncorrected)
     mine = [base] if own is None else [base, own.fitted]
     *before, after = of_determined([predict(each) for each in (*mine, other)])
     if after.rmse < BETTER * min(each.rmse for each in before):
@@ -99,4 +93,5 @@ def _layer(inquiry: Inquiry, name: str) -> Layer:
 def _with(layers: Sequence[Layer], block: AbstractBlock, preparation: Preparation) -> Fitted:
     """A law fitted with effects around it: from their shapes as found, and as they usually are."""
     usual = [Layer(la.effect, la.effect.trials(preparation.setting)[0]) for la in layers]
-    return fitted([wrapped(block, layers), wrapped(block, usual)], preparation)
+    starts = [layers, usual] if layers else [layers]
+    return fitted([wrapped(block, each) for each in starts], preparation)

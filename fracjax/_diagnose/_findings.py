@@ -254,7 +254,8 @@ class Findings:
         scores = np.where(seen, np.abs(inner.along[columns]) / np.maximum(lengths, 1e-300), 0.0)
         best = int(np.argmax(scores))
         size = float(np.sqrt(np.mean(view.matrix[:, columns[best]] ** 2)))
-        own = [e for e in inquiry.refits if e.names == (name,)]
+        refits = [e.fitted.solved for e in inquiry.refits if e.names == (name,)]
+        own = [solved for solved in refits if solved.converged]
         concealed = 1 - (lengths[best] / max(float(view.whole[columns[best]]), 1e-300)) ** 2
         alone = [h for h in _listed(view) if h.names == (name,)]
         explained = view.base_misfit - misfit(view.law, alone[0]) if alone else 0.0
@@ -266,7 +267,7 @@ class Findings:
             detectable_amplitude=DETECTED * size / max(float(lengths[best]), 1e-6),
             concealment=float(np.clip(concealed, 0.0, 1.0)),
             reason=self._reason(name),
-            delta_bic=self.base.solved.bic - own[0].fitted.solved.bic if own else None,
+            delta_bic=self.base.solved.bic - own[0].bic if own else None,
             explained_fraction=float(np.clip(explained / max(self.excess, 1e-300), 0.0, 1.0)),
         )
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import Any
 
 import numpy as np
 
@@ -35,6 +36,11 @@ class Corrected(Preparation):
     """
 
     defects: tuple[np.ndarray, ...] = ()
+
+    @property
+    def uncorrected(self) -> Preparation:
+        """The preparation for a block of another law, whose grid errs otherwise."""
+        return Preparation(**_own_fields(self))
 
     def problems(self, oversampling: int | None = None) -> tuple[Problem, ...]:
         if oversampling not in (None, self.oversampling):
@@ -129,12 +135,12 @@ class Fitted:
 def fitted(
     starts: Sequence[AbstractBlock],
     preparation: Preparation,
-    hopeless: float = np.inf,
+    aim: float = np.inf,
 ) -> Fitted:
     """Fit from the starts on the coarse grid; the change of the simulation by a fine grid is
     subtracted from the responses and the fit renewed, until the change is constant within the
     noise, or within a small share of the misfit.  If renewals do not achieve that, the grid is
-    refined.  A fit whose χ² stays above `hopeless` is left there.
+    refined.  A fit that does not come down to a χ² of `aim` is left where that shows.
 
     Source: Stetter, Numer. Math. 29 (1978) 425 (defect correction).
     """
@@ -142,15 +148,16 @@ def fitted(
     finest = preparation.oversampling
     while 2 * finest <= _FINEST and 2 * finest * longest <= _MOST_SAMPLES:
         finest *= 2
-    own = {name: getattr(preparation, name) for name in Preparation.__dataclass_fields__}
     nothing = tuple(np.zeros(len(p.response)) for p in preparation.problems())
-    coarse = Corrected(**own, defects=nothing)
+    coarse = Corrected(**_own_fields(preparation), defects=nothing)
     if isinstance(preparation, Corrected):
         coarse = replace(coarse, defects=preparation.defects)
-    solved = solve_from(list(starts), coarse, hopeless)
-    if solved.cost > hopeless:
+    solved = solve_from(list(starts), coarse, aim)
+    renewed, change = _renewed(solved, coarse, finest)
+    # The correction takes no more from the residual than its own length.
+    if np.sqrt(solved.cost) - change > np.sqrt(aim):
         return Fitted(solved, coarse, finest)
-    coarse, change = _renewed(solved, coarse, finest)
+    coarse = renewed
 
     def settles(limit: float) -> bool:
         return change <= tolerated_error(limit, solved, _OF_MISFIT) or time_is_over()
@@ -168,6 +175,11 @@ def fitted(
         solved = solve_from([solved.block, *starts], coarse)
         coarse, change = _renewed(solved, coarse, finest)
     return Fitted(solved, coarse, finest)
+
+
+def _own_fields(preparation: Preparation) -> dict[str, Any]:
+    """What a preparation holds before its correction, by name."""
+    return {name: getattr(preparation, name) for name in Preparation.__dataclass_fields__}
 
 
 def _renewed(solved: Solved, coarse: Corrected, finest: int) -> tuple[Corrected, float]:

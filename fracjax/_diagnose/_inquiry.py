@@ -11,12 +11,11 @@ import numpy as np
 from .._blocks import AbstractBlock
 from .._computing import Clock
 from .._inside import Inside
-from .._path import PathView, Posterior, evidence, log_likelihood, misfit
+from .._path import PathView, Posterior, evidence, misfit, square_at
 from .._solve import Progress, tolerated_error
 from ._fitted import Fitted
 from ._jumps import Jumps, jumps_of
 from ._names import Name, names_of
-from ._places import doubt_of
 from ._refits import Explanation, explained_by, with_refits
 from ._thresholds import ADEQUATE, NUMERICS
 from ._views import ModelView, View, trials_of
@@ -24,9 +23,6 @@ from ._views import ModelView, View, trials_of
 _MOST_TRIED, _PART = 4, 0.25
 """Effects that are refitted alone where columns do not reach the noise, and the least share of what
 the best of them explains; chosen by judgement."""
-_HOPELESS = 3.0
-"""χ² of a refit after its first steps, over that of the best columns, above which it goes no
-further; chosen by judgement."""
 _MINOR = 0.1
 """The numerical error that is accepted, over the residual's norm beyond the noise; chosen by
 judgement."""
@@ -104,16 +100,6 @@ class Inquiry:
         return float(np.clip(explained / max(view.base_misfit, 1e-300), 0.0, 1.0))
 
 
-def is_described(view: ModelView) -> bool:
-    """Whether a model without any effect describes recordings: no more than noise is left.
-
-    No free law is then more likely: what it spends, the sum of λ / (1 + λ) over its directions, is
-    what it takes out of noise, and less than the sum of log(1 + λ) that its evidence pays for it.
-    """
-    doubt = min(doubt_of(view.fitted, view.law.count), ADEQUATE - 1)
-    return view.base_misfit <= doubt and not names_of(view.posterior)
-
-
 def inquire(inquiry: Inquiry, nominal: AbstractBlock, progress: Progress, clock: Clock) -> Inquiry:
     """Search for the effects that recordings show: those that a model leaves out if there is one,
     otherwise those that no law of hysteresis makes."""
@@ -133,11 +119,11 @@ def inquire(inquiry: Inquiry, nominal: AbstractBlock, progress: Progress, clock:
     refits: list[Explanation] = []
     try:
         if best > limit:
-            refits = _alone(view, path, nominal, progress, clock, 1 + best)
+            refits = _alone(view, path, nominal, progress, clock)
         posterior = with_refits(view, refits) if refits else view.posterior
         names = names_of(posterior)
         if names and not any(set(e.names) == {n.effect for n in names} for e in refits):
-            refits += _beside(view, names, nominal, progress, clock)
+            refits += _beside(view, path, names, nominal, progress, clock)
             posterior = with_refits(view, refits)
             names = names_of(posterior)
     except KeyboardInterrupt:
@@ -146,11 +132,8 @@ def inquire(inquiry: Inquiry, nominal: AbstractBlock, progress: Progress, clock:
     named = {n.effect for n in names}
     own = next((e for e in refits if set(e.names) == named), None)
     reached = view.base_misfit if own is None else own.excess
-    # Of the model with the named effects, each refitted: χ², and the freedom of its columns.
-    square, count = (1 + reached) * view.law.count, view.law.count
-    freedom = 2 * len(named) * np.log(count) + base.tangent.shape[1] * np.log(count)
-    of_model = float(log_likelihood(square, freedom, count))
-    if of_model >= evidence(path.law, path.posterior.best) and (own is not None or not names):
+    is_likelier = (1 + reached) * view.law.count <= _aim(view, path, len(named))
+    if is_likelier and (own is not None or not names):
         answer = replace(inquiry, posterior=posterior, names=names, explanation=own)
     else:
         answer = of_curves
@@ -188,7 +171,6 @@ def _alone(
     nominal: AbstractBlock,
     progress: Progress,
     clock: Clock,
-    best: float,
 ) -> list[Explanation]:
     """Refits of the effects that explain most of the residual, each alone: far from the fit an
     effect may explain it although its columns do not.  So does what fits path curves best."""
@@ -198,7 +180,6 @@ def _alone(
     ranked = sorted(falls, key=lambda name: -falls[name])[:_MOST_TRIED]
     most = none + falls[ranked[0]]
     refits = []
-    hopeless = _HOPELESS * best * view.law.count
     likely = [n for n in ranked if none + falls[n] >= _PART * most]
     setting = view.fitted.preparation.setting
     shapes: dict[str, list[AbstractBlock]] = {}
@@ -210,16 +191,22 @@ def _alone(
             break
         progress(f"refitting with {name}")
         further = shapes.get(name, [])
-        refits.append(
-            explained_by([name], view, nominal, view.fitted.preparation, hopeless, further)
-        )
-        # What stays far above a refit that is there goes no further.
-        hopeless = min(hopeless, _HOPELESS * refits[-1].fitted.solved.cost)
+        aim = _aim(view, path, 1)
+        refits.append(explained_by([name], view, nominal, view.fitted.preparation, aim, further))
     return refits
+
+
+def _aim(view: ModelView, path: PathView, effects: int) -> float:
+    """χ² of the model with effects, each refitted, below which it is likelier than path curves; its
+    freedom is that of the model's own columns and of two for each effect."""
+    count = view.law.count
+    freedom = (2 * effects + view.fitted.tangent.shape[1]) * np.log(count)
+    return square_at(evidence(path.law, path.posterior.best), float(freedom), count)
 
 
 def _beside(
     view: ModelView,
+    path: PathView,
     names: Sequence[Name],
     nominal: AbstractBlock,
     progress: Progress,
@@ -239,5 +226,6 @@ def _beside(
         if clock.is_over:
             break
         progress(f"refitting with {' and '.join(each)}")
-        refits.append(explained_by(each, view, nominal, view.fitted.preparation))
+        aim = _aim(view, path, len(each))
+        refits.append(explained_by(each, view, nominal, view.fitted.preparation, aim))
     return refits

@@ -43,13 +43,13 @@ def explained_by(
     view: ModelView,
     nominal: AbstractBlock,
     preparation: Preparation,
-    hopeless: float = np.inf,
+    aim: float,
     further: Sequence[AbstractBlock] = (),
 ) -> Explanation:
     """The model fitted together with effects, from the trials that explain most of the residual,
-    with the model's parameters as fitted and nominal, and from draws where that ends above what the
-    columns predict; a fit whose χ² stays above `hopeless` is left there.  `further` are trials of
-    the first effect that come before."""
+    with the model's parameters as fitted and nominal, and from draws where that ends above a χ² of
+    `aim` that the columns predict; no fit goes on that does not come down to it.  `further` are
+    trials of the first effect that come before."""
     base = view.fitted.solved.block
     trials = [_trials(name, view) for name in names]
     trials[0] = [*further, *trials[0]]
@@ -60,13 +60,13 @@ def explained_by(
             starts.append(
                 wrapped(base, [*best[:k], Layer(EFFECTS[names[k]], trial), *best[k + 1 :]])
             )
-    first = Explanation(best, fitted(starts, preparation, hopeless))
-    cost = first.fitted.solved.cost
-    if cost > hopeless or first.excess <= max(_predicted(view, names), 0.0) + 0.02:
+    first = Explanation(best, fitted(starts, preparation, aim))
+    cost, predicted = first.fitted.solved.cost, _predicted(view, names)
+    if first.excess <= max(predicted, 0.0) + 0.02 or (1 + predicted) * view.law.count > aim:
         return first
     layers = parts_of(first.fitted.solved.block, first.layers)[1]
     draws = [wrapped(block, layers) for block in starts_of(nominal, _STARTS_AGAIN, seed=0)]
-    again = fitted(draws, preparation)
+    again = fitted(draws, preparation, aim)
     return replace(first, fitted=again) if again.solved.cost < cost else first
 
 

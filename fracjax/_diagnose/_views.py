@@ -32,6 +32,7 @@ from .._path import (
 from .._prepare import Preparation, Residual, levels_of_residuals, residual_noises
 from ._columns import Group, groups_of
 from ._fitted import Fitted
+from ._places import doubt_of
 from ._thresholds import ADEQUATE
 
 FORM = 0.1
@@ -86,10 +87,24 @@ class ModelView:
 View = ModelView | PathView
 
 
+def misfit_of(fitted: Fitted) -> tuple[float, float]:
+    """κ - 1 that a fitted model leaves, and three standard errors of it: no more than noise is left
+    where it is not above them."""
+    white, prior, count = _beside(fitted)
+    excess = prior.inner(np.zeros((white.size, 0)), white).square / count - 1
+    return excess, min(doubt_of(fitted, count), ADEQUATE - 1)
+
+
+def _beside(fitted: Fitted) -> tuple[np.ndarray, Prior, int]:
+    """A model's whitened residual (ΣL,), the prior of its tangent, and how many samples count."""
+    prior = Prior(fitted.whitened(fitted.free_directions), lambda signals: signals, 0.0)
+    count = int(np.count_nonzero(fitted.counted)) - fitted.tangent.shape[1]
+    return fitted.whitened(fitted.error), prior, count
+
+
 def model_view(fitted: Fitted) -> ModelView:
     """The posterior over effects about a fitted model."""
-    white, tangent = fitted.whitened(fitted.error), fitted.whitened(fitted.free_directions)
-    prior = Prior(tangent, lambda signals: signals, 0.0)
+    white, prior, count = _beside(fitted)
     simulations = [
         np.pad(s, (0, len(p.response) - s.size), mode="edge")
         for s, p in zip(fitted.simulations, fitted.problems, strict=True)
@@ -111,7 +126,6 @@ def model_view(fitted: Fitted) -> ModelView:
         kinds.append(Kind(group.effect.name, at, at + width, group.effect.one_sided))
         at += width
     columns = fitted.whitened(np.concatenate([group.columns for group in groups], axis=1))
-    count = int(np.count_nonzero(fitted.counted)) - fitted.tangent.shape[1]
     inner = prior.inner(columns, white)
     excess = max(inner.square / count - 1, 0.0)
     law = Law(MODEL, kinds, inner, count, FORM**2 * excess / DIRECTIONS, _apart())

@@ -13,6 +13,7 @@ from ._expansion import scanned_modes as scanned_modes
 from ._law import Inner as Inner
 from ._law import Prior as Prior
 from ._law import log_likelihood as log_likelihood
+from ._law import square_at as square_at
 from ._named import SURE as SURE
 from ._posterior import DIRECTIONS as DIRECTIONS
 from ._posterior import EACH as EACH

@@ -85,6 +85,12 @@ def log_likelihood(square, log_determinant, count: float):
     return -0.5 * (count * np.log(excess) + square / excess + log_determinant)
 
 
+def square_at(value: float, log_determinant: float, count: float) -> float:
+    """χ² at which the log likelihood has a value."""
+    square = -2 * value - log_determinant
+    return square if square <= count else count * float(np.exp(square / count - 1))
+
+
 @dataclass(frozen=True, eq=False)
 class PathLaw:
     """The prior of path curves for some recordings, under one noise.

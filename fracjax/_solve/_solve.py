@@ -40,7 +40,7 @@ def starts_of(block: AbstractBlock, count: int, seed: int) -> list[AbstractBlock
 
 
 def solve_from(
-    starts: list[AbstractBlock], preparation: Preparation, hopeless: float = np.inf
+    starts: list[AbstractBlock], preparation: Preparation, aim: float = np.inf
 ) -> Solved:
     """The best optimum of descents from several starts.
 
@@ -49,24 +49,30 @@ def solve_from(
 
     A descent also counts as converged when twelve evaluations reduce χ² by less than a tenth, or by
     less than 1e-4 of the residual beyond the noise.  If the noise is not known yet, the reference
-    is the variance of the residual.  Where the best χ² is above `hopeless`, only the first
-    evaluations are made.
+    is the variance of the residual.  Where only χ² up to an `aim` is of use, a descent ends as soon
+    as it would not get there with as large a decrease in each round that remains.
     """
     limit_compiled_programs()
     problems, conditions = preparation.problems(), preparation.conditions
     samples = _counted_samples(problems)
 
-    def first_descent(start: AbstractBlock) -> Descent:
-        return descend(begin(start, problems, conditions), _FIRST_EVALUATIONS)
+    def first_descent(start: AbstractBlock) -> tuple[float, Descent]:
+        first = begin(start, problems, conditions)
+        before = first.objective.at(first.position).cost
+        return before, descend(first, _FIRST_EVALUATIONS)
 
     # The first alone, so that what all have in common is compiled once.
-    descents = [first_descent(starts[0]), *map_in_threads(first_descent, starts[1:])]
-    descents.sort(key=lambda d: d.cost)
+    begun = [first_descent(starts[0]), *map_in_threads(first_descent, starts[1:])]
+    start = min(before for before, _ in begun)
+    descents = sorted((descent for _, descent in begun), key=lambda d: d.cost)
     descents = [
         d._replace(converged=d.converged or _joins_better(descents[:k], d, samples, preparation))
         for k, d in enumerate(descents)
     ]
     decreases = np.zeros(len(starts))
+
+    def reaches(cost: float, decrease: float, rounds: int) -> bool:
+        return cost - rounds * decrease <= aim
 
     def continue_descents(which: list[int]) -> None:
         continued = map_in_threads(lambda k: descend(descents[k], _EVALUATIONS), which)
@@ -74,14 +80,16 @@ def solve_from(
             decreases[k], descents[k] = descents[k].cost - descent.cost, descent
 
     half = [] if time_is_over() else descents[: -(-len(starts) // 2)]
-    continue_descents([k for k, d in enumerate(half) if not d.converged and d.cost <= hopeless])
-    for _ in range(_ROUNDS):
+    of_use = [k for k, d in enumerate(half) if reaches(d.cost, start - d.cost, _ROUNDS)]
+    continue_descents([k for k in of_use if not half[k].converged])
+    for rounds in range(_ROUNDS, 0, -1):
         costs = np.array([d.cost for d in descents])
         best = descents[int(np.argmin(costs))]
         leading = [] if best.converged else np.argsort(costs)[:2]
         overtaking = np.flatnonzero((decreases > 0) & (costs - decreases < best.cost))
         unfinished = [k for k in {*leading, *overtaking} if not descents[k].converged]
-        if not unfinished or not best.cost <= hopeless or time_is_over():
+        unfinished = [k for k in unfinished if reaches(costs[k], decreases[k], rounds)]
+        if not unfinished or time_is_over():
             break
         continue_descents(unfinished)
         least = int(np.argmin([d.cost for d in descents]))

@@ -153,14 +153,13 @@ def fitted(
     if isinstance(preparation, Corrected):
         coarse = replace(coarse, defects=preparation.defects)
     solved = solve_from(list(starts), coarse, aim)
-    renewed, change = _renewed(solved, coarse, finest)
-    # The correction takes no more from the residual than its own length.
-    if np.sqrt(solved.cost) - change > np.sqrt(aim):
-        return Fitted(solved, coarse, finest)
-    coarse = renewed
+    coarse, change = _renewed(solved, coarse, finest)
 
     def settles(limit: float) -> bool:
-        return change <= tolerated_error(limit, solved, _OF_MISFIT) or time_is_over()
+        # A correction takes no more from the residual than its own length.
+        if time_is_over() or np.sqrt(solved.cost) - change > np.sqrt(aim):
+            return True
+        return change <= tolerated_error(limit, solved, _OF_MISFIT)
 
     while not settles(_ENOUGH):
         for _ in range(_RENEWALS):

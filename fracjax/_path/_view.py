@@ -17,6 +17,7 @@ from ._chain import Chain, Fitted, Line, Stage, fitted, without
 from ._curves import Curves
 from ._dynamics import Columns
 from ._expansion import PATH, Expansion, Key, key_of
+from ._filters import RESPONSE_SIDE
 from ._posterior import (
     EACH,
     Hypothesis,
@@ -162,7 +163,9 @@ def _longer(
     likelier than it."""
     longer: list[tuple[Fitted, Hypothesis]] = []
     before, least = front.adequacy(front.best), front.own_adequacy + front.of_chain(1.0)
-    for chain, beside in chains:
+    # Those without a filter first, which cost least: a later one ends where it cannot come near.
+    cheap = sorted(chains, key=lambda pair: any(one.effect in RESPONSE_SIDE for one in pair[0]))
+    for chain, beside in cheap:
         if is_over():
             break
         one = fitted(signals, chain, front.sized(beside), front.settled, least)

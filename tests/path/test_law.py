@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from scipy.stats import multivariate_normal
 
-from fracjax._path import Whitening, log_likelihood
+from fracjax._path import Whitening, log_likelihood, square_at
 from fracjax._path._law import ROUGHNESSES, PathLaw, Settled
 from tests.path.helpers import through
 
@@ -94,6 +94,12 @@ def test_the_likelihood_is_that_of_a_normal_distribution(matrices):
     kappas = np.linspace(1.0, 8.0, 2001)
     likelihoods = -0.5 * (SIZE * np.log(kappas) + 3 * SIZE / kappas + determinant)
     assert log_likelihood(3 * SIZE, determinant, SIZE) == pytest.approx(likelihoods.max())
+
+
+@pytest.mark.parametrize("square", [0.5 * SIZE, SIZE, 1.01 * SIZE, 1e4 * SIZE])
+def test_the_square_at_a_likelihood_is_that_which_has_it(square):
+    value = float(log_likelihood(square, 7.0, SIZE))
+    assert square_at(value, 7.0, SIZE) == pytest.approx(square, rel=1e-9)
 
 
 def test_the_smoothest_curve_that_reaches_the_noise_is_settled_on():

@@ -79,20 +79,21 @@ def test_starts_that_come_to_one_place_go_on_as_one():
     assert twice.cost == once.cost
 
 
-def test_a_start_that_would_overtake_the_best_is_followed(monkeypatch):
-    """One start ends at once, the other falls from far above to below it, on more looks than the
-    first rounds have."""
-    courses = {"near": [6.0, 6.0], "far": [45.0, 20.0, 8.0, 1.0], "idle": [50.0, 49.0, 48.0]}
+def followed(monkeypatch, courses: dict[str, list[float]], aim: float = np.inf) -> tuple:
+    """Which start wins, and χ² where each ends, where descents take these courses from 100."""
+    ends = dict.fromkeys(courses, np.inf)
 
     def descend(at, looks):
         left = at.course[1:] if at.course[1:] else at.course
+        ends[at.objective.name] = at.course[0]
         return at._replace(course=left, cost=at.course[0], converged=not at.course[1:])
 
     class Course(NamedTuple):
         name: str
 
         def at(self, _: int) -> SimpleNamespace:
-            return SimpleNamespace(residual=np.array([1e3 * list(courses).index(self.name)]))
+            place = 1e3 * list(courses).index(self.name)
+            return SimpleNamespace(residual=np.array([place]), cost=100.0)
 
     class Fake(NamedTuple):
         course: list[float]
@@ -105,9 +106,27 @@ def test_a_start_that_would_overtake_the_best_is_followed(monkeypatch):
     monkeypatch.setattr(_solve, "begin", lambda s, *_: Fake(courses[s], np.inf, False, Course(s)))
     monkeypatch.setattr(_solve, "descend", descend)
     monkeypatch.setattr(_solve, "solved_at", lambda objective, *_, **__: objective.name)
-    recording = record(0)
-    starts: list = ["near", "far", "idle"]
-    assert _solve.solve_from(starts, prepare([recording], history="constant")) == "far"
+    starts: list = list(courses)
+    return _solve.solve_from(starts, prepare([record(0)], history="constant"), aim), ends
+
+
+def test_a_start_that_would_overtake_the_best_is_followed(monkeypatch):
+    """One start ends at once, the other falls from far above to below it, on more looks than the
+    first rounds have."""
+    courses = {"near": [6.0, 6.0], "far": [45.0, 20.0, 8.0, 1.0], "idle": [50.0, 49.0, 48.0]}
+    assert followed(monkeypatch, courses)[0] == "far"
+
+
+def test_a_start_is_followed_only_while_it_may_reach_the_aim(monkeypatch):
+    slow = [99.0, 98.0, 97.0, 96.0]
+    courses = {"steep": [50.0, 20.0, 6.0, 5.0], "slow": slow}
+    assert followed(monkeypatch, courses, aim=10.0) == ("steep", {"steep": 5.0, "slow": 99.0})
+    # Twenty rounds of 1 lead from 99 to 79.
+    assert followed(monkeypatch, {"slow": slow}, aim=80.0)[1] == {"slow": 96.0}
+    assert followed(monkeypatch, {"slow": slow}, aim=78.0)[1] == {"slow": 99.0}
+    # What has nearly ended goes no further: nineteen rounds of .1 lead from 49.9 to 48.
+    stuck = {"stuck": [50.0, 49.9, 49.8, 20.0]}
+    assert followed(monkeypatch, stuck, aim=40.0)[1] == {"stuck": 49.9}
 
 
 def test_there_are_as_many_starts_as_are_asked_for():

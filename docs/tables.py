@@ -57,7 +57,7 @@ _AFTER = 7
 _ANEW = "concealed/marks/anew", "concealed/marks/anew_second"
 _INEXACT = "concealed/inexact/marks/sealed_first", "concealed/inexact/marks/sealed_second"
 
-_SEALED = "concealed/anylaw/marks/sealed_first"
+_SEALED = "concealed/anylaw/marks/sealed"
 
 _TRUST = {
     "names what is not there": "names physics that is not there",

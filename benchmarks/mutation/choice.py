@@ -51,7 +51,7 @@ _FOLDERS = {
     "_frequency": ("frequency/frequency_fit", *_CREEP),
     "_crosscheck": _CROSSCHECK,
     "_diagnose": ("diagnose/places", *_DIAGNOSES),
-    "_inside": ("inside/inside",),
+    "_inside": ("inside/posterior", "inside/inside"),
     "_blocks": ("blocks/machines",),
 }
 _FILES = {

@@ -61,7 +61,7 @@ for one to be tried."""
 _PARTICIPATIONS = (0.1, 0.4)
 """The shares of a second mode at first."""
 _SMALL_PART = 0.5
-"""The part of the motion below which a mode is rather one of several than the only one."""
+"""The part of the motion below which a mode is rather one of several; by judgement, as the next."""
 _STIFF = 30.0
 """How many times as high another is whose ringing is not to be seen."""
 _NOTHING = 1e-300

@@ -182,7 +182,7 @@ def _alone(
     refits = []
     likely = [n for n in ranked if none + falls[n] >= _PART * most]
     setting = view.fitted.preparation.setting
-    shapes: dict[str, list[AbstractBlock]] = {}
+    aim, shapes = _aim(view, path, 1), dict[str, list[AbstractBlock]]()
     for one in path.leading:
         for name, block in trials_of(one, setting):
             shapes.setdefault(name, []).append(block)
@@ -191,7 +191,6 @@ def _alone(
             break
         progress(f"refitting with {name}")
         further = shapes.get(name, [])
-        aim = _aim(view, path, 1)
         refits.append(explained_by([name], view, nominal, view.fitted.preparation, aim, further))
     return refits
 

@@ -90,12 +90,12 @@ View = ModelView | PathView
 def misfit_of(fitted: Fitted) -> tuple[float, float]:
     """κ - 1 that a fitted model leaves, and three standard errors of it: no more than noise is left
     where it is not above them."""
-    white, prior, count = _beside(fitted)
+    white, prior, count = _residual_of(fitted)
     excess = prior.inner(np.zeros((white.size, 0)), white).square / count - 1
     return excess, min(doubt_of(fitted, count), ADEQUATE - 1)
 
 
-def _beside(fitted: Fitted) -> tuple[np.ndarray, Prior, int]:
+def _residual_of(fitted: Fitted) -> tuple[np.ndarray, Prior, int]:
     """A model's whitened residual (ΣL,), the prior of its tangent, and how many samples count."""
     prior = Prior(fitted.whitened(fitted.free_directions), lambda signals: signals, 0.0)
     count = int(np.count_nonzero(fitted.counted)) - fitted.tangent.shape[1]
@@ -104,7 +104,7 @@ def _beside(fitted: Fitted) -> tuple[np.ndarray, Prior, int]:
 
 def model_view(fitted: Fitted) -> ModelView:
     """The posterior over effects about a fitted model."""
-    white, prior, count = _beside(fitted)
+    white, prior, count = _residual_of(fitted)
     simulations = [
         np.pad(s, (0, len(p.response) - s.size), mode="edge")
         for s, p in zip(fitted.simulations, fitted.problems, strict=True)

@@ -52,8 +52,10 @@ class Findings:
 
     @property
     def noise(self) -> Noise:
-        """The noise of the first recording."""
-        noise = self.base.preparation.takes[0].noise
+        """The noise of the first recording; inside a machine as what is named leaves it."""
+        extension = self.extension
+        own = extension.fitted if extension is not None and extension.inside else self.base
+        noise = own.preparation.takes[0].noise
         assert noise is not None  # settle() leaves none unknown
         return noise
 

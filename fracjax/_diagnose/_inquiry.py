@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
-from dataclasses import dataclass, replace
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 
 import numpy as np
@@ -44,6 +44,7 @@ class Inquiry:
             adequate.
         refits: the refits that were compared.
         jumps: that explain the residual better than any effect; None if none do.
+        shares: of the residual that each effect inside a machine explains beside the others.
     """
 
     base: Fitted
@@ -55,6 +56,7 @@ class Inquiry:
     explanation: Explanation | None = None
     refits: tuple[Explanation, ...] = ()
     jumps: Jumps | None = None
+    shares: Mapping[str, float] = field(default_factory=dict)
 
     @classmethod
     def of(cls, base: Fitted, path: PathView | None, model: ModelView | None) -> Inquiry:
@@ -93,6 +95,8 @@ class Inquiry:
 
     def share_of(self, name: str) -> float:
         """The share of the excess χ² that a named effect explains beside the others."""
+        if name in self.shares:
+            return self.shares[name]
         view, names = self.view, [n.effect for n in self.names]
         rest = [other for other in names if other != name]
         without = view.misfit_of(rest) if rest else view.base_misfit
@@ -146,7 +150,8 @@ def inquired_inside(inquiry: Inquiry, inside: Inside) -> Inquiry:
         Name(name, tuple(alike), float(inside.probability_of(name)))
         for name, (_, *alike) in zip(inside.names, inside.sets, strict=True)
     ]
-    return replace(inquiry, names=tuple(names))
+    shares = {name: inside.share_of(name) for name in inside.names}
+    return replace(inquiry, names=tuple(names), shares=shares)
 
 
 def _beside_jumps(inquiry: Inquiry, reached: float, limit: float) -> Inquiry:

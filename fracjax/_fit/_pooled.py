@@ -11,7 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping, Sequence
 from dataclasses import replace
-from functools import reduce
+from typing import Any
 
 import numpy as np
 
@@ -63,7 +63,10 @@ def pooled(
 def _radii_beside(path: str, block: AbstractBlock) -> list[float]:
     """The radii [drive] of a family of weights; none of other parameters."""
     *home, name = path.split(".")
-    own = reduce(getattr, home, block)
+    own: Any = block
+    for part in home:
+        # Effects inside a machine are numbered.
+        own = own[int(part)] if part.isdecimal() else getattr(own, part)
     if name not in _FAMILIES or not hasattr(own, "radii"):
         return []
     radii = own.radii

@@ -54,7 +54,13 @@ class Inside:
 
     def probability_of(self, name: str) -> float:
         """The probability that an effect is present."""
-        return sum(c.probability for c in self.candidates if name in c.names)
+        return min(1.0, sum(c.probability for c in self.candidates if name in c.names))
+
+    def share_of(self, name: str) -> float:
+        """The share of the residual without effects that a named one takes beside the others."""
+        best = self.candidates[0]
+        fewer = (c for c in self.candidates if name not in c.names and {*c.names} <= {*best.names})
+        return min((c.ratio for c in fewer), default=1.0) - best.ratio
 
     @property
     def sets(self) -> tuple[tuple[str, ...], ...]:

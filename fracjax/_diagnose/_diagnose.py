@@ -6,7 +6,7 @@ from collections.abc import Callable, Sequence
 from dataclasses import replace
 from functools import partial
 
-from .._blocks import AbstractMachine, BoucWen, PrandtlIshlinskii, Within
+from .._blocks import AbstractMachine, BoucWen, Gain, PrandtlIshlinskii, Within
 from .._computing import Clock, computing, within
 from .._fit import settle
 from .._models import Model
@@ -157,8 +157,10 @@ def diagnose(
         preparation = base.preparation
         unseen = None if holdout is None else held_out_take(preparation.takes[0], holdout)
         predict = predict_stretches if unseen is None else partial(predict_recording, take=unseen)
-        # A model with rates of its own may lead its drive; one without follows with odd parameters.
-        follows = not (base.displaced and isinstance(law.block, BoucWen | PrandtlIshlinskii))
+        # A model with rates of its own may lead its drive; a gain never does, and a loop without
+        # rates with odd parameters alone.
+        has_none = isinstance(law.block, BoucWen | PrandtlIshlinskii) and base.displaced
+        follows = not (has_none or isinstance(law.block, Gain))
         doubts = [t for t in (wrong_way(r, law.block, follows=follows) for r in listed) if t]
         # The misfit of a fit that had to end early is not that of its model; path curves have none.
         may_name = not doubts and (model is None or not clock.is_over)

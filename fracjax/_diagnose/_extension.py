@@ -89,7 +89,10 @@ def extended_by(
     progress(f"comparing with {ANY_LOOP}")
     recordings = [take.recording for take in preparation.takes]
     # Under the same noise and history, so that the two are compared.
-    other = _with(layers, model_of(ANY_LOOP, recordings).block, preparation.uncorrected)
+    preparation = preparation.uncorrected
+    other = fitted([model_of(ANY_LOOP, recordings).block], preparation)
+    if layers:
+        other = _with(layers, other.solved.block, preparation)
     mine = [base] if own is None else [base, own.fitted]
     *before, after = of_determined([predict(each) for each in (*mine, other)])
     if after.rmse < BETTER * min(each.rmse for each in before):
@@ -106,5 +109,4 @@ def _layer(inquiry: Inquiry, name: str) -> Layer:
 def _with(layers: Sequence[Layer], block: AbstractBlock, preparation: Preparation) -> Fitted:
     """A law fitted with effects around it: from their shapes as found, and as they usually are."""
     usual = [Layer(la.effect, la.effect.trials(preparation.setting)[0]) for la in layers]
-    starts = [layers, usual] if layers else [layers]
-    return fitted([wrapped(block, each) for each in starts], preparation)
+    return fitted([wrapped(block, layers), wrapped(block, usual)], preparation)

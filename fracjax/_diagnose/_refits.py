@@ -43,7 +43,7 @@ def explained_by(
     view: ModelView,
     nominal: AbstractBlock,
     preparation: Preparation,
-    aim: float,
+    aim: float = np.inf,
     further: Sequence[AbstractBlock] = (),
 ) -> Explanation:
     """The model fitted together with effects, from the trials that explain most of the residual,

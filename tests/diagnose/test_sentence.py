@@ -322,14 +322,23 @@ def test_advice_is_found_whichever_effect_holds_it():
     assert advice("creep", "creep") is None
 
 
-def test_a_model_that_follows_nothing_is_no_agreement_even_without_a_measured_noise():
+def unrelated(seed: int) -> fj.Recording:
     """Drive and response are smooth, and have nothing to do with each other."""
-    generator = np.random.default_rng(0)
+    generator = np.random.default_rng(seed)
     drive, response = (
         lfilter([0.0025], np.convolve([1, -0.95], [1, -0.95]), generator.standard_normal(700))
         for _ in range(2)
     )
-    recording = fj.Recording(50 * np.asarray(drive), 5 * np.asarray(response), 1e-2, "V", "um")
-    diagnosis = fj.diagnose("gain", recording)
+    return fj.Recording(50 * np.asarray(drive), 5 * np.asarray(response), 1e-2, "V", "um")
+
+
+def test_a_model_that_follows_nothing_is_no_agreement_even_without_a_measured_noise():
+    diagnosis = fj.diagnose("gain", unrelated(2))
     assert diagnosis.verdict == "unexplained"
     assert "Begin with another model: it explains only" in diagnosis.sentence
+
+
+def test_a_response_that_leads_a_gain_is_said_to():
+    diagnosis = fj.diagnose("gain", unrelated(0))
+    assert diagnosis.verdict == "unexplained"
+    assert "the response leads the drive by 29 degrees" in diagnosis.sentence

@@ -237,7 +237,8 @@ def answered(row: Row) -> dict[str, Any]:
         "unit": recording.response_unit,
         "complete": diagnosis.complete,
         "seconds": rounded(time.perf_counter() - began),
-        "sentence": diagnosis.sentence,
+        # Without the folder of this machine.
+        "sentence": diagnosis.sentence.replace(recording.source, row.recording),
     }
 
 

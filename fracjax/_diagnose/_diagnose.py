@@ -232,9 +232,11 @@ def _with_model(
         if not has_path or not names_of(view.posterior):
             return None, base, view
     progress("following the path of the drive")
-    path, noisy = path_view(preparation if preparation.has_unknown_noise else base.preparation)
     if preparation.has_unknown_noise:
+        path, noisy = path_view(preparation)
         base, view = fit(noisy)[0], None
+    else:
+        path, _ = path_view(base.preparation)
     if view is None:
         progress("computing the columns of every effect")
         view = model_view(base)

@@ -10,7 +10,7 @@ from .._computing import Clock
 from .._inside import Inside
 from .._models import Model
 from .._naming import block_name
-from .._prepare import Preparation, Residual, model_of, residual_noises
+from .._prepare import Preparation, model_of, residual_noises
 from .._solve import Progress
 from ._fitted import Fitted, fitted
 from ._held_out import Predict, of_determined
@@ -52,13 +52,9 @@ def extended_inside(law: Model, inside: Inside, preparation: Preparation) -> Ext
     takes = preparation.takes
     if any(take.noise is not None and take.noise.method == "residual" for take in takes):
         # What a model without them leaves is no noise.
-        pairs = zip(takes, extended.simulations, strict=True)
-        read = residual_noises(
-            [Residual(t.recording.response - s, t.used, t.recording) for t, s in pairs]
-        )
         noises = [
             own if take.noise is None or take.noise.method == "residual" else take.noise
-            for take, own in zip(takes, read, strict=True)
+            for take, own in zip(takes, residual_noises(extended.residuals), strict=True)
         ]
         extended = fitted([extended.solved.block], preparation.with_noises(noises))
     return Extension(name, (), extended, False, places)

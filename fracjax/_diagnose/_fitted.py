@@ -12,7 +12,7 @@ import numpy as np
 from .._blocks import AbstractBlock
 from .._computing import time_is_over
 from .._parameters import Parameter, named_parameters
-from .._prepare import Preparation, Problem, layout_of
+from .._prepare import Preparation, Problem, Residual, layout_of
 from .._solve import Solved, orthonormal_basis, simulate, solve_from, tolerated_error
 
 _FINEST, _MOST_SAMPLES = 32, 2**18
@@ -88,6 +88,12 @@ class Fitted:
         """The simulations (N,) of the fine grid."""
         pairs = zip(self.solved.simulations, self.preparation.defects, strict=True)
         return tuple(simulation + defect[: simulation.size] for simulation, defect in pairs)
+
+    @property
+    def residuals(self) -> list[Residual]:
+        """What it leaves of each recording, from which a noise may be read."""
+        pairs = zip(self.preparation.takes, self.simulations, strict=True)
+        return [Residual(t.recording.response - s, t.used, t.recording) for t, s in pairs]
 
     @cached_property
     def counted(self) -> np.ndarray:

@@ -216,10 +216,8 @@ def with_residual_as_noise(fitted: Fitted) -> Preparation | None:
     white = fitted.whitened(fitted.error)[fitted.counted]
     if np.mean(white**2) <= ADEQUATE:
         return None
-    pairs = zip(takes, fitted.simulations, strict=True)
-    residuals = [Residual(t.recording.response - s, t.used, t.recording) for t, s in pairs]
     noises = []
-    for take, residual in zip(takes, residuals, strict=True):
+    for take, residual in zip(takes, fitted.residuals, strict=True):
         noise = take.noise
         assert noise is not None  # a diagnosis has one
         level = float(np.std(residual.samples[residual.counted]))

@@ -231,8 +231,12 @@ class Parameter:
         arrays, (unit, logarithmic, gain, _, *others) = self.tree_flatten()
         return self.tree_unflatten((unit, logarithmic, gain, False, *others), arrays)
 
-    def kept_plausible(self) -> Parameter:
+    def kept_plausible(self, beyond: float = 0.0) -> Parameter:
         """The same parameter with its plausible range as bounds.
+
+        Args:
+            beyond: How far they lie beyond the range at both ends, over its width on the
+                parameter's scale; never beyond the present bounds.
 
         Returns:
             A new parameter whose value is clipped to the range; this one without a range.
@@ -240,6 +244,12 @@ class Parameter:
         low, high = self.plausible
         if not np.all(np.isfinite(np.subtract(high, low))):
             return self
+        more = beyond * (self._scale(high) - self._scale(low))
+        if self.logarithmic:
+            low, high = low * np.exp(-more), high * np.exp(more)
+        else:
+            low, high = low - more, high + more
+        low, high = np.maximum(low, self.lower), np.minimum(high, self.upper)
         (_, _, _, *others), structure = jax.tree_util.tree_flatten(self)
         return structure.unflatten([np.clip(self.value, low, high), low, high, *others])
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Mapping, Sequence
+from collections.abc import Mapping
 from dataclasses import dataclass, field, replace
 from functools import cached_property
 
@@ -11,12 +11,13 @@ import numpy as np
 from .._blocks import AbstractBlock
 from .._computing import Clock
 from .._inside import Inside
-from .._path import PathView, Posterior, evidence, misfit, square_at
+from .._path import PathView, Posterior, misfit
 from .._solve import Progress, tolerated_error
 from ._fitted import Fitted
 from ._jumps import Jumps, jumps_of
 from ._names import Name, names_of
-from ._refits import Explanation, explained_by, with_refits
+from ._refits import Explanation, explained_by
+from ._rivals import aim_of, compared
 from ._thresholds import ADEQUATE, NUMERICS
 from ._views import ModelView, View, trials_of
 
@@ -124,19 +125,15 @@ def inquire(inquiry: Inquiry, nominal: AbstractBlock, progress: Progress, clock:
     try:
         if best > limit:
             refits = _alone(view, path, nominal, progress, clock)
-        posterior = with_refits(view, refits) if refits else view.posterior
-        names = names_of(posterior)
-        if names and not any(set(e.names) == {n.effect for n in names} for e in refits):
-            refits += _beside(view, path, names, nominal, progress, clock)
-            posterior = with_refits(view, refits)
-            names = names_of(posterior)
+        posterior, refits = compared(view, path, refits, nominal, progress, clock)
     except KeyboardInterrupt:
         clock.stopped = True
         return of_curves.unnamed()
+    names = names_of(posterior)
     named = {n.effect for n in names}
     own = next((e for e in refits if set(e.names) == named), None)
     reached = view.base_misfit if own is None else own.excess
-    is_likelier = (1 + reached) * view.law.count <= _aim(view, path, len(named))
+    is_likelier = (1 + reached) * view.law.count <= aim_of(view, path, len(named))
     if is_likelier and (own is not None or not names):
         answer = replace(inquiry, posterior=posterior, names=names, explanation=own)
     else:
@@ -187,7 +184,7 @@ def _alone(
     refits = []
     likely = [n for n in ranked if none + falls[n] >= _PART * most]
     setting = view.fitted.preparation.setting
-    aim, shapes = _aim(view, path, 1), dict[str, list[AbstractBlock]]()
+    aim, shapes = aim_of(view, path, 1), dict[str, list[AbstractBlock]]()
     for one in path.leading:
         for name, block in trials_of(one, setting):
             shapes.setdefault(name, []).append(block)
@@ -197,39 +194,4 @@ def _alone(
         progress(f"refitting with {name}")
         further = shapes.get(name, [])
         refits.append(explained_by([name], view, nominal, view.fitted.preparation, aim, further))
-    return refits
-
-
-def _aim(view: ModelView, path: PathView, effects: int) -> float:
-    """χ² of the model with effects, each refitted, below which it is likelier than path curves; its
-    freedom is that of the model's own columns and of two for each effect."""
-    count = view.law.count
-    freedom = (2 * effects + view.fitted.tangent.shape[1]) * np.log(count)
-    return square_at(evidence(path.law, path.posterior.best), float(freedom), count)
-
-
-def _beside(
-    view: ModelView,
-    path: PathView,
-    names: Sequence[Name],
-    nominal: AbstractBlock,
-    progress: Progress,
-    clock: Clock,
-) -> list[Explanation]:
-    """Refits of the named effects together, with each look-alike in its place, and with all but
-    one."""
-    chosen = [n.effect for n in names]
-    sets = [chosen]
-    for k, name in enumerate(names):
-        sets += [[*chosen[:k], other, *chosen[k + 1 :]] for other in name.alike]
-        if len(chosen) > 1:
-            # What columns leave of one effect looks like another: is it needed beside its refit?
-            sets.append([*chosen[:k], *chosen[k + 1 :]])
-    refits = []
-    for each in sets:
-        if clock.is_over:
-            break
-        progress(f"refitting with {' and '.join(each)}")
-        aim = _aim(view, path, len(each))
-        refits.append(explained_by(each, view, nominal, view.fitted.preparation, aim))
     return refits

@@ -6,8 +6,12 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 
 from .._blocks import AbstractBlock, Effect, Site
-from .._parameters import Parameter, named_parameters
+from .._parameters import Parameter, named_parameters, replace_parameters
 from .._prepare import layout_of
+
+_BEYOND = 0.1
+"""How far the shape of an effect may be from its plausible range, over the width of that: on a
+coarse grid a mode is less damped than it is.  Chosen by judgement."""
 
 
 @dataclass(frozen=True)
@@ -41,10 +45,18 @@ class Layer:
 
 
 def wrapped(block: AbstractBlock, layers: Sequence[Layer]) -> AbstractBlock:
-    """A block with effects around it, the first innermost."""
+    """A block with effects around it, the first innermost, whose shapes stay plausible: beyond that
+    an effect is another, as a mode of critical damping is a lag."""
     for layer in layers:
-        block = layer.effect.insert(block, layer.trial)
+        block = layer.effect.insert(block, _plausible(layer.trial))
     return block
+
+
+def _plausible(trial: AbstractBlock) -> AbstractBlock:
+    """An effect whose shapes are bounded by their plausible ranges."""
+    parameters = named_parameters(trial)
+    shapes = {name: parameters[name].kept_plausible(_BEYOND) for name, _ in layout_of(trial).shapes}
+    return replace_parameters(trial, shapes)
 
 
 def parts_of(block: AbstractBlock, layers: Sequence[Layer]) -> tuple[AbstractBlock, list[Layer]]:

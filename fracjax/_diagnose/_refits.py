@@ -8,7 +8,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 
 from .._blocks import EFFECTS, AbstractBlock
-from .._path import DIRECTIONS, Hypothesis, Posterior, log_likelihood, misfit, search
+from .._path import DIRECTIONS, Hypothesis, Posterior, log_likelihood, misfit, of_effects, search
 from .._prepare import Preparation
 from .._solve import starts_of
 from ._fitted import Fitted, fitted
@@ -70,6 +70,16 @@ def explained_by(
     return replace(first, fitted=again) if again.solved.cost < cost else first
 
 
+def beside(
+    explanation: Explanation, name: str, about: ModelView, preparation: Preparation, aim: float
+) -> Explanation:
+    """A refit with one more effect, from its trials that explain most of what is `about` it."""
+    block, layers = explanation.fitted.solved.block, explanation.layers
+    further = [Layer(EFFECTS[name], trial) for trial in _trials(name, about)]
+    starts = [wrapped(block, [one]) for one in further]
+    return Explanation((*layers, further[0]), fitted(starts, preparation, aim))
+
+
 def _predicted(view: ModelView, names: Sequence[str]) -> float:
     """κ - 1 that the columns of effects predict of their refit."""
     own = [h for h in view.posterior.hypotheses if set(h.names) == set(names)]
@@ -109,7 +119,9 @@ def with_refits(view: ModelView, refits: Sequence[Explanation]) -> Posterior:
             - log_likelihood(linear, 0.0, tempered.count)
         )
 
-    listed = search(law, least).hypotheses
+    listed = list(search(law, least).hypotheses)
+    met = {frozenset(h.names) for h in listed}
+    listed += [of_effects(law, e.names, least) for e in refits if frozenset(e.names) not in met]
     gains = {frozenset(h.names): gain(h) for h in listed if frozenset(h.names) in by_names}
 
     def again(hypothesis: Hypothesis) -> Hypothesis:

@@ -41,9 +41,6 @@ column leaves of it looks like a second effect."""
 _OF_PATH, _OF_NOISE = 0.5, 0.2
 """The shares of the time that is left in which path curves are searched for what is in series with
 the path, and are where they tell the noise alone; chosen by judgement."""
-_MOST_SPENT = 0.9
-"""The share of noise that curves have taken up at most: of what less is left tells no level; chosen
-by judgement."""
 MODEL = "model"
 """The name of the law of the user's model."""
 
@@ -102,8 +99,9 @@ def _residual_of(fitted: Fitted) -> tuple[np.ndarray, Prior, int]:
     return fitted.whitened(fitted.error), prior, count
 
 
-def model_view(fitted: Fitted) -> ModelView:
-    """The posterior over effects about a fitted model."""
+def model_view(fitted: Fitted, unknown: float = 0.0) -> ModelView:
+    """The posterior over effects about a fitted model, of which the form of effects that it holds
+    already may be `unknown` (`Law`)."""
     white, prior, count = _residual_of(fitted)
     simulations = [
         np.pad(s, (0, len(p.response) - s.size), mode="edge")
@@ -128,22 +126,27 @@ def model_view(fitted: Fitted) -> ModelView:
     columns = fitted.whitened(np.concatenate([group.columns for group in groups], axis=1))
     inner = prior.inner(columns, white)
     excess = max(inner.square / count - 1, 0.0)
-    law = Law(MODEL, kinds, inner, count, FORM**2 * excess / DIRECTIONS, _apart())
+    unknown = max(unknown, FORM**2 * excess / DIRECTIONS)
+    law = Law(MODEL, kinds, inner, count, unknown, _apart())
     posterior = select(law)
     whole = np.linalg.norm(columns, axis=0)
     return ModelView(fitted, groups, posterior, law, whole, prior)
 
 
 def block_of(effect: Effect, shape: dict[str, float], setting: Setting) -> AbstractBlock:
-    """A trial block of an effect with the parameters of a shape, as far as it has them."""
-    trial = effect.trials(setting)[0]
+    """A trial block of an effect with the parameters of a shape, as far as it has them: of the
+    trials the one nearest to it, as of mains of two frequencies."""
+    trials = [_at_shape(trial, shape) for trial in effect.trials(setting)]
+    return min(trials, key=lambda pair: pair[0])[1]
+
+
+def _at_shape(trial: AbstractBlock, shape: dict[str, float]) -> tuple[float, AbstractBlock]:
+    """A trial block at a shape, and how far its bounds keep it from that, in ranges."""
     own = named_parameters(trial)
-    values = {
-        key: np.clip(value, own[key].lower, own[key].upper)
-        for key, value in shape.items()
-        if key in own
-    }
-    return set_values(trial, values)
+    shares = {key: np.asarray(own[key].to_share(v)) for key, v in shape.items() if key in own}
+    within = {key: np.clip(share, 0.0, 1.0) for key, share in shares.items()}
+    away = sum(float(np.max(np.abs(shares[key] - within[key]))) for key in shares)
+    return away, set_values(trial, {key: own[key].from_share(x) for key, x in within.items()})
 
 
 def trials_of(stage: Stage, setting: Setting) -> Iterator[tuple[str, AbstractBlock]]:
@@ -197,10 +200,9 @@ def path_view(preparation: Preparation) -> tuple[PathView, Preparation]:
         return view, preparation
     takes = preparation.takes
     ends = np.cumsum([len(take.recording) for take in takes])[:-1]
-    spent = min(view.freedom / view.law.count, _MOST_SPENT)
     residuals = [
         Residual(part, take.used, take.recording, spent)
-        for part, take in zip(np.split(view.residual, ends), takes, strict=True)
+        for part, take, spent in zip(np.split(view.residual, ends), takes, view.spent, strict=True)
     ]
     read = [replace(noise, is_leftover=False) for noise in residual_noises(residuals)]
     noises = [take.noise or noise for take, noise in zip(takes, read, strict=True)]

@@ -24,6 +24,7 @@ from ._posterior import Law as Law
 from ._posterior import Posterior as Posterior
 from ._posterior import evidence as evidence
 from ._posterior import misfit as misfit
+from ._posterior import of_effects as of_effects
 from ._posterior import search as search
 from ._posterior import select as select
 from ._show import LARGEST as LARGEST

@@ -288,16 +288,20 @@ class Settled:
         return Settled(self.law, self.roughness, fading, self._rough)
 
     @cached_property
+    def probed(self) -> tuple[np.ndarray, np.ndarray]:
+        """White noise (ΣN, K), the same for all laws, and what the law takes out of it."""
+        counted = self.law.whitening.counted
+        probes = np.random.default_rng(0).choice([-1.0, 1.0], (counted.size, _PROBES))
+        probes *= counted[:, None]
+        return probes, probes - self.prior.weighted(probes)
+
+    @cached_property
     def freedom(self) -> float:
         """How many coefficients the law spends on any response, and on errors of its drive: the
         trace of what it takes out of noise, by a few probes (Hutchinson, Commun. Stat. Simul. 18
-        (1989) 1059), which are the same for all laws."""
-        whitening = self.law.whitening
-        shape = whitening.counted.size, _PROBES
-        probes = np.random.default_rng(0).choice([-1.0, 1.0], shape)
-        probes *= whitening.counted[:, None]
-        taken = np.sum(probes * (probes - self.prior.weighted(probes))) / _PROBES
-        return float(taken) + whitening.lost
+        (1989) 1059)."""
+        probes, taken = self.probed
+        return float(np.sum(probes * taken)) / _PROBES + self.law.whitening.lost
 
     def path(self, response: np.ndarray) -> Path:
         """The most probable curves behind a response (ΣN,)."""

@@ -164,6 +164,17 @@ def search(law: Law, excess: float) -> Posterior:
     return Posterior.of(_searched(law.tempered(excess)))
 
 
+def of_effects(law: Law, names: Sequence[str], excess: float) -> Hypothesis:
+    """The hypothesis of given effects, each of the likeliest shape beside those before it, tempered
+    by a misfit κ - 1."""
+    law = law.tempered(excess)
+    layout, one = _Layout(law), _without_effects(law)
+    for name in names:
+        inner = law.inner.given(*one.columns(law.kinds)) if one.names else law.inner
+        one = next(h for h in layout.added(one, inner) if h.names[-1] == name)
+    return one
+
+
 def misfit(law: Law, hypothesis: Hypothesis) -> float:
     """κ - 1, the excess of χ² per sample after a hypothesis."""
     chosen, sizes = hypothesis.columns(law.kinds)
@@ -181,9 +192,7 @@ def evidence(law: Law, hypothesis: Hypothesis) -> float:
 
 def _searched(law: Law) -> list[Hypothesis]:
     """The hypotheses of up to three effects under a law, by a beam search."""
-    layout = _Layout(law)
-    likelihood = log_likelihood(law.inner.square, law.inner.log_determinant, law.count)
-    leading = [Hypothesis(float(likelihood), 0.0, law.name, (), (), ())]
+    layout, leading = _Layout(law), [_without_effects(law)]
     hypotheses: dict[frozenset[str], Hypothesis] = {frozenset(): leading[0]}
     for width in _BEAM:
         best = max(h.log_posterior for h in hypotheses.values())
@@ -198,6 +207,12 @@ def _searched(law: Law) -> list[Hypothesis]:
         hypotheses |= larger
         leading = sorted(larger.values(), key=lambda h: -h.log_posterior)
     return list(hypotheses.values())
+
+
+def _without_effects(law: Law) -> Hypothesis:
+    """The hypothesis of a law alone."""
+    likelihood = log_likelihood(law.inner.square, law.inner.log_determinant, law.count)
+    return Hypothesis(float(likelihood), 0.0, law.name, (), (), ())
 
 
 class _Layout:

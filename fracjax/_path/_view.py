@@ -27,6 +27,7 @@ from ._posterior import (
     select,
 )
 from ._signal import Signal, ends_of, response_of, span_of
+from ._spent import spent_of
 
 MISFIT = 0.1
 """κ - 1 from which path curves do not describe a recording: of recordings that a law with return
@@ -50,7 +51,7 @@ class PathView:
         columns: the effects' columns.
         whole: (K,) the length of each whitened column, before what the curves can absorb.
         residual: (ΣN,) the response minus curve and effects of the best hypothesis [response unit].
-        freedom: the coefficients that the curves spend.
+        spent: the share (N//2+1,) of each recording's noise that the curves take up, by frequency.
         curves: of the path.
         span: of the responses [response unit].
         effects: (ΣN,) what each effect of the best hypothesis adds [response unit].
@@ -65,7 +66,7 @@ class PathView:
     columns: list[Columns]
     whole: np.ndarray
     residual: np.ndarray
-    freedom: float
+    spent: list[np.ndarray]
     curves: Curves
     span: float
     effects: dict[str, np.ndarray]
@@ -210,7 +211,7 @@ def _view(
         columns=one.columns,
         whole=np.linalg.norm(one.line.prior.whitening(one.matrix), axis=0),
         residual=without_effect - values,
-        freedom=one.settled.freedom,
+        spent=spent_of(one.settled, ends_of(one.line.signals)),
         curves=one.line.prior.curves,
         span=span_of(one.line.signals),
         effects=effects,

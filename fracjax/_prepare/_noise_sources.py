@@ -7,6 +7,7 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
+from scipy.ndimage import uniform_filter1d
 
 from .._filters import moving_sum
 from .._recording import (
@@ -25,6 +26,7 @@ from ._noise_stretches import (
     PIECES,
     Stretch,
     first_settled,
+    level_of_varying,
     level_without_motion,
     noise_in,
     noise_of,
@@ -51,6 +53,11 @@ _SAME_RATE = 1e-6
 _LOWER = 0.97
 """The noise reread from repeats of the residual replaces the first where its level or innovation is
 below this share of it.  Chosen by judgement."""
+_MOST_SPENT = 0.9
+"""The share of noise that a fit has taken up at most: of what less is left tells no level; chosen
+by judgement."""
+_BAND = 20
+"""The part of all frequencies over which a spectrum is averaged; chosen by judgement."""
 _LARGEST_RATIO = 2.0
 """Largest ratio of the variance of what does not repeat to that of the noise of rests, above which
 it is more than noise.  Chosen by judgement."""
@@ -63,13 +70,14 @@ class Residual(NamedTuple):
         samples: (N,) measured minus simulated, in the response's unit.
         used: (N,) whether a sample counts.
         recording: the recording.
-        spent: the share of noise that the fit has taken up, of its coefficients over the samples.
+        spent: the share (N//2+1,) of white noise that the fit has taken up, by frequency; None
+            where it has few coefficients.
     """
 
     samples: np.ndarray
     used: np.ndarray
     recording: Recording
-    spent: float = 0.0
+    spent: np.ndarray | None = None
 
     @property
     def counted(self) -> np.ndarray:
@@ -78,8 +86,23 @@ class Residual(NamedTuple):
 
     @property
     def unspent(self) -> Residual:
-        """As large as it would be had the fit taken up no noise."""
-        return self._replace(samples=self.samples / np.sqrt(1 - self.spent), spent=0.0)
+        """As it would be had the fit taken up no noise: of a flexible curve that is the best guess
+        of a signal in white noise of variance σ², the spectrum of what it leaves lacks that of its
+        uncertainty, σ² times the share that it has taken up.
+
+        Source: Dempster, Laird & Rubin, J. R. Stat. Soc. B 39 (1977) 1: their second step, for a
+        noise's spectrum.
+        """
+        if self.spent is None:
+            return self
+        samples = np.where(self.counted, self.samples, 0.0)
+        lines = np.fft.rfft(samples)
+        power = np.abs(lines) ** 2
+        # The most that is corrected: of what less is left tells no level.
+        variance = power.mean() / (1 - min(float(self.spent.mean()), _MOST_SPENT))
+        near = uniform_filter1d(power, 2 * (power.size // (2 * _BAND)) + 1)
+        larger = np.sqrt(1 + variance * self.spent / np.maximum(near, _EXACT**2 * variance))
+        return self._replace(samples=np.fft.irfft(lines * larger, samples.size), spent=None)
 
 
 def refine_noise(noise: Noise, residual: Residual) -> Noise:
@@ -90,7 +113,7 @@ def refine_noise(noise: Noise, residual: Residual) -> Noise:
     show it only for a few moments; it is used unless its variance is much larger than that of the
     rests.
     """
-    samples, used, recording, _ = residual
+    samples, used, recording = residual.samples, residual.used, residual.recording
     if noise.method == "repeats":
         stretches = _from_repeats(recording, used.astype(float), samples)
         if not stretches:
@@ -337,11 +360,14 @@ def read_from_residuals(pairs: Sequence[tuple[Noise | None, Residual]]) -> list[
     return [noise.coloured_as(next(below)) if noise else next(read) for noise in specified]
 
 
-def levels_of_residuals(residuals: Sequence[Residual]) -> list[Noise]:
-    """White noise of the level that the second differences of each fit's residual show."""
+def levels_of_residuals(residuals: Sequence[Residual], *, vary: bool = False) -> list[Noise]:
+    """White noise of the level that the second differences of each fit's residual show, which may
+    `vary` along it where the residual holds no motion."""
     recordings = [residual.recording for residual in residuals]
     levels = in_rows(
-        level_without_motion, [r.samples for r in residuals], [r.counted for r in residuals]
+        level_of_varying if vary else level_without_motion,
+        [r.samples for r in residuals],
+        [r.counted for r in residuals],
     )
     white = [
         white_noise(max(float(level), _least_level(each)), each.response_unit, "residual")
@@ -361,9 +387,10 @@ def residual_noises(residuals: Sequence[Residual]) -> list[Noise]:
     periods = [repetition_lag(r.recording.drive) if r.used.all() else None for r in residuals]
     # Of what repeats both times have one curve, so that their difference keeps all noise.
     single = [r.unspent for r, period in zip(residuals, periods, strict=True) if period is None]
-    below, levels = iter(noises_below(single)), iter(levels_of_residuals(single))
+    below, levels = iter(noises_below(single)), iter(levels_of_residuals(single, vary=True))
     noises = []
-    for (residual, _, recording, _), period in zip(residuals, periods, strict=True):
+    for one, period in zip(residuals, periods, strict=True):
+        residual, recording = one.samples, one.recording
         unit, least = recording.response_unit, _least_level(recording)
         if period is not None:
             # Of several times only the first two: differences that share noise have a comb as

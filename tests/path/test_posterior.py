@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from fracjax._path import Inner, Kind, Law, evidence, misfit, search, select
+from fracjax._path import Inner, Kind, Law, evidence, misfit, of_effects, search, select
 from fracjax._path import _posterior as posterior_module
 
 SAMPLES = 400
@@ -128,3 +128,13 @@ def test_its_probabilities_are_frequencies(monkeypatch):
         own = bins == k
         error = 4 * np.sqrt(0.25 / own.sum())
         assert np.mean(present[own]) == pytest.approx(np.mean(stated[own]), abs=min(error, 0.15))
+
+
+def test_effects_that_are_asked_for_are_found_as_by_the_search():
+    """So that a set which no search has met is weighed as one that it has."""
+    columns = columns_of(3)
+    response = columns @ np.repeat([1.0, 0.0, 0.5, 0.0], SHAPES) + noise(3)
+    law = law_of(columns, response)
+    listed = {h.names: h for h in search(law, 0.1).hypotheses}
+    for names in [(), ("creep",), ("creep", "resonance")]:
+        assert of_effects(law, names, 0.1) == listed[names]

@@ -142,3 +142,29 @@ def test_smooth_constant_and_coarse_signals_have_a_colour(shape, decades, code, 
     (noise,) = residual_noises([Residual(signal, np.ones(size, bool), recording)])
     assert np.isfinite(noise.sigma)
     assert noise.innovation > 0
+
+
+def test_noise_of_which_a_fit_took_the_slow_part_is_white_again():
+    """Else what is left looks like noise without slow parts, and slow mismatch beside it large."""
+    rng, size = np.random.default_rng(3), 4000
+    recording = Recording(np.cumsum(rng.standard_normal(size)), rng.standard_normal(size), 1e-3)
+    share = 0.97 / (1 + (np.linspace(0, 1, size // 2 + 1) / 0.3) ** 8)
+    lines = np.fft.rfft(0.02 * rng.standard_normal(size))
+    rest = np.fft.irfft(lines * np.sqrt(1 - share), size)
+    ones = np.ones(size, bool)
+    (as_is,), (noise,) = (
+        residual_noises([Residual(rest, ones, recording, spent)]) for spent in (None, share)
+    )
+    assert as_is.filter.size > 5
+    assert noise.filter.size <= 3
+    assert noise.sigma == pytest.approx(0.02, rel=0.05)
+
+
+def test_the_level_of_a_residual_is_its_rms_where_it_varies():
+    """Of a median alone the floor would be too low, and a fit that reaches it unexplained."""
+    rng, size = np.random.default_rng(4), 6000
+    sizes = 0.01 * (1 + 0.9 * np.sin(2 * np.pi * np.arange(size) / 3000))
+    recording = Recording(np.cumsum(rng.standard_normal(size)), rng.standard_normal(size), 1e-3)
+    residual = sizes * rng.standard_normal(size)
+    (noise,) = residual_noises([Residual(residual, np.ones(size, bool), recording)])
+    assert noise.sigma == pytest.approx(np.sqrt(np.mean(sizes**2)), rel=0.04)

@@ -7,9 +7,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from .._blocks import EFFECTS, AbstractBlock
+from .._blocks import EFFECTS, AbstractBlock, Setting
 from .._path import DIRECTIONS, Hypothesis, Posterior, log_likelihood, misfit, of_effects, search
-from .._prepare import Preparation
+from .._prepare import Preparation, layout_of
 from .._solve import starts_of
 from ._fitted import Fitted, fitted
 from ._layers import Layer, parts_of, wrapped
@@ -99,6 +99,14 @@ def _trials(name: str, view: ModelView) -> list[AbstractBlock]:
     return [trial for _, trial in falls[:_TRIALS]]
 
 
+def _further_shapes(layer: Layer, setting: Setting) -> int:
+    """How many shapes an effect has more than its special case."""
+    if not layer.effect.special_case:
+        return 0
+    special = EFFECTS[layer.effect.special_case].trials(setting)[0]
+    return len(layout_of(layer.trial).shapes) - len(layout_of(special).shapes)
+
+
 def with_refits(view: ModelView, refits: Sequence[Explanation]) -> Posterior:
     """The posterior with the χ² of refits in place of what columns predicted of them."""
     best = misfit(view.law, view.posterior.best)
@@ -114,10 +122,14 @@ def with_refits(view: ModelView, refits: Sequence[Explanation]) -> Posterior:
         chosen, sizes = hypothesis.columns(law.kinds)
         linear = tempered.inner.given(chosen, sizes).square
         square = by_names[frozenset(hypothesis.names)].fitted.solved.cost * share
-        return float(
-            log_likelihood(square, 0.0, tempered.count)
-            - log_likelihood(linear, 0.0, tempered.count)
+        gained = log_likelihood(square, 0.0, tempered.count) - log_likelihood(
+            linear, 0.0, tempered.count
         )
+        # Of two effects of which one is the other's special case the columns are alike: what the
+        # larger has more of shapes costs by Schwarz's criterion, Ann. Stat. 6 (1978) 461.
+        layers = by_names[frozenset(hypothesis.names)].layers
+        more = sum(_further_shapes(layer, view.fitted.preparation.setting) for layer in layers)
+        return float(gained) - 0.5 * more * float(np.log(tempered.count))
 
     listed = list(search(law, least).hypotheses)
     met = {frozenset(h.names) for h in listed}

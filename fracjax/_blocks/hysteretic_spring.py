@@ -58,7 +58,9 @@ class HystereticSpring(AbstractInside):
         below = jnp.minimum(level, 0.0)
         flat = jnp.abs(beta) < _FLAT
         steep = jnp.where(flat, 1.0, beta)
-        to_zero = jnp.where(flat, -below, jnp.log1p(-steep * below) / steep)
+        # A series to the first power of beta, so that the derivative by it holds too.
+        series = -below * (1 + beta * below / 2)
+        to_zero = jnp.where(flat, series, jnp.log1p(-steep * below) / steep)
         relieved = jnp.minimum(length, to_zero)
         falling = below * jnp.exp(-beta * relieved) + _grown(-beta, relieved)
         loaded = length - relieved

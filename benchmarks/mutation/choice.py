@@ -52,7 +52,13 @@ _FOLDERS = {
     "_crosscheck": _CROSSCHECK,
     "_diagnose": ("diagnose/places", *_DIAGNOSES),
     "_inside": ("inside/posterior", "inside/inside"),
-    "_blocks": ("blocks/machines",),
+    "_blocks": (
+        "blocks/scales",
+        "blocks/forces",
+        "blocks/ports",
+        "blocks/steps",
+        "blocks/machines",
+    ),
 }
 _FILES = {
     "_operators": {

@@ -4,7 +4,7 @@ import jax
 import jax.numpy as jnp
 import numpy as np
 import pytest
-from scipy.special import erfcx
+from scipy.special import erfcx, rgamma
 
 from fracjax._blocks import (
     FractionalKelvinVoigt,
@@ -33,6 +33,42 @@ def test_mittag_leffler_is_known_at_one_half():
     x = np.array([0.0, 1e-3, 0.1, 1.0, 5.0, 40.0])
     np.testing.assert_allclose(mittag_leffler(0.5, x), erfcx(x), rtol=1e-8)
     np.testing.assert_allclose(mittag_leffler(1.0, x), np.exp(-x), rtol=1e-12)
+
+
+@pytest.mark.parametrize("order", [0.15, 0.4, 0.7, 0.95])
+def test_mittag_leffler_is_its_power_series_and_its_asymptotic_one(order):
+    x, k = np.array([1e-4, 0.1, 0.5, 0.9])[:, None], np.arange(400)
+    series = ((-x) ** k * rgamma(1 + order * k)).sum(axis=1)
+    np.testing.assert_allclose(mittag_leffler(order, x[:, 0]), series, rtol=0, atol=1e-9)
+    x, k = np.array([1e5, 1e7])[:, None], np.arange(1, 4)
+    series = (-((-x) ** -k) * rgamma(1 - order * k)).sum(axis=1)
+    np.testing.assert_allclose(mittag_leffler(order, x[:, 0]), series, rtol=0, atol=1e-11)
+
+
+@pytest.mark.parametrize("name", MATERIALS)
+def test_a_material_is_ideal_at_an_order_of_one(name):
+    """A spring, a damper, or Maxwell's, Kelvin and Voigt's and Zener's solids."""
+    modulus, time, t = 2.0, 0.05, np.array([1e-3, 0.03, 0.2])
+    fading = np.exp(-t / time)
+    slower = np.exp(-t / (time * 4.0 / 1.5))
+    material, relaxation, compliance = {
+        "springpot": (Springpot(modulus, 0.02), None, None),
+        "maxwell": (
+            FractionalMaxwell(modulus, time, 1.0), modulus * fading, (1 + t / time) / modulus
+        ),
+        "kelvin_voigt": (
+            FractionalKelvinVoigt(modulus, time, 1.0), modulus + 0 * t, (1 - fading) / modulus
+        ),
+        "zener": (
+            FractionalZener(1.5, 4.0, time, 1.0), 1.5 + 2.5 * fading,
+            1 / 1.5 + (1 / 4.0 - 1 / 1.5) * slower,
+        ),
+    }[name]  # fmt: skip
+    if relaxation is None:  # almost a spring
+        relaxation, compliance = modulus + 0 * t, 1 / modulus + 0 * t
+    rtol = 0.15 if name == "springpot" else 1e-12
+    np.testing.assert_allclose(material.relaxation(t), relaxation, rtol=rtol)
+    np.testing.assert_allclose(material.compliance(t), compliance, rtol=rtol)
 
 
 @pytest.mark.parametrize("name", MATERIALS)

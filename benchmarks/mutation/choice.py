@@ -51,7 +51,15 @@ _FOLDERS = {
     "_frequency": ("frequency/frequency_fit", *_CREEP),
     "_crosscheck": _CROSSCHECK,
     "_diagnose": ("diagnose/places", *_DIAGNOSES),
-    "_inside": ("inside/posterior", "inside/inside"),
+    "_inside": (
+        "inside/evidence",
+        "inside/posterior",
+        "inside/inquiry",
+        "inside/columns",
+        "inside/predictions",
+        "inside/named",
+        "inside/inside",
+    ),
     "_blocks": (
         "blocks/scales",
         "blocks/forces",

@@ -21,6 +21,7 @@ from fracjax._blocks import (
 from fracjax._inside import About, Columns, Worth, _inquire
 from fracjax._inside._columns import Column
 from fracjax._inside._inquire import _Inquiry
+from fracjax._path import Hypothesis, Posterior
 
 NOTHING: Any = Columns({}, {}, *3 * [np.ones(1)])  # type: ignore[list-item]
 OSCILLATOR = Within(Oscillator())
@@ -50,6 +51,26 @@ class Coarse(SimpleNamespace):
 
 def inquiry_of(*fits, specified: bool = True, columns: Any = NOTHING) -> Any:
     return _Inquiry(specified, lambda text: None, columns, [*fits])
+
+
+def test_a_fit_has_inner_products_of_what_is_no_effect_at_the_responses_size():
+    """That of all recordings together."""
+    rng = np.random.default_rng(3)
+    residual, tangent, curve = rng.standard_normal((3, 40))
+    sizes = [SimpleNamespace(size=3.0), SimpleNamespace(size=4.0)]
+    solved: Any = SimpleNamespace(
+        whitened=[residual[:15], residual[15:]], whitened_derivative=lambda: tangent[:, None],
+        preparation=SimpleNamespace(problems=lambda: sizes), block=OSCILLATOR,
+    )  # fmt: skip
+    others = {"drive_curve": [Column((), curve[:, None])]}
+    fit = _inquire._Fit.of(solved, ("b", "a", "b"), others)
+    free = curve - tangent * (tangent @ curve) / (tangent @ tangent)
+    free = 5.0 * free / np.linalg.norm(curve)
+    assert fit.names == ("a", "b", "b")
+    assert fit.block is OSCILLATOR
+    np.testing.assert_allclose(fit.about.inner.columns, [[free @ free]])
+    np.testing.assert_allclose(fit.about.inner.along, [free @ residual])
+    assert (fit.about.kinds, fit.about.samples, fit.about.freedom) == ((), 40, 1)
 
 
 def test_fits_are_judged_by_the_best_and_ranked_by_their_evidence():
@@ -281,6 +302,32 @@ def test_the_most_probable_effects_are_fitted_alone_and_the_most_probable_sets(m
         assert any(np.allclose(s, wanted) for s in sizes[::2])
         for full, small in zip(sizes[::2], sizes[1::2], strict=True):
             np.testing.assert_allclose(small, 0.3 * np.array(full))
+
+
+def test_a_set_is_likely_from_a_thousandth_of_the_best_and_three_are_fitted(monkeypatch):
+    """By its own best law; beside the four most probable effects alone."""
+    places = {name: k for k, name in enumerate(EFFECTS, 1)} | {"cubic_stiffness": 0}
+
+    def hypothesis(odds: float, *names: str, law: str = "0.0") -> Hypothesis:
+        kinds = tuple(places[name] for name in names)
+        return Hypothesis(np.log(odds), 0.0, law, names, kinds, len(names) * (1.0,))
+
+    pairs = [("cubic_stiffness", name) for name in EFFECTS if name != "cubic_stiffness"]
+    alone = [hypothesis(1e-4 - 1e-5 * k, name) for k, name in enumerate(EFFECTS)]
+    columns, answers = columns_about(1.0), []
+    for odds in ((1.001e-3, 0.999e-3), (0.3, 0.02, 0.01, 0.005)):
+        likely = [hypothesis(o, *pair) for o, pair in zip(odds, pairs, strict=False)]
+        # Under another law the same set is hopeless.
+        others = [hypothesis(1e-9, *pair, law="0.3") for pair in pairs]
+        posterior = Posterior.of([hypothesis(1.0), *alone, *likely, *others])
+        monkeypatch.setattr(
+            _Inquiry, "_judged", lambda self, about, p=posterior: (p, Worth(1.0, 400.0))
+        )
+        fitted, _ = extended(monkeypatch, columns)
+        answers.append([names for names, *_ in fitted])
+    singles = [(name,) for name in [*EFFECTS][:4]]
+    assert answers[0] == [*singles, tuple(sorted(pairs[0]))]
+    assert answers[1] == [*singles, *(tuple(sorted(pair)) for pair in pairs[:3])]
 
 
 def test_sets_that_were_fitted_are_fitted_again_where_asked_and_none_of_four_effects(monkeypatch):

@@ -114,5 +114,5 @@ def of_system(machine: AbstractMachine) -> tuple[np.ndarray, ...]:
     enters = np.stack([b, *(np.asarray(port.enters) for port in ports)], axis=1)
     seen = [c, *(port.position for port in ports), *(port.velocity for port in ports)]
     direct = np.zeros((len(seen), enters.shape[1]))
-    direct[0] = [d, *(port.direct for port in ports)]
+    direct[0] = np.array([d, *(np.asarray(port.direct) for port in ports)])
     return a, enters, np.stack(seen), direct

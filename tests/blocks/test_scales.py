@@ -170,7 +170,7 @@ SCALES = {
 SCALES[FractionalKelvinVoigt] = SCALES[FractionalMaxwell]
 
 
-def bounds_of(scale, start: np.ndarray) -> list[np.ndarray]:
+def bounds_of(scale, start: np.ndarray) -> list:
     """The bounds and the plausible range of a scale."""
     if scale == ABOVE:
         return [start / 1e5, start * 1e5] * 2
@@ -260,6 +260,23 @@ def test_within_an_impedance_gains_stay():
     gains = [n for n, p in named_parameters(Within(Impedance())).items() if p.gain]
     assert gains == [f"machine.{name}" for name in ("stiffness", "damping", "mass", "springpot")]
     assert Within(Impedance()).drive_offset.fixed
+
+
+@pytest.mark.parametrize(
+    ("within", "free"),
+    [
+        (Lag() @ RootOutflow(), True),
+        (Within(Lag()), False),
+        (Oscillator() @ DryFriction() @ CubicStiffness(), True),
+        (Oscillator() @ DryFriction() @ QuadraticDamping(), False),
+        (Mass(of_velocity=True) @ DryFriction(), True),
+        (Within(Mass()), True),
+        (Impedance() @ CubicStiffness(), False),
+    ],
+)
+def test_the_drives_offset_is_free_where_the_response_is_displaced_otherwise(within, free):
+    """By an effect that is placed, or where nothing holds the machine; never of a given motion."""
+    assert within.drive_offset.fixed is not free
 
 
 def test_what_acts_at_a_joint_frees_its_shares():

@@ -69,11 +69,6 @@ def test_linear_steps_are_exact_for_straight_drives_and_forces_from_any_start(na
     np.testing.assert_allclose(motion.position.T, outputs[:, 1 : 1 + ports], atol=1e-10 * size)
     np.testing.assert_allclose(motion.velocity.T, outputs[:, 1 + ports :], atol=1e-10 * size)
     np.testing.assert_allclose(motion.drive, np.tile(drive + 0.4, (ports, 1)))
-    alone = np.asarray(Within(machine)(jnp.asarray(drive), Grid(STEP, history)))
-    outputs = lsim((a, b, c, d), np.column_stack([drive, *(0 * pushes)]), times,
-                   -np.linalg.solve(a, b[:, 0]) * drive[0]
-                   if history == "constant" and machine.settles else None)[1]  # fmt: skip
-    np.testing.assert_allclose(alone, outputs[:, 0], atol=1e-10 * size)
 
 
 @pytest.mark.parametrize("measured", MEASURED)
@@ -185,14 +180,17 @@ def test_what_acts_from_outside_adds_to_what_acts_inside():
 
 
 @pytest.mark.parametrize("machine", [OSCILLATORS["position"], Mass(2.0, 0.7, of_velocity=True)])
-def test_what_can_stop_a_motion_acts_by_the_implicit_rule(machine):
-    """Each force is that of the velocity at the end of its step, held over the step."""
+@pytest.mark.parametrize("beside", [(), (CubicStiffness(0.7),)], ids=["alone", "beside a spring"])
+def test_what_can_stop_a_motion_acts_by_the_implicit_rule(machine, beside):
+    """Each force is that of the motion at the end of its step, held over the step."""
     friction, step = DryFriction(0.6, 1e-3, 0.3, 2.0), 0.02
     drive, grid = inputs(machine, 60)[0], Grid(step, "rest")
     pushes = jnp.asarray(inputs(machine, 60)[1])
-    response, motion = (machine @ friction).respond_to(jnp.asarray(drive), pushes, grid)
-    forces = np.asarray(friction.force(Motion(*(part[0] for part in motion))))
-    forces = forces + np.asarray(pushes[0])
+    acting = machine @ friction
+    for effect in beside:
+        acting = acting @ effect
+    response, motion = acting.respond_to(jnp.asarray(drive), pushes, grid)
+    forces = np.asarray(pushes[0]) + acted([friction, *beside], motion, 0)
     a, b, c, _ = of_system(machine)
     n, whole = len(a), np.zeros((len(a) + 2, len(a) + 2))
     states, wanted = np.zeros(n), [0.0]

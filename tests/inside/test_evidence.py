@@ -105,7 +105,7 @@ def test_an_effect_of_one_sign_is_an_integral_over_positive_sizes(law):
         a, b, c = column @ weighted[:, 0], column @ weighted[:, 1], residual @ weighted[:, 1]
         for s in SIZES:
 
-            def density(x: float, s: float = s, a: float = a, b: float = b, c: float = c) -> float:
+            def density(x: float, s=s, a=a, b=b, c=c) -> float:
                 prior = 2 * np.exp(-0.5 * (x / s) ** 2) / (s * np.sqrt(2 * np.pi))
                 return prior * np.exp(-0.5 * (c - 2 * x * b + x * x * a))
 

@@ -13,7 +13,6 @@ from fracjax._blocks import (
     EndStop,
     Oscillator,
     QuadraticDamping,
-    Within,
 )
 from fracjax._computing import computing
 from fracjax._inside import _columns, _inquire, inquire_inside
@@ -131,5 +130,5 @@ def test_a_start_adapts_the_machine_with_its_effects_held():
         assert _inquire._adapted(descent, start, 0) is descent
 
 
-def parameter_of(block: Within, name: str) -> float:
+def parameter_of(block: fj.AbstractBlock, name: str) -> float:
     return float(named_parameters(block)[name].value)

@@ -84,6 +84,7 @@ if TYPE_CHECKING:
     from ._protocol import protocol as protocol
     from ._recording import InputError as InputError
     from ._recording import Recording as Recording
+    from ._recording import joined as joined
     from ._registry import RECORDINGS as RECORDINGS
     from ._registry import fetch_recording as fetch_recording
     from ._report import write_report as write_report
@@ -158,6 +159,7 @@ __all__ = [
     "fit_frequency_response",
     "frequency_response",
     "frequency_table",
+    "joined",
     "load_compensation",
     "load_model",
     "load_posterior",

@@ -13,6 +13,7 @@ from ._given import Given
 from ._options import (
     folder_option,
     mask_option,
+    pauses_option,
     recordings_argument,
     takes_asked,
     takes_given,
@@ -52,6 +53,7 @@ from ._results import Results
     metavar="SECONDS",
     help="After this the verdict is what is known by then, and says so.",
 )
+@pauses_option
 @takes_asked(mask_option)
 @takes_given
 @takes_results
@@ -64,6 +66,7 @@ def diagnose_command(
     noise: str | None,
     limits: str | None,
     max_time: float,
+    pauses: str | None,
     asked: dict[str, Any],
     given: Given,
     results: Results,
@@ -77,7 +80,7 @@ def diagnose_command(
     """
     from .._diagnose import ANY_LOOP
 
-    data, models = given.understood(recordings, [name] if name else [])
+    data, models = given.understood(recordings, [name] if name else [], pauses)
     model = models[0] if models else None
     requested: dict[str, Any] = {
         "holdout": holdout and given.read(holdout),

@@ -18,6 +18,7 @@ from ._options import (
     loss_option,
     mask_option,
     own_option,
+    pauses_option,
     prior_option,
     recordings_argument,
     takes_asked,
@@ -65,6 +66,7 @@ if TYPE_CHECKING:
     is_flag=True,
     help="Fit a linear model to a table of frequency, amplitude and phase.",
 )
+@pauses_option
 @takes_asked(
     fix_option,
     bound_option,
@@ -83,6 +85,7 @@ def fit_command(
     held_out_paths: tuple[str, ...],
     profiled: tuple[str, ...],
     to_table: bool,
+    pauses: str | None,
     asked: dict[str, Any],
     given: Given,
     results: Results,
@@ -103,7 +106,7 @@ def fit_command(
     from .._report import file_name
 
     requested = asked | {"profiled": profiled}
-    data, models = given.understood(recordings, names)
+    data, models = given.understood(recordings, names, pauses)
     settings = given.how(data)
     held_out = [given.read(path) for path in held_out_paths]
     all_names = set().union(*(accepted_names(model.block) for model in models))

@@ -43,10 +43,15 @@ class Given(NamedTuple):
         return segments
 
     def understood(
-        self, paths: Sequence[str], names: Sequence[str]
+        self, paths: Sequence[str], names: Sequence[str], pauses: str | None = None
     ) -> tuple[list[Recording], list[Model]]:
-        """The recordings and models that the call names, each model once."""
+        """The recordings and models that the call names, each model once; with `pauses` between
+        them the recordings are one."""
         recordings = [each.recording for each in self.taken(paths)]
+        if pauses is not None:
+            from .._recording import joined
+
+            recordings = [joined(recordings, pauses)]
         return recordings, models_for(list(dict.fromkeys(names)), recordings)
 
     def the_one(self, path: str | None) -> Recording:

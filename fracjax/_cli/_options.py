@@ -48,6 +48,13 @@ recording_argument = click.argument(
     "recording", required=False, callback=_required, metavar="RECORDING"
 )
 model_option = click.option("--model", "name", required=True, help="See `models`.")
+pauses_option = click.option(
+    "--pauses",
+    metavar='"2 s"',
+    help="The recordings were taken one after the other, with these pauses between them, or those "
+    "of their stamps: --pauses stamps.  What creeps, warms or wears then goes on from one to the "
+    "next.",
+)
 folder_option = click.option(
     "--out", required=True, type=click.Path(path_type=Path), metavar="DIR", help="For the results."
 )

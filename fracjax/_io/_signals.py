@@ -52,6 +52,8 @@ class Signals(NamedTuple):
     notes: tuple[str, ...]
     columns: dict[str, str | int]
     """By role, the column's name, or its index from 0 where it has none."""
+    began: float | None
+    """When the first sample was taken [s since 1970, or since the zero of its column of times]."""
 
 
 def recordings_of(signals: list[Signals]) -> list[Recording]:
@@ -65,7 +67,8 @@ def recordings_of(signals: list[Signals]) -> list[Recording]:
             each.units["output"],
             each.source,
             each.notes,
-            each.masked,
+            masked=each.masked,
+            began=each.began,
         )
         for each in signals
     ]
@@ -286,6 +289,7 @@ def _signals(
         masked = np.logical_or.reduce(list(bad.values()))
         step = next(iter(parts.values())).clock.step
         notes += notes_on_parts(parts, bad)
+        began = _began(next(iter(parts.values())).clock)
     else:
         notes += notes_on_parts(parts, bad)
         channels = {
@@ -294,6 +298,8 @@ def _signals(
         together = resampled(channels, wanted, source)
         samples, masked, step = together.samples, together.bad, 1 / wanted
         notes.append(together.note)
+        starts = [start for part in parts.values() if (start := _began(part.clock)) is not None]
+        began = max(starts) if len(starts) == len(parts) else None
     scaled = {
         role: values * units[role].scale + units[role].offset
         if (units[role].scale, units[role].offset) != (1.0, 0.0)
@@ -309,7 +315,16 @@ def _signals(
         taken[role] = names[part.column] if names else part.column
     told_units = {role: units[role].name for role in parts}
     kept = tuple(dict.fromkeys(note for note in notes if note))
-    return Signals(scaled, told_units, step, masked if masked.any() else None, source, kept, taken)
+    masked = masked if masked.any() else None
+    return Signals(scaled, told_units, step, masked, source, kept, taken, began)
+
+
+def _began(clock: Clock) -> float | None:
+    """When the first sample of a clock was taken [s since 1970, or since its column's zero], None
+    where its file does not say."""
+    if not clock.states_start:
+        return None
+    return (clock.start or 0) / 1e9 + float(clock.times[0])
 
 
 def notes_on_parts(parts: dict[str, Part], bad: dict[str, np.ndarray]) -> list[str]:

@@ -1,6 +1,7 @@
 """The recording, validated once at the border, and the units it is written in."""
 
 from fracjax._recording._errors import InputError, closest, found_in, item, pair_of, require_kind
+from fracjax._recording._joined import joined
 from fracjax._recording._kept import kept
 from fracjax._recording._periods import Repeats, maxima_of, mismatch, runs_of, unit_range
 from fracjax._recording._recording import (
@@ -39,6 +40,7 @@ __all__ = [
     "in_rows",
     "inspect_together",
     "item",
+    "joined",
     "kept",
     "maxima_of",
     "mismatch",

@@ -47,6 +47,8 @@ class Recording(Shown):
         warnings: What the reader had to assume.
         masked: True (N,) where a sample need be no number, which no fit counts: the response is a
             straight line there; None where all count.
+        began: When the first sample was taken [s since 1970, or since the zero of its column of
+            times]; None where its file does not say.
 
     Raises:
         InputError: Unless drive and response are finite, one-dimensional, of equal length, at least
@@ -61,6 +63,7 @@ class Recording(Shown):
     source: str = "recording"
     warnings: tuple[str, ...] = ()
     masked: np.ndarray | None = None
+    began: float | None = None
 
     def __post_init__(self):
         for name, unstated in UNSTATED.items():
@@ -120,7 +123,8 @@ class Recording(Shown):
             )
         masked = None if self.masked is None else self.masked[start:stop]
         signals = {"drive": self.drive[start:stop], "response": self.response[start:stop]}
-        return replace(self, **signals, masked=masked)
+        began = None if self.began is None else self.began + start * self.dt
+        return replace(self, **signals, masked=masked, began=began)
 
     def drive_period(self) -> Repeats | None:
         """The smallest whole-sample period that the drive keeps for at least three repeats.

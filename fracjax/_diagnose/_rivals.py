@@ -14,6 +14,7 @@ import numpy as np
 from .._blocks import EFFECTS, AbstractBlock
 from .._computing import Clock
 from .._path import (
+    EACH,
     MOST_EFFECTS,
     PathView,
     Posterior,
@@ -60,11 +61,11 @@ def compared(
         refitted = {frozenset(e.names): e for e in refits}
         rivals = rivals_of([n.effect for n in names], groups, view.law.apart)
         sets = [each for each in rivals if frozenset(each) not in refitted]
-        for each in sets:
+        for each in sorted(sets, key=len):
             if clock.is_over:
                 break
             progress(f"refitting with {' and '.join(each)}")
-            aim = min(aim_of(view, path, len(each)), _within_reach(view, refitted.get(chosen)))
+            aim = min(aim_of(view, path, len(each)), _within_reach(view, refits, each))
             refits.append(explained_by(each, view, nominal, preparation, aim))
         if sets and not clock.is_over:
             continue
@@ -84,15 +85,28 @@ def compared(
         for name in {other for each in further for other in _in_place_of(each, groups)} - barred:
             if chosen | {name} not in refitted:
                 progress(f"refitting with {name} beside {' and '.join(sorted(chosen))}")
-                refits.append(beside(one, name, about, preparation, aim))
+                least = min(aim, _within_reach(view, refits, [*chosen, name]))
+                refits.append(beside(one, name, about, preparation, least))
 
 
-def _within_reach(view: ModelView, best: Explanation | None) -> float:
-    """χ² above which no refit is as likely as the best one, however few effects it has."""
-    if best is None:
-        return np.inf
-    count = view.law.count
-    return square_at(log_likelihood(best.fitted.solved.cost, 0.0, count) - _FAR, 0.0, count)
+def _within_reach(view: ModelView, refits: Sequence[Explanation], names: Collection[str]) -> float:
+    """χ² above which a set of effects is of no use: far less likely than the best refit, however
+    few effects it has, or not likelier than a part of it by what its further effects cost."""
+    count, least = view.law.count, np.inf
+
+    def likelihood(square: float) -> float:
+        return float(log_likelihood(square, 0.0, count))
+
+    parts = [(0, (1 + view.base_misfit) * count)]
+    for one in refits:
+        square = one.fitted.solved.cost
+        least = min(least, square_at(likelihood(square) - _FAR, 0.0, count))
+        if set(one.names) < set(names):
+            parts.append((len(one.names), square))
+    for size, square in parts:
+        dearer = (size - len(set(names))) * np.log(EACH)
+        least = min(least, square_at(likelihood(square) + dearer, 0.0, count))
+    return least
 
 
 def _grouped(groups: Sequence[set[str]], names: Sequence[Name]) -> list[set[str]]:

@@ -55,6 +55,8 @@ _EXAM = (
 _AFTER = 7
 
 _ANEW = "concealed/marks/anew", "concealed/marks/anew_second"
+_TODAY = "concealed/marks/anew_second", "concealed/marks/sixth_76"
+_TODAY_INEXACT = "concealed/inexact/marks/sealed_second", "concealed/inexact/marks/sealed_third"
 _INEXACT = "concealed/inexact/marks/sealed_first", "concealed/inexact/marks/sealed_second"
 
 _SEALED = "concealed/anylaw/marks/sealed"
@@ -392,9 +394,24 @@ def inexact() -> str:
     return _runs(*_INEXACT)
 
 
-def _runs(first: str, second: str) -> str:
+def own_laws() -> str:
+    """Marks of today's diagnosis on the first tier, beside those of the one before, and its false
+    alarms on recordings without effects."""
+    alone = next(r for r in rows_of("concealed/marks/fourth_nulls/grade.csv") if r["n"] != "0")
+    interval = f"{alone['low']} to {alone['high']}"
+    told = "names on nulls alone", alone["target"], "", "", alone["value"], interval, alone["n"]
+    return "\n".join([_runs(*_TODAY, "before", "today"), _line(*told)])
+
+
+def inexact_laws() -> str:
+    """The same on the second tier."""
+    return _runs(*_TODAY_INEXACT, "before", "today")
+
+
+def _runs(first: str, second: str, *names: str) -> str:
     """The marks of two runs that are of any case, with the interval of the second."""
-    heads = "measure", "target", "first run", "cases", "second run", "95 % interval", "cases"
+    one, other = names or ("first run", "second run")
+    heads = "measure", "target", one, "cases", other, "95 % interval", "cases"
     lines = [_line(*heads), "|---" * len(heads) + "|"]
     before = {row["measure"]: row for row in rows_of(f"{first}/grade.csv")}
     for row in rows_of(f"{second}/grade.csv"):
@@ -423,6 +440,8 @@ TABLES = {
     "exam": exam,
     "anew": anew,
     "inexact": inexact,
+    "own_laws": own_laws,
+    "inexact_laws": inexact_laws,
     "baselines": baselines,
     "posteriors": posteriors,
     "operators": operators,

@@ -26,7 +26,6 @@ from ._noise_stretches import (
     PIECES,
     Stretch,
     first_settled,
-    level_of_varying,
     level_without_motion,
     noise_in,
     noise_of,
@@ -360,14 +359,11 @@ def read_from_residuals(pairs: Sequence[tuple[Noise | None, Residual]]) -> list[
     return [noise.coloured_as(next(below)) if noise else next(read) for noise in specified]
 
 
-def levels_of_residuals(residuals: Sequence[Residual], *, vary: bool = False) -> list[Noise]:
-    """White noise of the level that the second differences of each fit's residual show, which may
-    `vary` along it where the residual holds no motion."""
+def levels_of_residuals(residuals: Sequence[Residual]) -> list[Noise]:
+    """White noise of the level that the second differences of each fit's residual show."""
     recordings = [residual.recording for residual in residuals]
     levels = in_rows(
-        level_of_varying if vary else level_without_motion,
-        [r.samples for r in residuals],
-        [r.counted for r in residuals],
+        level_without_motion, [r.samples for r in residuals], [r.counted for r in residuals]
     )
     white = [
         white_noise(max(float(level), _least_level(each)), each.response_unit, "residual")
@@ -387,7 +383,7 @@ def residual_noises(residuals: Sequence[Residual]) -> list[Noise]:
     periods = [repetition_lag(r.recording.drive) if r.used.all() else None for r in residuals]
     # Of what repeats both times have one curve, so that their difference keeps all noise.
     single = [r.unspent for r, period in zip(residuals, periods, strict=True) if period is None]
-    below, levels = iter(noises_below(single)), iter(levels_of_residuals(single, vary=True))
+    below, levels = iter(noises_below(single)), iter(levels_of_residuals(single))
     noises = []
     for one, period in zip(residuals, periods, strict=True):
         residual, recording = one.samples, one.recording
@@ -400,10 +396,19 @@ def residual_noises(residuals: Sequence[Residual]) -> list[Noise]:
             noise = noise_in([Stretch.settled(difference, 0)], unit, "repeats", least=least)
         else:
             noise, level = next(below), next(levels)
-            if noise.sigma**2 > _BARELY_MORE * level.sigma**2:
+            if noise.sigma**2 > _BARELY_MORE * _roughness(one.unspent) ** 2:
                 noise = replace(level, effective=noise.effective)
         noises.append(replace(noise, is_leftover=True))
     return noises
+
+
+def _roughness(residual: Residual) -> float:
+    """The rms of white noise with second differences of this rms: whatever its tails, and however
+    its level varies along the residual."""
+    counted = residual.counted
+    whole = counted[2:] & counted[1:-1] & counted[:-2]
+    bends = np.diff(residual.samples, 2)[whole]
+    return float(np.sqrt(np.mean(bends**2) / 6)) if bends.size else 0.0
 
 
 def noises_below(residuals: Sequence[Residual]) -> list[Noise]:

@@ -226,19 +226,6 @@ def level_without_motion(signal: np.ndarray, used: np.ndarray) -> Any:
     A smooth motion has small second differences, and noise has large ones: √6 times its level.
     Only differences of successive samples that are `used` (…, N) count.
     """
-    return np.nan_to_num(level_from_differences(_bends(signal, used)) / np.sqrt(3))
-
-
-def level_of_varying(signal: np.ndarray, used: np.ndarray) -> Any:
-    """The same of noise whose level varies along the signal: the rms of its levels in pieces."""
-    pieces = np.array_split(_bends(signal, used), PIECES, axis=-1)
-    levels = np.stack([level_from_differences(piece) / np.sqrt(3) for piece in pieces])
-    counts = np.stack([np.isfinite(piece).sum(axis=-1) for piece in pieces])
-    squares = np.sum(counts * np.nan_to_num(levels) ** 2, axis=0)
-    return np.sqrt(squares / np.maximum(counts.sum(axis=0), 1))
-
-
-def _bends(signal: np.ndarray, used: np.ndarray) -> np.ndarray:
-    """The second differences (…, N-2) of signals (…, N), NaN where not all samples are `used`."""
     whole = used[..., 2:] & used[..., 1:-1] & used[..., :-2]
-    return np.where(whole, np.diff(signal, 2), np.nan)
+    bends = np.where(whole, np.diff(signal, 2), np.nan)
+    return np.nan_to_num(level_from_differences(bends) / np.sqrt(3))  # 0 where none counts

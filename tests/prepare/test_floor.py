@@ -160,11 +160,24 @@ def test_noise_of_which_a_fit_took_the_slow_part_is_white_again():
     assert noise.sigma == pytest.approx(0.02, rel=0.05)
 
 
-def test_the_level_of_a_residual_is_its_rms_where_it_varies():
-    """Of a median alone the floor would be too low, and a fit that reaches it unexplained."""
+@pytest.mark.parametrize("kind", ["varying", "heavy"])
+def test_noise_that_varies_or_has_heavy_tails_is_no_smooth_mismatch(kind):
+    """By a median alone the floor would be too low, and what reaches the noise unexplained."""
     rng, size = np.random.default_rng(4), 6000
-    sizes = 0.01 * (1 + 0.9 * np.sin(2 * np.pi * np.arange(size) / 3000))
-    recording = Recording(np.cumsum(rng.standard_normal(size)), rng.standard_normal(size), 1e-3)
-    residual = sizes * rng.standard_normal(size)
-    (noise,) = residual_noises([Residual(residual, np.ones(size, bool), recording)])
-    assert noise.sigma == pytest.approx(np.sqrt(np.mean(sizes**2)), rel=0.04)
+    sizes = 0.01 * (1 + 0.9 * np.sin(2 * np.pi * np.arange(size) / 1500))
+    noise = (
+        sizes * rng.standard_normal(size) if kind == "varying" else 0.01 * rng.standard_t(3, size)
+    )
+    recording = Recording(np.cumsum(rng.standard_normal(size)), noise, 1e-3)
+    (read,) = residual_noises([Residual(noise, np.ones(size, bool), recording)])
+    assert read.sigma == pytest.approx(np.std(noise[~recording.spikes]), rel=0.02)
+
+
+def test_what_is_smooth_in_places_stays_mismatch():
+    """Of bursts the median sees nothing, and the floor is that of what is between them."""
+    rng, size = np.random.default_rng(5), 6000
+    bursts = 0.2 * np.exp(-0.5 * ((np.arange(size) % 1500 - 700) / 30.0) ** 2)
+    noise = 0.01 * rng.standard_normal(size)
+    recording = Recording(np.cumsum(rng.standard_normal(size)), noise + bursts, 1e-3)
+    (read,) = residual_noises([Residual(noise + bursts, np.ones(size, bool), recording)])
+    assert read.sigma == pytest.approx(0.01, rel=0.1)

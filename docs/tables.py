@@ -398,9 +398,11 @@ def own_laws() -> str:
     """Marks of today's diagnosis on the first tier, beside those of the one before, and its false
     alarms on recordings without effects."""
     alone = next(r for r in rows_of("concealed/marks/fourth_nulls/grade.csv") if r["n"] != "0")
+    named = {r["case"] for r in rows_of("concealed/marks/fourth_nulls/failures.csv") if r["said"]}
+    told = f"nulls alone: not `none` (with a name: {len(named)})", alone["target"], "", ""
     interval = f"{alone['low']} to {alone['high']}"
-    told = "names on nulls alone", alone["target"], "", "", alone["value"], interval, alone["n"]
-    return "\n".join([_runs(*_TODAY, "before", "today"), _line(*told)])
+    own = alone["value"], interval, alone["n"]
+    return "\n".join([_runs(*_TODAY, "before", "today"), _line(*told, *own)])
 
 
 def inexact_laws() -> str:

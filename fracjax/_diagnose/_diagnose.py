@@ -51,6 +51,7 @@ from ._views import (
     model_view,
     path_view,
     signals_of,
+    with_all_as_noise,
     with_residual_as_noise,
 )
 
@@ -176,6 +177,11 @@ def diagnose(
         elif may_name:
             inquiry = inquire(inquiry, law.block, progress, clock)
             extension = extended_by(inquiry, law, predict, progress, clock)
+            own = None
+            if not (model is None or inquiry.names or inquiry.jumps or extension):
+                own = with_all_as_noise(base)
+            if own is not None:
+                inquiry = Inquiry.of(own, None, model_view(own))
         findings = Findings(law, inquiry, unseen, predict, tuple(doubts), extension)
         if findings.is_refuted:
             findings = replace(findings, inquiry=inquiry.unnamed(), extension=None)

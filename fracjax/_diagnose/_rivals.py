@@ -53,6 +53,7 @@ def compared(
     what is found beside its refit; and the refits.  What is named may change by each of them."""
     refits, groups, asked = list(refits), list[set[str]](), set[frozenset[str]]()
     preparation = view.fitted.preparation
+    visible = {other for n in names_of(path.posterior) for other in (n.effect, *n.alike)}
     while True:
         posterior = with_refits(view, refits) if refits else view.posterior
         names = names_of(posterior)
@@ -80,7 +81,10 @@ def compared(
         if (1 + misfit(about.law, about.posterior.best)) * view.law.count > aim:
             return posterior, refits
         barred = chosen.union(*(view.law.apart.get(name, ()) for name in chosen))
-        further = [name for name in about.posterior.best.names if name not in barred]
+        further = {*about.posterior.best.names} - barred
+        if any(EFFECTS[name].rate_independent for name in chosen):
+            # The loop's shape is in doubt: dynamics beside it are those that any law leaves.
+            further &= visible | {n for n in further if EFFECTS[n].rate_independent}
         groups = _grouped(groups, names_of(about.posterior))
         for name in {other for each in further for other in _in_place_of(each, groups)} - barred:
             if chosen | {name} not in refitted:

@@ -7,6 +7,7 @@ from dataclasses import dataclass, replace
 from functools import cached_property
 
 import numpy as np
+from scipy.special import fdtrc
 
 from .._blocks import EFFECTS, AbstractBlock, Effect, Setting
 from .._computing import part_of_time
@@ -29,11 +30,20 @@ from .._path import (
     select,
     view_of,
 )
-from .._prepare import Preparation, Residual, levels_of_residuals, residual_noises
+from .._prepare import (
+    MOST_SPENT,
+    Preparation,
+    Residual,
+    levels_of_residuals,
+    noises_below,
+    residual_noises,
+)
+from .._solve import orthonormal_basis
 from ._columns import Group, groups_of
 from ._fitted import Fitted
-from ._places import doubt_of
-from ._thresholds import ADEQUATE
+from ._places import Residual as Places
+from ._places import doubt_of, freedom_of, locate
+from ._thresholds import ADEQUATE, SIGNIFICANCE
 
 FORM = 0.1
 """How far the form of a real effect is from that of its block, over its size: what an effect's
@@ -41,6 +51,8 @@ column leaves of it looks like a second effect."""
 _OF_PATH, _OF_NOISE = 0.5, 0.2
 """The shares of the time that is left in which path curves are searched for what is in series with
 the path, and are where they tell the noise alone; chosen by judgement."""
+_CURVE = 64
+"""Knots of the curve of the drive by which a residual is tested; chosen by judgement."""
 MODEL = "model"
 """The name of the law of the user's model."""
 
@@ -207,7 +219,12 @@ def path_view(preparation: Preparation) -> tuple[PathView, Preparation]:
     read = [replace(noise, is_leftover=False) for noise in residual_noises(residuals)]
     noises = [take.noise or noise for take, noise in zip(takes, read, strict=True)]
     preparation = preparation.with_noises(noises)
-    return view_of(signals_of(preparation), part_of_time(_OF_PATH)), preparation
+    again = view_of(signals_of(preparation), part_of_time(_OF_PATH))
+    if max(float(spent.mean()) for spent in view.spent) > MOST_SPENT:
+        # Curves that have as much freedom as there are samples show no effect beside them either.
+        alone = [h for h in again.posterior.hypotheses if not h.names]
+        again = replace(again, posterior=Posterior.of(alone))
+    return again, preparation
 
 
 def with_residual_as_noise(fitted: Fitted) -> Preparation | None:
@@ -228,6 +245,40 @@ def with_residual_as_noise(fitted: Fitted) -> Preparation | None:
         (read,) = residual_noises([residual])
         noises.append(replace(read, is_leftover=False, method=noise.method))
     return fitted.preparation.with_noises(noises)
+
+
+def with_all_as_noise(fitted: Fitted) -> Fitted | None:
+    """The same fit where all that it leaves is noise of that colour.  None where something else
+    tells the noise, or where what is left then still depends on anything: on the time, the drive or
+    its past, or on a frequency more than its colour says."""
+    takes = fitted.preparation.takes
+    if any(take.noise is None or take.noise.method != "residual" for take in takes):
+        return None
+    noises = [replace(n, is_leftover=False) for n in noises_below(fitted.residuals)]
+    own = replace(fitted, preparation=fitted.preparation.with_noises(noises))
+    residual = Places.beside(own.whitened(own.error), own.whitened(own.tangent))
+    freedom = freedom_of(own.preparation, own.solved.kurtosis)
+    axes = locate(own.preparation, own.problems, residual, freedom)
+    tests = [*(axis.p_value for axis in axes), _chance_of_curves(own, residual, freedom)]
+    return None if min(tests) * len(tests) < SIGNIFICANCE else own
+
+
+def _chance_of_curves(fitted: Fitted, residual: Places, freedom: float) -> float:
+    """The p-value of what one curve of the drive for each direction explains of a residual: energy
+    at a place does not show what changes sign within it."""
+    drives = [take.recording.drive for take in fitted.preparation.takes]
+    low, high = min(d.min() for d in drives), max(d.max() for d in drives)
+    columns = []
+    for drive, problem in zip(drives, fitted.problems, strict=True):
+        level = (_CURVE - 1) * (drive - low) / (high - low)
+        hats = np.maximum(1 - np.abs(level[:, None] - np.arange(_CURVE)), 0.0)
+        rising = np.gradient(drive)[:, None] > 0
+        own = np.concatenate([hats * rising, hats * ~rising], axis=1)
+        columns.append(np.pad(own, ((0, len(problem.response) - drive.size), (0, 0))))
+    basis = orthonormal_basis(residual.project(fitted.whitened(np.concatenate(columns)).T).T)
+    along, count = basis.T @ residual.whitened, int(np.count_nonzero(fitted.counted))
+    energy = max(float(residual.whitened @ residual.whitened) / count, 1.0)
+    return float(fdtrc(basis.shape[1], freedom, along @ along / basis.shape[1] / energy))
 
 
 def _apart() -> dict[str, set[str]]:

@@ -29,6 +29,7 @@ if TYPE_CHECKING:
     from ._layout import with_shapes_at as with_shapes_at
     from ._noise import Noise as Noise
     from ._noise import kurtosis_of as kurtosis_of
+    from ._noise_sources import MOST_SPENT as MOST_SPENT
     from ._noise_sources import Residual as Residual
     from ._noise_sources import levels_of_residuals as levels_of_residuals
     from ._noise_sources import measured_noise as measured_noise

@@ -52,7 +52,7 @@ _SAME_RATE = 1e-6
 _LOWER = 0.97
 """The noise reread from repeats of the residual replaces the first where its level or innovation is
 below this share of it.  Chosen by judgement."""
-_MOST_SPENT = 0.9
+MOST_SPENT = 0.9
 """The share of noise that a fit has taken up at most: of what less is left tells no level; chosen
 by judgement."""
 _BAND = 20
@@ -98,7 +98,7 @@ class Residual(NamedTuple):
         lines = np.fft.rfft(samples)
         power = np.abs(lines) ** 2
         # The most that is corrected: of what less is left tells no level.
-        variance = power.mean() / (1 - min(float(self.spent.mean()), _MOST_SPENT))
+        variance = power.mean() / (1 - min(float(self.spent.mean()), MOST_SPENT))
         near = uniform_filter1d(power, 2 * (power.size // (2 * _BAND)) + 1)
         larger = np.sqrt(1 + variance * self.spent / np.maximum(near, _EXACT**2 * variance))
         return self._replace(samples=np.fft.irfft(lines * larger, samples.size), spent=None)

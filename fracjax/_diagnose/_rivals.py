@@ -86,7 +86,8 @@ def compared(
             # The loop's shape is in doubt: dynamics beside it are those that any law leaves.
             further &= visible | {n for n in further if EFFECTS[n].rate_independent}
         groups = _grouped(groups, names_of(about.posterior))
-        for name in {other for each in further for other in _in_place_of(each, groups)} - barred:
+        rest = {other for each in further for other in _in_place_of(each, groups)} - barred
+        for name in sorted(rest):
             if chosen | {name} not in refitted:
                 progress(f"refitting with {name} beside {' and '.join(sorted(chosen))}")
                 least = min(aim, _within_reach(view, refits, [*chosen, name]))

@@ -270,7 +270,7 @@ def _chance_of_curves(fitted: Fitted, residual: Places, freedom: float) -> float
     low, high = min(d.min() for d in drives), max(d.max() for d in drives)
     columns = []
     for drive, problem in zip(drives, fitted.problems, strict=True):
-        level = (_CURVE - 1) * (drive - low) / (high - low)
+        level = (_CURVE - 1) * (drive - low) / max(high - low, 1e-300)
         hats = np.maximum(1 - np.abs(level[:, None] - np.arange(_CURVE)), 0.0)
         rising = np.gradient(drive)[:, None] > 0
         own = np.concatenate([hats * rising, hats * ~rising], axis=1)

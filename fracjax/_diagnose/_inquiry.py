@@ -8,7 +8,7 @@ from functools import cached_property
 
 import numpy as np
 
-from .._blocks import AbstractBlock
+from .._blocks import EFFECTS, AbstractBlock
 from .._computing import Clock
 from .._inside import Inside
 from .._path import PathView, Posterior, misfit
@@ -134,7 +134,9 @@ def inquire(inquiry: Inquiry, nominal: AbstractBlock, progress: Progress, clock:
     own = next((e for e in refits if set(e.names) == named), None)
     reached = view.base_misfit if own is None else own.excess
     is_likelier = (1 + reached) * view.law.count <= aim_of(view, path, len(named))
-    if is_likelier and (own is not None or not names):
+    # A change of the loop's shape is one of many unless it is the whole of what is missing.
+    is_another = reached > limit and any(EFFECTS[name].rate_independent for name in named)
+    if is_likelier and not is_another and (own is not None or not names):
         answer = replace(inquiry, posterior=posterior, names=names, explanation=own)
     else:
         answer = of_curves

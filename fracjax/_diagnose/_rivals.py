@@ -83,8 +83,9 @@ def compared(
         barred = chosen.union(*(view.law.apart.get(name, ()) for name in chosen))
         further = {*about.posterior.best.names} - barred
         if any(EFFECTS[name].rate_independent for name in chosen):
-            # The loop's shape is in doubt: dynamics beside it are those that any law leaves.
-            further &= visible | {n for n in further if EFFECTS[n].rate_independent}
+            # The loop's shape is in doubt: a second change of it is the form of the first, and
+            # dynamics beside it are those that any law leaves.
+            further &= visible
         groups = _grouped(groups, names_of(about.posterior))
         rest = {other for each in further for other in _in_place_of(each, groups)} - barred
         for name in sorted(rest):

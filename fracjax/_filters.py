@@ -9,9 +9,12 @@ from typing import Any
 
 import numpy as np
 from scipy.linalg import get_lapack_funcs
+from scipy.ndimage import uniform_filter1d
 
 _SOLVE: Any
 (_SOLVE,) = get_lapack_funcs(("tbtrs",))
+_BAND = 20
+"""The part of a spectrum over which it is averaged; chosen by judgement."""
 
 
 def moving_sum(taps: np.ndarray, signals: np.ndarray) -> np.ndarray:
@@ -20,6 +23,11 @@ def moving_sum(taps: np.ndarray, signals: np.ndarray) -> np.ndarray:
     for lag, tap in enumerate(taps[1:], start=1):
         summed[lag:] += tap * signals[:-lag]
     return summed
+
+
+def averaged(spectrum: np.ndarray) -> np.ndarray:
+    """A spectrum (F,), each of its lines the mean of those near it."""
+    return uniform_filter1d(spectrum, 2 * (spectrum.size // (2 * _BAND)) + 1)
 
 
 def solve_recursion(taps: np.ndarray, signals: np.ndarray) -> np.ndarray:

@@ -99,7 +99,7 @@ def fit_command(
     --mask may be given more than once.
     """
     if to_table:
-        return fit_table(recordings, names, out, given, results, asked)
+        return fit_table(recordings, names, out, given, results, asked, pauses)
     from .._fit import compare_fits, fit, with_profiles
     from .._naming import accepted_names
     from .._prepare import options_for

@@ -26,6 +26,7 @@ def fit_table(
     given: Given,
     results: Results,
     asked: dict[str, Any],
+    pauses: str | None,
 ) -> int:
     """Fit each model to the table, print the result and return the exit status."""
     from .._frequency import fit_frequency_response, read_frequency_table
@@ -34,9 +35,10 @@ def fit_table(
     from .._prepare import options_for
     from .._report import file_name
 
-    if len(paths) > 1 or asked.keys() & {"mask", "own", "loss"}:
+    if len(paths) > 1 or pauses is not None or asked.keys() & {"mask", "own", "loss"}:
         raise click.UsageError(
-            "--frequency-response takes one table, and neither --mask nor --own nor --loss",
+            "--frequency-response takes one table, and neither --mask nor --own nor --loss nor "
+            "--pauses",
             click.get_current_context(),
         )
     units = given.columns["input_unit"], given.columns["output_unit"]

@@ -177,10 +177,8 @@ def diagnose(
         elif may_name:
             inquiry = inquire(inquiry, law.block, progress, clock)
             extension = extended_by(inquiry, law, predict, progress, clock)
-            own = None
-            if not (model is None or inquiry.names or inquiry.jumps or extension):
-                own = with_all_as_noise(base)
-            if own is not None:
+            is_silent = not (model is None or inquiry.names or inquiry.jumps or extension)
+            if is_silent and (own := with_all_as_noise(base)) is not None:
                 inquiry = Inquiry.of(own, None, model_view(own))
         findings = Findings(law, inquiry, unseen, predict, tuple(doubts), extension)
         if findings.is_refuted:

@@ -138,6 +138,7 @@ def _read(recording: Recording, reading: Reading) -> Recording:
         drive=recording.drive[own],
         response=recording.response[own],
         dt=reading.every * recording.dt,
+        began=None if recording.began is None else recording.began + reading.start * recording.dt,
     )
 
 

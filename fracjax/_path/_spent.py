@@ -3,12 +3,9 @@
 from __future__ import annotations
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
+from .._filters import averaged
 from ._law import Settled
-
-_BAND = 20
-"""The part of all frequencies over which a share is averaged; chosen by judgement."""
 
 
 def spent_of(settled: Settled, ends: np.ndarray) -> list[np.ndarray]:
@@ -25,10 +22,8 @@ def spent_of(settled: Settled, ends: np.ndarray) -> list[np.ndarray]:
     shares = []
     for probes, taken in zip(*(np.split(part, ends) for part in settled.probed), strict=True):
         noise, caught = np.fft.rfft(probes, axis=0), np.fft.rfft(taken, axis=0)
-        width = 2 * (len(noise) // (2 * _BAND)) + 1
         power, common = (
-            uniform_filter1d(np.sum(np.real(noise.conj() * other), axis=1), width)
-            for other in (noise, caught)
+            averaged(np.sum(np.real(noise.conj() * other), axis=1)) for other in (noise, caught)
         )
         share = common / np.where(power > 0, power, 1.0)  # a recording of which no sample counts
         shares.append(np.clip(share + lost, 0.0, 1.0))

@@ -7,9 +7,8 @@ from dataclasses import replace
 from typing import NamedTuple
 
 import numpy as np
-from scipy.ndimage import uniform_filter1d
 
-from .._filters import moving_sum
+from .._filters import averaged, moving_sum
 from .._recording import (
     InputError,
     Recording,
@@ -55,8 +54,6 @@ below this share of it.  Chosen by judgement."""
 MOST_SPENT = 0.9
 """The share of noise that a fit has taken up at most: of what less is left tells no level; chosen
 by judgement."""
-_BAND = 20
-"""The part of all frequencies over which a spectrum is averaged; chosen by judgement."""
 _LARGEST_RATIO = 2.0
 """Largest ratio of the variance of what does not repeat to that of the noise of rests, above which
 it is more than noise.  Chosen by judgement."""
@@ -99,8 +96,8 @@ class Residual(NamedTuple):
         power = np.abs(lines) ** 2
         # The most that is corrected: of what less is left tells no level.
         variance = power.mean() / (1 - min(float(self.spent.mean()), MOST_SPENT))
-        near = uniform_filter1d(power, 2 * (power.size // (2 * _BAND)) + 1)
-        larger = np.sqrt(1 + variance * self.spent / np.maximum(near, _EXACT**2 * variance))
+        near = np.maximum(averaged(power), _EXACT**2 * variance)
+        larger = np.sqrt(1 + variance * self.spent / near)
         return self._replace(samples=np.fft.irfft(lines * larger, samples.size), spent=None)
 
 
@@ -383,7 +380,7 @@ def residual_noises(residuals: Sequence[Residual]) -> list[Noise]:
     periods = [repetition_lag(r.recording.drive) if r.used.all() else None for r in residuals]
     # Of what repeats both times have one curve, so that their difference keeps all noise.
     single = [r.unspent for r, period in zip(residuals, periods, strict=True) if period is None]
-    below, levels = iter(noises_below(single)), iter(levels_of_residuals(single))
+    alone = zip(single, noises_below(single), levels_of_residuals(single), strict=True)
     noises = []
     for one, period in zip(residuals, periods, strict=True):
         residual, recording = one.samples, one.recording
@@ -395,8 +392,8 @@ def residual_noises(residuals: Sequence[Residual]) -> list[Noise]:
             difference = (second - residual[: second.size]) / np.sqrt(2)
             noise = noise_in([Stretch.settled(difference, 0)], unit, "repeats", least=least)
         else:
-            noise, level = next(below), next(levels)
-            if noise.sigma**2 > _BARELY_MORE * _roughness(one.unspent) ** 2:
+            unspent, noise, level = next(alone)
+            if noise.sigma**2 > _BARELY_MORE * _roughness(unspent) ** 2:
                 noise = replace(level, effective=noise.effective)
         noises.append(replace(noise, is_leftover=True))
     return noises

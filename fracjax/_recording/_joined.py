@@ -6,7 +6,7 @@ from itertools import pairwise
 
 import numpy as np
 
-from fracjax._recording._errors import InputError
+from fracjax._recording._errors import InputError, require_kind
 from fracjax._recording._recording import Recording, require_units_of
 from fracjax._recording._units import parse_quantity
 
@@ -41,7 +41,10 @@ def joined(
     Raises:
         InputError: where units or steps differ, a pause is none, or stamps do not tell it.
     """
-    listed = list(recordings)
+    listed = [recordings] if isinstance(recordings, Recording) else list(recordings)
+    for k, recording in enumerate(listed):
+        where = f"recording {k + 1}"
+        require_kind(recording, Recording, where, "read a file by fracjax.read(path) first")
     if len(listed) < 2:
         raise InputError.at("recordings", "two or more", f"{len(listed)}", "give them all")
     for other in listed[1:]:

@@ -96,6 +96,8 @@ def test_what_is_worn_stays_worn_from_one_file_to_the_next(tmp_path):
     ("recordings", "pauses", "expected"),
     [
         ([sine(0)], "1 s", "two or more"),
+        (sine(0), "1 s", "two or more"),
+        (["a.csv", "b.csv"], "1 s", "read a file by"),
         ([sine(0), sine(0)], "-1 s", "times of 0 s or more"),
         ([sine(0), sine(0)], "1 V", "expected a value in s"),
         ([sine(0), sine(0)], "1 s, 2 s", "one between each two"),

@@ -9,11 +9,6 @@ from ._expansion import UNKNOWN as UNKNOWN
 from ._expansion import apart as apart
 from ._expansion import family_of as family_of
 from ._expansion import kinds_of as kinds_of
-from ._expansion import scanned_modes as scanned_modes
-from ._law import Inner as Inner
-from ._law import Prior as Prior
-from ._law import log_likelihood as log_likelihood
-from ._law import square_at as square_at
 from ._named import SURE as SURE
 from ._posterior import DIRECTIONS as DIRECTIONS
 from ._posterior import EACH as EACH
@@ -27,6 +22,11 @@ from ._posterior import misfit as misfit
 from ._posterior import of_effects as of_effects
 from ._posterior import search as search
 from ._posterior import select as select
+from ._prior import Inner as Inner
+from ._prior import Prior as Prior
+from ._prior import log_likelihood as log_likelihood
+from ._prior import square_at as square_at
+from ._scans import scanned_modes as scanned_modes
 from ._show import LARGEST as LARGEST
 from ._show import SHOWN as SHOWN
 from ._show import Visible as Visible

@@ -27,8 +27,9 @@ from ._filters import (
     filters_of,
     time_constant_of,
 )
-from ._law import Inner, PathLaw, Settled, log_likelihood
+from ._law import PathLaw, Settled
 from ._posterior import EACH
+from ._prior import Inner, log_likelihood
 from ._signal import Signal, response_of, span_of
 from ._whitening import Whitening
 
@@ -184,30 +185,34 @@ class Fitted:
 
 def fitted(
     signals: Sequence[Signal],
-    chain: Chain,
+    starts: Sequence[Chain],
     beside: np.ndarray,
     like: Settled,
     least: float = -np.inf,
 ) -> Fitted:
-    """A chain with its most likely parameters, beside columns (ΣN, k) of other effects, of unit
-    prior standard deviation [response unit], with the roughness and the fading of another law; one
-    that is not to reach the `least` log likelihood goes no further."""
-    response, ranges = response_of(signals), _ranges(signals, chain)
-    free = [(k, name) for k, one in enumerate(chain) for name in one.free]
-    line = Line.of(signals, chain)
-    settled = Settled(line.prior, like.roughness, like.fading)
-    best, curvature = adequacy(settled, response, beside), np.zeros((len(free), len(free)))
+    """A chain with its most likely parameters, from the likeliest of its starts, beside columns
+    (ΣN, k) of other effects, of unit prior standard deviation [response unit], with the roughness
+    and the fading of another law; one that is not to reach the `least` log likelihood goes no
+    further."""
+    response, ranges = response_of(signals), _ranges(signals, starts[0])
+    free = [(k, name) for k, one in enumerate(starts[0]) for name in one.free]
+
+    def at(chain: Chain, near: Line | None = None) -> tuple[float, Line, Settled]:
+        line = Line.of(signals, chain, near)
+        settled = Settled(line.prior, like.roughness, like.fading)
+        return adequacy(settled, response, beside), line, settled
+
+    best, line, settled = max((at(chain) for chain in starts), key=lambda one: one[0])
+    curvature = np.zeros((len(free), len(free)))
     for _ in range(_STEPS):
-        columns = _changes(signals, settled, line, beside, free)
-        curvature, gradient = _quadratic(settled, response, beside, columns)
+        columns, spent = _changes(signals, settled, line, beside, free)
+        curvature, gradient = _quadratic(settled, response, beside, columns, spent)
         step = np.linalg.solve(curvature + np.diag(ranges**-2.0), gradient)
         if best + _HOPEFUL * float(gradient @ step) < least:
             break
         step = np.clip(step, -_FARTHEST, _FARTHEST)
         for _ in range(_HALVINGS):
-            other = Line.of(signals, _stepped(line.chain, free, step), line)
-            further = Settled(other.prior, settled.roughness, settled.fading)
-            value = adequacy(further, response, beside)
+            value, other, further = at(_stepped(line.chain, free, step), line)
             if value > best:
                 break
             step = 0.5 * step
@@ -259,28 +264,40 @@ def _inner_beside(
 
 
 def _quadratic(
-    settled: Settled, response: np.ndarray, beside: np.ndarray, columns: np.ndarray
+    settled: Settled,
+    response: np.ndarray,
+    beside: np.ndarray,
+    columns: np.ndarray,
+    spent: np.ndarray,
 ) -> tuple[np.ndarray, np.ndarray]:
-    """The curvature (k, k) of the log likelihood, negative, and its gradient (k,) along columns."""
+    """The curvature (k, k) of the log likelihood, negative, and its gradient (k,) along columns
+    that change the law's freedom by what is `spent` (k,)."""
     inner = _inner_beside(settled, response, beside, columns)
-    excess = max(1.0, inner.square / settled.law.whitening.count)
-    return inner.columns / excess, inner.along / excess
+    excess = max(1.0, (inner.square + settled.freedom) / settled.law.whitening.count)
+    return inner.columns / excess, (inner.along - 0.5 * spent) / excess
 
 
 def _changes(
     signals: Sequence[Signal], settled: Settled, line: Line, beside: np.ndarray, free: Free
-) -> np.ndarray:
-    """What a change of each parameter's logarithm adds to the response (ΣN, k)."""
+) -> tuple[np.ndarray, np.ndarray]:
+    """What a change of each parameter's logarithm adds to the response (ΣN, k), and to the law's
+    freedom (k,)."""
     response, whitening = response_of(signals), settled.law.whitening
     inner = settled.prior.inner(whitening(beside), whitening(response))
     every = np.arange(beside.shape[1])
-    path = settled.path(response - beside @ inner.coefficients(every, np.ones(every.size)))
-    now, columns = path.through(line.prior), []
+    rest = whitening(response - beside @ inner.coefficients(every, np.ones(every.size)))
+    # What the covariance gains is what curves gain behind the probes of the freedom.
+    probes, taken = settled.probed
+    path = settled.behind(np.column_stack([rest, probes]))
+    now, columns, spent = path.through(line.prior), [], []
     for k, name in free:
         stage = line.chain[k].changed(name, _CHANGE)
         changed = Line.of(signals, (*line.chain[:k], stage, *line.chain[k + 1 :]), line)
-        columns.append((path.through(changed.prior) - now) / _CHANGE)
-    return np.column_stack(columns)
+        moved = (path.through(changed.prior) - now) / _CHANGE
+        columns.append(moved[:, 0])
+        gained = (probes - taken) * whitening(moved[:, 1:])
+        spent.append(2 * float(gained.sum()) / probes.shape[1])
+    return np.column_stack(columns), np.array(spent)
 
 
 def _ranges(signals: Sequence[Signal], chain: Chain) -> np.ndarray:

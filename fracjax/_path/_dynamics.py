@@ -11,13 +11,13 @@ from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial import Polynomial
+from numpy.polynomial import Polynomial, chebyshev
 from scipy.linalg import block_diag
 
 from .._filters import solve_recursion
 from . import _kernels as kernels
 from ._drive import limited
-from ._fading import path_length
+from ._fading import openings_of, path_length
 from ._filters import Shape, corner_of, highest_of, time_constant_of
 
 MODE_DAMPINGS = (0.01, 0.03, 0.1)
@@ -31,6 +31,10 @@ _OFF = 0.002
 operation of the grids of Europe and of America."""
 _STATIC = 3
 """Order of the static curve without which a loop's opening is left."""
+_WIDTHS = (0.05, 0.1, 0.2, 0.4, 0.8)
+"""Half-widths of plays that wear, over half the drive's range: without, wear was called a skew."""
+_LIMITS = (0.97, 0.9, 0.8, 0.7, 0.6, 0.5, 0.42, 0.35, 0.28, 0.22)
+"""Limits of a rate, over the drive's largest: a fit goes no farther than to the next kink."""
 SENSOR_ORDERS = (1.0, 2.0, 4.0)
 """Orders of sensors that are tried; one of third order is within percents of its neighbours."""
 _SLOWEST_SENSOR = 1.5
@@ -295,8 +299,7 @@ def _ringing(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
 
 
 def beside_mode(first: Shape) -> Family:
-    """Modes in parallel to a first one, about what both answer to: what a share of each adds that
-    the first one has less."""
+    """Modes in parallel to a first one: what a share of each adds that the first one has less."""
 
     def column(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
         return _ringing(m, shape, scale) - _ringing(m, first, scale)
@@ -318,14 +321,14 @@ def _warmed(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
 
 
 def _worn(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
-    """A gain, an offset, a curvature and a loop's opening that change with the path travelled: what
-    wears need not be the gain."""
+    """What changes with the path travelled: a gain, a curve, openings of a loop and of plays."""
     wear = -np.expm1(-m.path / shape["path"])
     scaled = 2 * (m.drive - m.drive.min()) / np.ptp(m.drive) - 1
     opening = m.response - Polynomial.fit(scaled, m.response, _STATIC)(scaled)
-    moved = m.response - m.response[0]
-    shapes = [moved, np.full_like(wear, scale.span), scale.span * scaled**2, opening]
-    return _DRIFT * wear[:, None] * np.stack(shapes, axis=1)
+    curve = chebyshev.chebvander(scaled, _STATIC)[:, [0, 2, 3]]
+    plays = 0.5 * openings_of(scaled, _WIDTHS)
+    of_drive = scale.span * np.column_stack([curve, plays, plays * scaled[:, None]])
+    return _DRIFT * wear[:, None] * np.column_stack([m.response - m.response[0], opening, of_drive])
 
 
 def _humming(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
@@ -437,7 +440,7 @@ FAMILIES: dict[str, Family] = {
         ),
         Family(
             "slew_rate_limit",
-            _each_of("rate", lambda s: [q * s.jump / s.step for q in (0.97, 0.9, 0.8, 0.65, 0.5)]),
+            _each_of("rate", lambda s: [q * s.jump / s.step for q in _LIMITS]),
             _limited,
             True,
             _apart(rate=1.2),

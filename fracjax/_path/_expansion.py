@@ -2,31 +2,20 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Collection, Iterator, Sequence
+from collections.abc import Collection, Iterator, Sequence
 from dataclasses import dataclass, replace
 from functools import cached_property
+from typing import NamedTuple
 
 import numpy as np
 from numpy.polynomial import chebyshev
 
-from .._recording import maxima_of
 from ._chain import IN_SERIES, Chain, Fitted, Line, Stage, adequacy, lags_like
-from ._dynamics import (
-    MAINS,
-    MODE,
-    SENSOR_ORDERS,
-    Columns,
-    Family,
-    Motion,
-    again,
-    beside_mode,
-    columns_of,
-    dynamics_of,
-    modes_of,
-    refined,
-)
+from ._dynamics import MODE, SENSOR_ORDERS, Columns, Motion, again, dynamics_of, refined
+from ._filters import Shape
 from ._law import Curve, PathLaw, Settled
 from ._posterior import MOST_EFFECTS, Hypothesis, Kind, Law, search
+from ._scans import TWO_MODES, lone_mode, modes_behind, scanned_lines
 from ._signal import Signal, ends_of, response_of
 
 PATH = "path"
@@ -39,7 +28,7 @@ FAMILIES = (
     {"sensor_lag", "drive_lag", "delay"},
     {"creep", "viscoelastic_layer"},
     {"gain_drift", "degradation"},
-    {"resonance", "second_mode"},
+    {MODE.effect, TWO_MODES},
 )
 """Effects of which a hypothesis has one at most: together two of them make what neither is, such as
 the loop of a rate-independent law from two relaxations of opposite sign."""
@@ -49,8 +38,6 @@ in its fit, over the largest."""
 _CLOSE = 1.5
 """χ² per sample that free curves leave beside the effects so far up to which columns are made from
 them."""
-_PEAKS, _LINES = 6, 3
-"""Peaks of a scan for modes that become columns, of each damping, and lines of the mains."""
 _FINER = (1.0, 3.0, 9.0)
 """The shapes that fit best are tried again this many times as near to each other."""
 _AGAIN = 4
@@ -60,6 +47,8 @@ _PART = 0.25
 for one to be tried."""
 _PARTICIPATIONS = (0.1, 0.4)
 """The shares of a second mode at first."""
+_BEGUN = 3
+"""The shapes from which a chain's fit may begin; chosen by judgement."""
 _SMALL_PART = 0.5
 """The part of the motion below which a mode is rather one of several; by judgement, as the next."""
 _STIFF = 30.0
@@ -83,6 +72,18 @@ Key = tuple[tuple[str, float], ...]
 def key_of(chain: Chain) -> Key:
     """What tells chains apart but for their fitted parameters."""
     return tuple((one.effect, one.shape.get("order", 0.0)) for one in chain)
+
+
+class Proposal(NamedTuple):
+    """A longer chain by the `starts` from which its fit may begin, and what is `beside` it."""
+
+    starts: list[Chain]
+    beside: Hypothesis
+
+    @property
+    def key(self) -> Key:
+        """What tells it from other chains."""
+        return key_of(self.starts[0])
 
 
 @dataclass(frozen=True, eq=False)
@@ -123,13 +124,13 @@ class Expansion:
         curve = free if is_free else crude
         motions = motions_of(line.signals, curve)
         barred = {n for one in line.chain for n in (one.effect, *family_of(one.effect))}
-        if not any(one.effect == "second_mode" for one in line.chain):
+        if lone_mode(line) or not any(one.effect == TWO_MODES for one in line.chain):
             barred -= {MODE.effect}
         scanned = settled.prior.weighted(whitening(without_effect))
         columns = [
             *dynamics_of(motions),
-            *_modes_behind(line, motions, curve, scanned),
-            *_scanned_lines(motions, whitening, scanned),
+            *modes_behind(line, motions, curve, scanned),
+            *scanned_lines(motions, whitening, scanned),
             *(again(motions, one) for one in shapes),
         ]
         columns = [c for c in columns if c.effect not in barred]
@@ -234,37 +235,54 @@ class Expansion:
                     log_posterior=float(one.log_posterior + of_chain),
                 )
 
-    def proposed(self) -> Iterator[tuple[Chain, Hypothesis]]:
+    def proposed(self) -> list[Proposal]:
         """The chain longer by each effect whose columns explain much of what no other effect does,
-        and what is beside it."""
-        listed, chain = self._untempered, self.line.chain
-        if len(chain) == MOST_EFFECTS:
-            return
+        or could in the place of others."""
+        listed, chain, lone = self._untempered, self.line.chain, lone_mode(self.line)
+        if len(chain) == MOST_EFFECTS and lone is None:
+            return []
         values = {frozenset(h.names): h.log_posterior for h in listed}
         without = next(h.log_posterior for h in listed if not {*h.names} & {*IN_SERIES})
         much = _PART * (listed[0].log_posterior - without)
-        beside = _but(listed[0], IN_SERIES)
-        leading = {name: h for h in reversed(listed) for name in h.names if name in IN_SERIES}
-        stages: dict[str, list[tuple[Stage, Hypothesis]]] = {}
-        for name in sorted(leading, key=lambda name: -leading[name].log_posterior):
-            own, is_second = leading[name], name == MODE.effect and _has_mode(chain)
-            gain = own.log_posterior - values.get(frozenset(own.names) - {name}, without)
+        begun: list[tuple[Stage, Hypothesis]] = []
+        for name, own in self._leading():
+            rest = frozenset(own.names) - {name}
+            gain = own.log_posterior - (values.get(rest, without) if rest else without)
             # About one mode that follows two as well as it can a second looks like nothing.
+            is_second = name == MODE.effect and lone is not None
             if (gain <= 0 or gain < much) and not is_second:
                 continue
             # What is beside it may be there in its stead.
-            for companions in dict.fromkeys([beside, _but(own, own.names)]):
-                begun = [(one, companions) for one in self._begun(name, companions)]
-                stages.setdefault(name, []).extend(begun)
+            for beside in (_but(listed[0], IN_SERIES), _but(own, own.names)):
+                begun += [(one, beside) for one in self._begun(name, beside)]
         # Which lag it is the chains decide: about a curve they are alike.
-        for (effect, shape), companions in [own[0] for own in stages.values()]:
-            for other in lags_like(effect, shape):
-                stages.setdefault(other.effect, [(other, companions)])
-        for stage, companions in [one for own in stages.values() for one in own]:
-            yield from ((longer, companions) for longer in _longer(chain, stage))
+        held = {one.effect for one, _ in begun}
+        for (effect, shape), beside in list(begun):
+            others = [one for one in lags_like(effect, shape) if one.effect not in held]
+            begun += [(one, beside) for one in others]
+            held |= {one.effect for one in others}
+        proposals: dict[tuple, Proposal] = {}
+        for stage, beside in begun:
+            for longer in _longer(chain, stage, lone):
+                key = key_of(longer), beside.kinds, beside.sizes
+                starts = proposals.setdefault(key, Proposal([], beside)).starts
+                starts += [longer] if longer not in starts else []
+        return list(proposals.values())
+
+    def _leading(self) -> Iterator[tuple[str, Hypothesis]]:
+        """Each effect in series with what fits best of the hypotheses that hold it, and of those
+        that hold no other of its kind."""
+        for only in (False, True):
+            leading = {
+                name: h
+                for h in reversed(self._untempered)
+                for name in h.names
+                if name in IN_SERIES and not (only and len({*h.names} & {*IN_SERIES}) > 1)
+            }
+            yield from sorted(leading.items(), key=lambda pair: -pair[1].log_posterior)
 
     def _begun(self, name: str, beside: Hypothesis) -> Iterator[Stage]:
-        """The stages from which a chain's fit begins: the shape that explains most beside a
+        """The stages from which a chain's fit may begin: the shapes that explain most beside a
         hypothesis as a stage does, with the coefficient one.  Of a mode half the width of a peak
         away the ringing is out of phase, so that its coefficient is free; one that is small in what
         fits best is beside another, which has the rest and is too stiff to be seen."""
@@ -273,17 +291,18 @@ class Expansion:
         at = [self.law.kinds[k].start for k in shapes]
         along, square = inner.along[at], np.maximum(inner.columns[at, at], _NOTHING)
         size = np.maximum(along / square, 0.0) if name == MODE.effect else np.ones(len(at))
-        best = int(np.argmax(size * along - 0.5 * size**2 * square))
-        shape = self.columns[shapes[best]].shape
-        yield Stage(name, shape)
-        is_held = name in self.best.names and not _has_mode(self.line.chain)
-        if is_held and size[best] < _SMALL_PART:
-            rest = {
-                "ratio": _STIFF,
-                "second_damping": shape["damping"],
-                "participation": 1 - float(size[best]),
-            }
-            yield Stage("second_mode", shape | rest)
+        gains = size * along - 0.5 * size**2 * square
+        is_one = name == MODE.effect and name in self.best.names and lone_mode(self.line) is None
+        for k in np.argsort(-gains)[:_BEGUN].tolist():
+            shape = self.columns[shapes[k]].shape
+            yield Stage(name, shape)
+            if is_one and size[k] < _SMALL_PART:
+                rest = {
+                    "ratio": _STIFF,
+                    "second_damping": shape["damping"],
+                    "participation": 1 - float(size[k]),
+                }
+                yield Stage(TWO_MODES, shape | rest)
 
     def sized(self, hypothesis: Hypothesis) -> np.ndarray:
         """The columns (ΣN, k) of a hypothesis, of unit prior standard deviation."""
@@ -315,18 +334,12 @@ def _but(hypothesis: Hypothesis, names: Collection[str]) -> Hypothesis:
     )
 
 
-def _has_mode(chain: Chain) -> bool:
-    return any(one.effect == MODE.effect for one in chain)
-
-
-def _longer(chain: Chain, stage: Stage) -> Iterator[Chain]:
-    """A chain with a further stage, of each of its orders; beside a mode a further one makes two in
-    parallel."""
-    modes = [k for k, one in enumerate(chain) if one.effect == MODE.effect]
-    if stage.effect == MODE.effect and modes:
-        first, second = sorted(
-            [chain[modes[0]].shape, stage.shape], key=lambda shape: shape["frequency"]
-        )
+def _longer(chain: Chain, stage: Stage, lone: tuple[int, Shape] | None) -> Iterator[Chain]:
+    """A chain with a further stage, of each of its orders; beside a lone mode a further one makes
+    two in parallel."""
+    if stage.effect == MODE.effect and lone is not None:
+        at, one = lone
+        first, second = sorted([one, stage.shape], key=lambda shape: shape["frequency"])
         for share in _PARTICIPATIONS:
             both = {
                 "frequency": first["frequency"],
@@ -335,7 +348,7 @@ def _longer(chain: Chain, stage: Stage) -> Iterator[Chain]:
                 "second_damping": second["damping"],
                 "participation": share if second is stage.shape else 1 - share,
             }
-            yield (*chain[: modes[0]], Stage("second_mode", both), *chain[modes[0] + 1 :])
+            yield (*chain[:at], Stage(TWO_MODES, both), *chain[at + 1 :])
     elif "order" in stage.shape:
         for order in SENSOR_ORDERS:
             yield (*chain, Stage(stage.effect, stage.shape | {"order": order}))
@@ -397,54 +410,3 @@ def motions_of(signals: Sequence[Signal], curve: Curve) -> list[Motion]:
             Motion(signal.drive, values, moved, signal.step, error=error, periodic=signal.periodic)
         )
     return motions
-
-
-Whitened = Callable[[np.ndarray], np.ndarray]
-"""Signals (ΣN, …) of unit variance."""
-
-
-def scanned_modes(
-    motions: Sequence[Motion], whitened: Whitened, scanned: np.ndarray, family: Family = MODE
-) -> list[Columns]:
-    """The modes that explain most of a whitened response times the inverse covariance of all that
-    is beside them (ΣN,)."""
-    chosen = []
-    for modes in modes_of(motions, family):
-        falls = _falls(modes, whitened, scanned)
-        peaks = maxima_of(np.pad(falls, 1)) - 1
-        chosen += [modes[k] for k in peaks[np.argsort(-falls[peaks])[:_PEAKS]]]
-    return chosen
-
-
-def _modes_behind(
-    line: Line, motions: Sequence[Motion], curve: Curve, scanned: np.ndarray
-) -> list[Columns]:
-    """The modes that explain most behind a chain: behind one mode, another in parallel to it."""
-    family = MODE
-    for effect, shape in line.chain:
-        if effect == MODE.effect:
-            before = np.split(curve.before, ends_of(line.signals))
-            motions = [m.with_response(own) for m, own in zip(motions, before, strict=True)]
-            family = beside_mode(shape)
-    return scanned_modes(motions, line.prior.whitening, scanned, family)
-
-
-def _scanned_lines(
-    motions: Sequence[Motion], whitened: Whitened, scanned: np.ndarray
-) -> list[Columns]:
-    """The lines of the mains that explain most of it."""
-    lines = columns_of(MAINS, motions)
-    return [lines[k] for k in np.argsort(-_falls(lines, whitened, scanned))[:_LINES]]
-
-
-def _falls(shapes: Sequence[Columns], whitened: Whitened, scanned: np.ndarray) -> np.ndarray:
-    """About how much of χ² each shape explains: what curves absorb of it, which hardly depends on
-    its frequency, is not computed but for the few that are chosen."""
-    falls = np.zeros(len(shapes))
-    for k, one in enumerate(shapes):
-        columns = whitened(one.values)
-        along, squares = columns.T @ scanned, np.einsum("nk,nk->k", columns, columns)
-        if one.one_sided:
-            along = np.maximum(along, 0.0)
-        falls[k] = float(np.sum(along**2 / np.maximum(squares, 1e-12)))
-    return falls

@@ -9,6 +9,7 @@ Source: Visintin, Differential Models of Hysteresis (1994), chapter V.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from itertools import pairwise
 
 import numpy as np
@@ -56,6 +57,25 @@ def loop_of(drive: np.ndarray, span: float) -> np.ndarray:
     steps = np.diff(drive, prepend=drive[0]) / span
     path = np.cumsum(np.abs(steps))
     return _faded(steps[:, None], path / _LOOP)[:, 0] / (2 * _LOOP)
+
+
+def openings_of(drive: np.ndarray, widths: Sequence[float]) -> np.ndarray:
+    """How far plays of some half-widths, in the drive's unit, are behind a drive (N,): (N, K).
+
+    A play's step is a clipping to v ± r, and so are several of its steps in a row, of which there
+    are twice as many in each round.
+    """
+    openings = np.empty((drive.size, len(widths)))
+    for k, width in enumerate(widths):
+        low, high = drive - width, drive + width
+        low[0] = high[0] = drive[0]
+        steps = 1
+        while steps < drive.size:
+            ends = low[steps:].copy(), high[steps:].copy()
+            low[steps:], high[steps:] = (np.clip(v[:-steps], *ends) for v in (low, high))
+            steps *= 2
+        openings[:, k] = low - drive
+    return openings
 
 
 def _faded(added: np.ndarray, path: np.ndarray) -> np.ndarray:

@@ -13,6 +13,7 @@ Source: Woodbury's identity; Rasmussen & Williams, Gaussian Processes (2006), A.
 
 from __future__ import annotations
 
+from abc import ABC, abstractmethod
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from functools import cached_property
@@ -26,10 +27,9 @@ from ._curves import Curves, curves_of
 from ._drive import unresolved
 from ._fading import fading_memory
 from ._filters import Filter
+from ._prior import Prior, log_likelihood
 from ._whitening import Whitening
 
-Reduced = Callable[[np.ndarray], np.ndarray]
-"""Whitened signals (ΣN, k) times the inverse covariance of everything that is not dense."""
 ROUGHNESSES = np.array([10.0, 30.0, 100.0, 300.0])
 """Standard deviations ρ of a curve's second differences that are tried, over the noise.  A smoother
 curve knows more than was recorded: at 2 a dynamic effect was named on 9 of 14 recordings of random
@@ -45,50 +45,6 @@ _WEAK = 1e-6
 """The precision of what is between two filters, over that of its range: no pivot is zero."""
 _PROBES = 8
 """Probes of a law's freedom, which they give to some percents."""
-
-
-class Inner(NamedTuple):
-    """Inner products under the inverse covariance: of columns (K, K), of columns with the response
-    (K,), of the response with itself, and the logarithm of the covariance's determinant."""
-
-    columns: np.ndarray
-    along: np.ndarray
-    square: float
-    log_determinant: float
-
-    def coefficients(self, chosen: np.ndarray, sizes: np.ndarray) -> np.ndarray:
-        """The most probable coefficients (k,) of the columns `chosen` (k,), of these prior standard
-        deviations (k,)."""
-        own = self.columns[chosen][:, chosen]
-        return np.linalg.solve(np.diag(sizes**-2) + own, self.along[chosen])
-
-    def given(self, chosen: np.ndarray, sizes: np.ndarray) -> Inner:
-        """The same with the columns `chosen` (k,) in the covariance too, with coefficients of these
-        standard deviations (k,)."""
-        own = self.columns[chosen][:, chosen]
-        coefficients = np.linalg.solve(
-            np.diag(sizes**-2) + own, np.column_stack([self.columns[chosen], self.along[chosen]])
-        )
-        return Inner(
-            self.columns - self.columns[:, chosen] @ coefficients[:, :-1],
-            self.along - self.columns[:, chosen] @ coefficients[:, -1],
-            self.square - float(self.along[chosen] @ coefficients[:, -1]),
-            self.log_determinant
-            + float(np.linalg.slogdet(np.eye(chosen.size) + sizes[:, None] * own * sizes)[1]),
-        )
-
-
-def log_likelihood(square, log_determinant, count: float):
-    """The log likelihood up to a constant; the variance is κ ≥ 1 times that of the noise, κ at its
-    most likely value: what nothing explains counts as noise."""
-    excess = np.maximum(1.0, square / count)
-    return -0.5 * (count * np.log(excess) + square / excess + log_determinant)
-
-
-def square_at(value: float, log_determinant: float, count: float) -> float:
-    """χ² at which the log likelihood has a value."""
-    square = -2 * value - log_determinant
-    return square if square <= count else count * float(np.exp(square / count - 1))
 
 
 @dataclass(frozen=True, eq=False)
@@ -230,39 +186,6 @@ def _fading(
     return np.concatenate([at_samples, halfway])
 
 
-class Prior:
-    """A covariance 1 + D Dᵀ of whitened signals beside what `reduced` takes out of them: D are
-    dense columns (ΣN, k) of unit prior sd, `log_determinant` is that of the rest."""
-
-    def __init__(
-        self,
-        dense: np.ndarray,
-        reduced: Reduced,
-        log_determinant: float,
-        beside: np.ndarray | None = None,
-    ):
-        self._dense, self._reduced = dense, reduced
-        self._beside = reduced(dense) if beside is None else beside
-        self._normal = np.eye(dense.shape[1]) + dense.T @ self._beside
-        extra = float(np.linalg.slogdet(self._normal)[1]) if dense.size else 0.0
-        self._log_determinant = log_determinant + extra
-
-    def weighted(self, white: np.ndarray) -> np.ndarray:
-        """Whitened signals (ΣN, K) times the inverse covariance."""
-        reduced = self._reduced(white)
-        return reduced - self._beside @ np.linalg.solve(self._normal, self._dense.T @ reduced)
-
-    def inner(self, columns: np.ndarray, white: np.ndarray) -> Inner:
-        """Inner products of whitened columns (ΣN, K) and of a whitened response (ΣN,)."""
-        signals = np.column_stack([columns, white])
-        gram = signals.T @ self.weighted(signals)
-        return Inner(gram[:-1, :-1], gram[:-1, -1], float(gram[-1, -1]), self._log_determinant)
-
-    def coefficients(self, white: np.ndarray) -> np.ndarray:
-        """The most probable coefficients (k,) of the dense columns."""
-        return np.linalg.solve(self._normal, self._beside.T @ white)
-
-
 class Settled:
     """The prior of path curves of one roughness [response unit], and of one fading over the
     response's span."""
@@ -271,7 +194,7 @@ class Settled:
         self.law, self.roughness, self.fading = law, roughness, fading
         if rough is None:
             rough = _Rough(law, roughness) if law.filter is None else _Filtered(law, roughness)
-        self._rough: _Rough | _Filtered = rough
+        self._rough: _Reduced = rough
         kinds, own = law.fading.shape[1], law.own.shape[1]
         sizes = np.concatenate([np.full(kinds, fading * law.span), np.ones(own)])
         self._clear = sizes > 0
@@ -280,7 +203,7 @@ class Settled:
             law.dense[:, self._clear] * self._sizes,
             rough.reduced,
             rough.log_determinant,
-            rough.dense[:, self._clear] * self._sizes,
+            rough.reduced_dense(self._clear) * self._sizes,
         )
 
     def with_fading(self, fading: float) -> Settled:
@@ -305,8 +228,12 @@ class Settled:
 
     def path(self, response: np.ndarray) -> Path:
         """The most probable curves behind a response (ΣN,)."""
-        law, white = self.law, self.law.whitening(response)
-        sized = self.prior.coefficients(white) * self._sizes
+        return self.behind(self.law.whitening(response))
+
+    def behind(self, white: np.ndarray) -> Path:
+        """The same behind whitened responses (ΣN, …)."""
+        law = self.law
+        sized = (self.prior.coefficients(white).T * self._sizes).T
         rest = white - law.dense[:, self._clear] @ sized
         return Path(law, self._clear, self._rough.coefficients(rest), sized)
 
@@ -325,8 +252,8 @@ class Settled:
 
 @dataclass(frozen=True, eq=False)
 class Path:
-    """Curves with their coefficients (M,), and dense columns with theirs (k,), of those that are
-    `clear`."""
+    """Curves with their coefficients (M, …), and dense columns with theirs (k, …), of those that
+    are `clear`."""
 
     law: PathLaw
     clear: np.ndarray
@@ -334,13 +261,37 @@ class Path:
     sized: np.ndarray
 
     def through(self, law: PathLaw) -> np.ndarray:
-        """The response (ΣN,) of the drives of another law, on the same branches, and of its
+        """The response (ΣN, …) of the drives of another law, on the same branches, and of its
         filter."""
         splines = self.law.splines(law.nodes(law.drive))
         return law.filtered(splines @ self.coefficients + law.beside(self.clear) @ self.sized)
 
 
-class _Rough:
+class _Reduced(ABC):
+    """Curves of one roughness, and what they leave of whitened signals."""
+
+    _law: PathLaw
+    log_determinant: float
+
+    @abstractmethod
+    def coefficients(self, white: np.ndarray) -> np.ndarray:
+        """The most probable coefficients of the splines."""
+
+    @abstractmethod
+    def reduced(self, white: np.ndarray) -> np.ndarray:
+        """Whitened signals (ΣN, k) times the inverse covariance."""
+
+    @cached_property
+    def _dense(self) -> np.ndarray:
+        """The law's dense columns, reduced: the same for all fadings."""
+        return self.reduced(self._law.dense)
+
+    def reduced_dense(self, clear: np.ndarray) -> np.ndarray:
+        """Those of the law's dense columns that are `clear`, reduced."""
+        return self._dense if clear.all() else self.reduced(self._law.dense[:, clear])
+
+
+class _Rough(_Reduced):
     """Curves of one roughness, seen directly."""
 
     def __init__(self, law: PathLaw, roughness: float):
@@ -356,13 +307,8 @@ class _Rough:
         """Whitened signals (ΣN, k) times the inverse covariance."""
         return white - self._law.basis @ self.coefficients(white) if white.size else white
 
-    @cached_property
-    def dense(self) -> np.ndarray:
-        """The law's dense columns, reduced: the same for all fadings."""
-        return self.reduced(self._law.dense)
 
-
-class _Filtered:
+class _Filtered(_Reduced):
     """The same behind filters A z = B x: the responses z are unknowns beside the coefficients, and
     so are the multipliers of these equations, so that all matrices are sparse and none has the
     square of a small number."""
@@ -408,11 +354,6 @@ class _Filtered:
         if not white.size:
             return white
         return white - self._whitening @ self._solved(white)[: self._size]
-
-    @cached_property
-    def dense(self) -> np.ndarray:
-        """The law's dense columns, reduced: the same for all fadings."""
-        return self.reduced(self._law.dense)
 
 
 def _precision(law: PathLaw, roughness: float) -> sp.csc_array:

@@ -14,8 +14,8 @@ from scipy.special import log_ndtr
 
 from ._chain import IN_SERIES
 from ._expansion import family_of
-from ._law import log_likelihood
 from ._posterior import EACH, SIZES, Law
+from ._prior import log_likelihood
 
 SURE = 0.95
 """The probability at which an effect, or one of its look-alikes, is named; by convention."""

@@ -23,7 +23,7 @@ from typing import NamedTuple
 import numpy as np
 from scipy.special import log_ndtr, logsumexp
 
-from ._law import Inner, log_likelihood
+from ._prior import Inner, log_likelihood
 
 SIZES = np.array([0.03, 0.1, 0.3, 1.0, 3.0])
 """Sizes of an effect, over the typical one: creep of a fifth of the stroke in a decade is none."""

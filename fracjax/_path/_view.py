@@ -13,10 +13,10 @@ from functools import cached_property
 
 import numpy as np
 
-from ._chain import Chain, Fitted, Line, Stage, fitted, without
+from ._chain import Fitted, Line, Stage, fitted, without
 from ._curves import Curves
 from ._dynamics import Columns
-from ._expansion import PATH, Expansion, Key, key_of
+from ._expansion import PATH, Expansion, Key, Proposal, key_of
 from ._filters import RESPONSE_SIDE
 from ._posterior import (
     EACH,
@@ -145,9 +145,9 @@ def _expansions(
             break
         front, size = behind[fronts[0]], len(fronts[0])
         asked.add(fronts[0])
-        chains = [(c, b) for c, b in front.proposed() if (size, key_of(c)) not in tried]
-        tried |= {(size, key_of(chain)) for chain, _ in chains}
-        for key, one in _longer(signals, front, chains, is_over).items():
+        proposals = [one for one in front.proposed() if (size, one.key) not in tried]
+        tried |= {(size, one.key) for one in proposals}
+        for key, one in _longer(signals, front, proposals, is_over).items():
             if key not in behind or one.log_posterior > behind[key].log_posterior:
                 behind[key] = one
                 asked.discard(key)
@@ -157,7 +157,7 @@ def _expansions(
 def _longer(
     signals: Sequence[Signal],
     front: Expansion,
-    chains: Sequence[tuple[Chain, Hypothesis]],
+    proposals: Sequence[Proposal],
     is_over: Callable[[], bool],
 ) -> dict[Key, Expansion]:
     """The expansions behind the likeliest of longer chains that one proposes, of those that are
@@ -165,11 +165,11 @@ def _longer(
     longer: list[tuple[Fitted, Hypothesis]] = []
     before, least = front.adequacy(front.best), front.own_adequacy + front.of_chain(1.0)
     # Those without a filter first, which cost least: a later one ends where it cannot come near.
-    cheap = sorted(chains, key=lambda pair: any(one.effect in RESPONSE_SIDE for one in pair[0]))
-    for chain, beside in cheap:
+    cheap = sorted(proposals, key=lambda one: any(e in RESPONSE_SIDE for e, _ in one.key))
+    for starts, beside in cheap:
         if is_over():
             break
-        one = fitted(signals, chain, front.sized(beside), front.settled, least)
+        one = fitted(signals, starts, front.sized(beside), front.settled, least)
         if one.log_posterior > least:
             longer.append((one, beside))
             gain = max(one.log_posterior - before, 0.0)

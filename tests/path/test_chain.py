@@ -7,9 +7,9 @@ from scipy.signal import lsim
 from fracjax._path import Stage, Whitening, view_of
 from fracjax._path import _kernels as kernels
 from fracjax._path import _law as law_module
-from fracjax._path._chain import Line, adequacy, fitted
+from fracjax._path._chain import Line, _changes, _quadratic, adequacy, fitted
 from fracjax._path._drive import delayed, limited
-from fracjax._path._filters import Filter, corner_of
+from fracjax._path._filters import Filter, corner_of, filters_of
 from fracjax._path._law import PathLaw, Settled
 from fracjax._path._signal import response_of
 from tests.path.helpers import plays, signal_of, through, twin_rates
@@ -18,6 +18,8 @@ STEP, NOISE = 1e-3, 1e-3
 DRIVE = twin_rates()
 TIMES = STEP * np.arange(DRIVE.size)
 LAW = plays(DRIVE)
+FALLING = through(0.5 + 0.5 * (-1.0) ** np.arange(40) * np.linspace(1, 0.1, 40), [30] * 39)
+"""A drive whose every branch is met once, so that curves spend much."""
 
 
 def behind(numerator, denominator, signal) -> np.ndarray:
@@ -144,9 +146,52 @@ def test_newtons_method_finds_parameters_from_far():
     signals = [signal_of(DRIVE, EFFECTS["sensor_lag"](), NOISE)]
     start = (Stage("sensor_lag", {"corner": 4.0, "order": 1.0}),)
     like = Line.of(signals, ()).prior.settled(response_of(signals))
-    found = fitted(signals, start, np.zeros((DRIVE.size, 0)), like)
+    found = fitted(signals, [start], np.zeros((DRIVE.size, 0)), like)
     assert found.line.chain[0].shape["corner"] == pytest.approx(corner_of(0.02, 1), rel=0.02)
     assert found.volume(1.0) < found.volume(0.1) < 0.0
+
+
+def test_newtons_method_begins_at_the_likeliest_start_and_ends_at_the_mode():
+    """Curves spend less behind a low mode, so that the gradient of χ² alone points away from it."""
+    mode = kernels.mode(25.0, 0.03, STEP)
+    law = plays(FALLING)
+    rung = law + kernels.Convolution(law, STEP, periodic=False).with_departure(mode)
+    signals = [signal_of(FALLING, rung, NOISE)]
+    like = Line.of(signals, ()).prior.settled(response_of(signals))
+    starts = [
+        (Stage("resonance", {"frequency": f, "damping": z}),) for f, z in ((70, 0.1), (35, 0.1))
+    ]
+    fit = fitted(signals, starts, np.zeros((FALLING.size, 0)), like)
+    assert fit.line.chain[0].shape["frequency"] == pytest.approx(25.0, rel=0.05)
+
+
+@pytest.mark.parametrize(
+    "stage",
+    [
+        Stage("resonance", {"frequency": 35.0, "damping": 0.1}),
+        Stage("sensor_lag", {"corner": 20.0, "order": 2.0}),
+    ],
+)
+def test_the_gradient_is_that_of_the_adequacy(stage):
+    """Also where χ² is least: as far as forward differences of a hundredth go."""
+    response = plays(FALLING)
+    for one in filters_of(stage.effect, stage.shape, STEP):
+        convolution = kernels.Convolution(response, STEP, periodic=False)
+        response = response + convolution.with_departure(one)
+    signals = [signal_of(FALLING, response, NOISE)]
+    response, nothing = response_of(signals), np.zeros((FALLING.size, 0))
+    like = Line.of(signals, ()).prior.settled(response)
+    free = [(0, name) for name in stage.free]
+
+    def at(one: Stage) -> Settled:
+        return Settled(Line.of(signals, (one,)).prior, like.roughness, like.fading)
+
+    settled = at(stage)
+    columns, spent = _changes(signals, settled, Line.of(signals, (stage,)), nothing, free)
+    _, gradient = _quadratic(settled, response, nothing, columns, spent)
+    for (_, name), own in zip(free, gradient, strict=True):
+        up, down = (adequacy(at(stage.changed(name, h)), response, nothing) for h in (0.01, -0.01))
+        assert own == pytest.approx((up - down) / 0.02, rel=0.2, abs=1.0)
 
 
 def test_a_filter_that_is_far_too_slow_is_never_adequate():

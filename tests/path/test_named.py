@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 
 from fracjax._path._expansion import apart, family_of
-from fracjax._path._law import Inner
 from fracjax._path._named import SURE, levels
 from fracjax._path._posterior import Kind, Law, search
+from fracjax._path._prior import Inner
 
 COUNT = 2000
 TIMES = np.linspace(0, 1, COUNT)

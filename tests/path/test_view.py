@@ -6,6 +6,7 @@ from scipy.signal import lsim
 
 from fracjax._path import denoised, view_of
 from fracjax._path._curves import curves_of
+from fracjax._path._drive import limited
 from fracjax._path._fading import path_length
 from tests.path.helpers import plays, preisach, relays, signal_of, through, twin_rates
 
@@ -85,6 +86,31 @@ def test_what_changes_with_the_path_is_told_from_what_changes_in_time():
     view = view_of([signal_of(drive, worn, NOISE)])
     assert named(view) == {"degradation"}
     assert np.std(view.residual) < 1.1 * NOISE
+
+
+def test_two_near_modes_are_told_from_one_that_stiffness_carries():
+    """One mode beside a stiff rest fits better than one alone, and is not the end of it."""
+    shares = [(0.55, 22.0, 0.03), (0.45, 34.0, 0.05)]
+    law = LAWS["plays"]
+    parts = []
+    for share, frequency, damping in shares:
+        w = 2 * np.pi * frequency
+        own = lsim(([w**2], [1, 2 * damping * w, w**2]), law - law[0], TIMES, interp=True)[1]
+        parts.append(share * own)
+    view = view_of([signal_of(DRIVE, law[0] + sum(parts), NOISE)])
+    assert named(view) == {"second_mode"}
+    shape = view.shape_of("second_mode")
+    frequencies = shape["frequency"], shape["frequency"] * shape["ratio"]
+    assert sorted(frequencies) == pytest.approx([22.0, 34.0], rel=0.02)
+    assert np.std(view.residual) < 1.15 * NOISE
+
+
+@pytest.mark.parametrize("share", [0.45, 0.8])
+def test_a_limited_rate_is_named_where_a_mode_could_take_its_place(share):
+    rate = share * np.abs(np.diff(DRIVE)).max()
+    view = view_of([signal_of(DRIVE, plays(limited(DRIVE, rate)), NOISE)])
+    assert named(view) == {"slew_rate_limit"}
+    assert view.shape_of("slew_rate_limit")["rate"] == pytest.approx(rate / STEP, rel=0.1)
 
 
 def test_two_recordings_are_one_actuator():

@@ -70,14 +70,20 @@ def explained_by(
     return replace(first, fitted=again) if again.solved.cost < cost else first
 
 
-def beside(
-    explanation: Explanation, name: str, about: ModelView, preparation: Preparation, aim: float
-) -> Explanation:
-    """A refit with one more effect, from its trials that explain most of what is `about` it."""
+def beside(explanation: Explanation, name: str, about: ModelView, aim: float) -> Explanation:
+    """A refit with one more effect, from its trials that explain most of what is `about` it, on the
+    grid that it has needed without."""
     block, layers = explanation.fitted.solved.block, explanation.layers
     further = [Layer(EFFECTS[name], trial) for trial in _trials(name, about)]
     starts = [wrapped(block, [one]) for one in further]
-    return Explanation((*layers, further[0]), fitted(starts, preparation, aim))
+    return Explanation((*layers, further[0]), fitted(starts, explanation.fitted.preparation, aim))
+
+
+def without(explanation: Explanation, name: str) -> Explanation:
+    """A refit with one effect less, from where it has come to with it."""
+    block, layers = parts_of(explanation.fitted.solved.block, explanation.layers)
+    rest = tuple(layer for layer in layers if layer.effect.name != name)
+    return Explanation(rest, fitted([wrapped(block, rest)], explanation.fitted.preparation))
 
 
 def _predicted(view: ModelView, names: Sequence[str]) -> float:

@@ -25,7 +25,7 @@ from .._path import (
 )
 from .._solve import Progress
 from ._names import Name, names_of
-from ._refits import Explanation, beside, explained_by, with_refits
+from ._refits import Explanation, beside, explained_by, with_refits, without
 from ._views import ModelView, model_view
 
 _FAR = 20.0
@@ -52,6 +52,7 @@ def compared(
     """The posterior once what it names is refitted, and so is all that could take its place, and
     what is found beside its refit; and the refits.  What is named may change by each of them."""
     refits, groups, asked = list(refits), list[set[str]](), set[frozenset[str]]()
+    lessened = set[tuple[frozenset[str], str]]()
     preparation = view.fitted.preparation
     visible = {other for n in names_of(path.posterior) for other in (n.effect, *n.alike)}
     while True:
@@ -67,8 +68,26 @@ def compared(
                 break
             progress(f"refitting with {' and '.join(each)}")
             aim = min(aim_of(view, path, len(each)), _within_reach(view, refits, each))
-            refits.append(explained_by(each, view, nominal, preparation, aim))
+            parts = [e for e in refits if len(e.names) == len(each) - 1 and {*e.names} < {*each}]
+            if parts:
+                # From what the best of its parts has come to, on the grid that this has needed.
+                best = min(parts, key=lambda e: e.fitted.solved.cost)
+                (name,) = {*each} - {*best.names}
+                refits.append(beside(best, name, view, aim))
+            else:
+                refits.append(explained_by(each, view, nominal, preparation, aim))
         if sets and not clock.is_over:
+            continue
+        lesser = [] if clock.is_over else sorted({(chosen, n) for n in chosen} - lessened)
+        if lesser and len(chosen) > 1:
+            # An effect is needed only if its rest, from where both have come to, does not do.
+            lessened |= {*lesser}
+            for _, name in lesser:
+                progress(f"refitting without {name}")
+                less = without(refitted[chosen], name)
+                before = refitted.get(frozenset(less.names))
+                if before is None or less.fitted.solved.cost < before.fitted.solved.cost:
+                    refits = [e for e in refits if e is not before] + [less]
             continue
         if clock.is_over or not chosen or chosen in asked or len(chosen) == MOST_EFFECTS:
             return posterior, refits
@@ -92,7 +111,7 @@ def compared(
             if chosen | {name} not in refitted:
                 progress(f"refitting with {name} beside {' and '.join(sorted(chosen))}")
                 least = min(aim, _within_reach(view, refits, [*chosen, name]))
-                refits.append(beside(one, name, about, preparation, least))
+                refits.append(beside(one, name, about, least))
 
 
 def _within_reach(view: ModelView, refits: Sequence[Explanation], names: Collection[str]) -> float:

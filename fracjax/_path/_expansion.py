@@ -239,8 +239,6 @@ class Expansion:
         """The chain longer by each effect whose columns explain much of what no other effect does,
         or could in the place of others."""
         listed, chain, lone = self._untempered, self.line.chain, lone_mode(self.line)
-        if len(chain) == MOST_EFFECTS and lone is None:
-            return []
         values = {frozenset(h.names): h.log_posterior for h in listed}
         without = next(h.log_posterior for h in listed if not {*h.names} & {*IN_SERIES})
         much = _PART * (listed[0].log_posterior - without)
@@ -263,7 +261,7 @@ class Expansion:
             held |= {one.effect for one in others}
         proposals: dict[tuple, Proposal] = {}
         for stage, beside in begun:
-            for longer in _longer(chain, stage, lone):
+            for longer in (one for one in _longer(chain, stage, lone) if len(one) <= MOST_EFFECTS):
                 key = key_of(longer), beside.kinds, beside.sizes
                 starts = proposals.setdefault(key, Proposal([], beside)).starts
                 starts += [longer] if longer not in starts else []

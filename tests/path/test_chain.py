@@ -7,8 +7,9 @@ from scipy.signal import lsim
 from fracjax._path import Stage, Whitening, view_of
 from fracjax._path import _kernels as kernels
 from fracjax._path import _law as law_module
-from fracjax._path._chain import Line, _changes, _quadratic, adequacy, fitted
+from fracjax._path._chain import Fitted, Line, _changes, _quadratic, adequacy, fitted
 from fracjax._path._drive import delayed, limited
+from fracjax._path._expansion import Expansion
 from fracjax._path._filters import Filter, corner_of, filters_of
 from fracjax._path._law import PathLaw, Settled
 from fracjax._path._signal import response_of
@@ -192,6 +193,25 @@ def test_the_gradient_is_that_of_the_adequacy(stage):
     for (_, name), own in zip(free, gradient, strict=True):
         up, down = (adequacy(at(stage.changed(name, h)), response, nothing) for h in (0.01, -0.01))
         assert own == pytest.approx((up - down) / 0.02, rel=0.2, abs=1.0)
+
+
+def test_no_chain_is_longer_than_a_hypothesis_may_be():
+    """Of three effects a lone mode may still become two, and nothing else follows."""
+    chain = (
+        Stage("resonance", {"frequency": 40.0, "damping": 0.05}),
+        Stage("drive_lag", {"time_constant": 0.004}),
+        Stage("slew_rate_limit", {"rate": 0.5 * np.abs(np.diff(DRIVE)).max() / STEP}),
+    )
+    mode = kernels.mode(55.0, 0.03, STEP)
+    rung = LAW + kernels.Convolution(LAW, STEP, periodic=False).with_departure(mode)
+    signals = [signal_of(DRIVE, rung, NOISE)]
+    line = Line.of(signals, chain)
+    fit = Fitted(line, 0.0, np.zeros((4, 4)), np.ones(4))
+    proposals = Expansion.about(line, np.zeros(DRIVE.size), fit).proposed()
+    assert proposals
+    assert {one.effect for p in proposals for start in p.starts for one in start} == {
+        "second_mode", "drive_lag", "slew_rate_limit",
+    }  # fmt: skip
 
 
 def test_a_filter_that_is_far_too_slow_is_never_adequate():

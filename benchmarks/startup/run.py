@@ -137,7 +137,7 @@ def write(rows: list[dict[str, object]]) -> None:
     rows.sort(key=lambda row: order.index(row["command"]))
     with TABLE.open("w", newline="", encoding="utf-8") as file:
         file.write(versions(["fracjax", "jax", "numpy", "scipy"]))
-        writer = csv.DictWriter(file, list(rows[0]))
+        writer = csv.DictWriter(file, list(rows[0]), lineterminator="\n")
         writer.writeheader()
         writer.writerows(rows)
 

@@ -51,8 +51,8 @@ def compared(
 ) -> tuple[Posterior, list[Explanation]]:
     """The posterior once what it names is refitted, and so is all that could take its place, and
     what is found beside its refit; and the refits.  What is named may change by each of them."""
-    refits, groups, asked = list(refits), list[set[str]](), set[frozenset[str]]()
-    lessened = set[tuple[frozenset[str], str]]()
+    refits, groups = list(refits), list[set[str]]()
+    asked, lessened = set[frozenset[str]](), set[frozenset[str]]()
     preparation = view.fitted.preparation
     visible = {other for n in names_of(path.posterior) for other in (n.effect, *n.alike)}
     while True:
@@ -78,11 +78,10 @@ def compared(
                 refits.append(explained_by(each, view, nominal, preparation, aim))
         if sets and not clock.is_over:
             continue
-        lesser = [] if clock.is_over else sorted({(chosen, n) for n in chosen} - lessened)
-        if lesser and len(chosen) > 1:
-            # An effect is needed only if its rest, from where both have come to, does not do.
-            lessened |= {*lesser}
-            for _, name in lesser:
+        if len(chosen) > 1 and chosen not in lessened and not clock.is_over:
+            # An effect is needed only if the rest, from where all have come to, does not do.
+            lessened.add(chosen)
+            for name in sorted(chosen):
                 progress(f"refitting without {name}")
                 less = without(refitted[chosen], name)
                 before = refitted.get(frozenset(less.names))

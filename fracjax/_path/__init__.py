@@ -3,12 +3,12 @@
 from ._chain import Stage as Stage
 from ._drive import denoised as denoised
 from ._dynamics import Columns as Columns
-from ._dynamics import Motion as Motion
 from ._expansion import PATH as PATH
 from ._expansion import UNKNOWN as UNKNOWN
 from ._expansion import apart as apart
 from ._expansion import family_of as family_of
 from ._expansion import kinds_of as kinds_of
+from ._motion import Motion as Motion
 from ._named import SURE as SURE
 from ._posterior import DIRECTIONS as DIRECTIONS
 from ._posterior import EACH as EACH

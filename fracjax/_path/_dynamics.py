@@ -7,18 +7,15 @@ side moves along that curve.  No model is fitted and nothing is compiled.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterable, Iterator, Sequence
-from functools import cached_property
 from typing import NamedTuple
 
 import numpy as np
-from numpy.polynomial import Polynomial, chebyshev
 from scipy.linalg import block_diag
 
-from .._filters import solve_recursion
 from . import _kernels as kernels
 from ._drive import limited
-from ._fading import openings_of, path_length
 from ._filters import Shape, corner_of, highest_of, time_constant_of
+from ._motion import Motion
 
 MODE_DAMPINGS = (0.01, 0.03, 0.1)
 """Damping ratios of modes; frequencies are tried half the width of a peak apart."""
@@ -29,10 +26,6 @@ _MAINS, _HARMONICS = (50.0, 60.0), 5
 _OFF = 0.002
 """How far the mains' frequency may be from its nominal value, relative: the band of normal
 operation of the grids of Europe and of America."""
-_STATIC = 3
-"""Order of the static curve without which a loop's opening is left."""
-_WIDTHS = (0.05, 0.1, 0.2, 0.4, 0.8)
-"""Half-widths of plays that wear, over half the drive's range: without, wear was called a skew."""
 _LIMITS = (0.97, 0.9, 0.8, 0.7, 0.6, 0.5, 0.42, 0.35, 0.28, 0.22)
 """Limits of a rate, over the drive's largest: a fit goes no farther than to the next kink."""
 SENSOR_ORDERS = (1.0, 2.0, 4.0)
@@ -44,55 +37,6 @@ _UNEVEN = 0.5
 _DRIFT, _CREEP, _LAYER, _HUM, _SKEW = 0.05, 0.02, 0.05, 0.002, 1e-4
 """Typical sizes: drifts over the span or the gain, creep per decade, a layer's share, interference
 over the span, a clock's error; what a prior calls 1."""
-
-
-class Motion:
-    """One recording's drive (N,), of an rms `error`, and the response (N,) without effects; `moved`
-    is what it would be for another drive (N,) on the same branches; of steady cycles `periodic`."""
-
-    def __init__(
-        self,
-        drive: np.ndarray,
-        response: np.ndarray,
-        moved: Callable[[np.ndarray], np.ndarray],
-        step: float,
-        *,
-        error: float,
-        periodic: bool,
-    ):
-        self.drive, self.response, self.moved = drive, response, moved
-        self.step, self.error, self.periodic = step, error, periodic
-        self.times = np.arange(drive.size) * step
-
-    def with_response(self, response: np.ndarray) -> Motion:
-        """The same drive with another response (N,)."""
-        return Motion(
-            self.drive, response, self.moved, self.step, error=self.error, periodic=self.periodic
-        )
-
-    @cached_property
-    def path(self) -> np.ndarray:
-        """The path (N,) that the drive has travelled, over its span."""
-        return path_length(self.drive, self.error)
-
-    @cached_property
-    def of_response(self) -> kernels.Convolution:
-        """The response, ready to be convolved."""
-        return kernels.Convolution(self.response, self.step, periodic=self.periodic)
-
-    @cached_property
-    def of_drive(self) -> kernels.Convolution:
-        """The drive, ready to be convolved."""
-        return kernels.Convolution(self.drive, self.step, periodic=self.periodic)
-
-    def warming(self, time_constant: float, losses: float) -> np.ndarray:
-        """The temperature (N,) by losses |ẋ|^p |x - x0|^(2-p), mean 1 after a long run."""
-        rate = np.abs(np.diff(self.response, prepend=self.response[0])) / self.step
-        size = np.abs(self.response - self.response[0])
-        power = rate**losses * size ** (2 - losses)
-        kept = np.exp(-self.step / time_constant)
-        scaled = power / max(power.mean(), 1e-300)
-        return solve_recursion(np.array([1, -kept]), (1 - kept) * scaled)
 
 
 class Columns(NamedTuple):
@@ -321,14 +265,12 @@ def _warmed(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
 
 
 def _worn(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:
-    """What changes with the path travelled: a gain, a curve, openings of a loop and of plays."""
+    """What changes with the path travelled, whatever function of the path it is: a gain, a curve,
+    openings of a loop and of plays."""
     wear = -np.expm1(-m.path / shape["path"])
-    scaled = 2 * (m.drive - m.drive.min()) / np.ptp(m.drive) - 1
-    opening = m.response - Polynomial.fit(scaled, m.response, _STATIC)(scaled)
-    curve = chebyshev.chebvander(scaled, _STATIC)[:, [0, 2, 3]]
-    plays = 0.5 * openings_of(scaled, _WIDTHS)
-    of_drive = scale.span * np.column_stack([curve, plays, plays * scaled[:, None]])
-    return _DRIFT * wear[:, None] * np.column_stack([m.response - m.response[0], opening, of_drive])
+    moved = m.response - m.response[0]
+    shapes = np.column_stack([moved, m.opening, scale.span * m.of_path])
+    return _DRIFT * wear[:, None] * shapes
 
 
 def _humming(m: Motion, shape: Shape, scale: Scale) -> np.ndarray:

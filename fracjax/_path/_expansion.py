@@ -11,9 +11,10 @@ import numpy as np
 from numpy.polynomial import chebyshev
 
 from ._chain import IN_SERIES, Chain, Fitted, Line, Stage, adequacy, lags_like
-from ._dynamics import MODE, SENSOR_ORDERS, Columns, Motion, again, dynamics_of, refined
+from ._dynamics import MODE, SENSOR_ORDERS, Columns, again, dynamics_of, refined
 from ._filters import Shape
 from ._law import Curve, PathLaw, Settled
+from ._motion import Motion
 from ._posterior import MOST_EFFECTS, Hypothesis, Kind, Law, search
 from ._scans import TWO_MODES, lone_mode, modes_behind, scanned_lines
 from ._signal import Signal, ends_of, response_of

@@ -5,10 +5,9 @@ The whitened response is normal with the covariance
     1 + B Λ⁻¹ Bᵀ + τ² F Fᵀ,    Λ = bᵀb / ρ² + 1 / S²
 
 with B the curves of all branches, b their bends, ρ the roughness, F the fading memory of size τ and
-S the response's range.  ρ and τ have the values of the largest evidence.  Everything that a
-posterior over effects needs are inner products under its inverse.
+S the response's range.  ρ and τ have the values of the largest evidence.
 
-Source: Woodbury's identity; Rasmussen & Williams, Gaussian Processes (2006), A.3 and 5.4.1.
+Source: Rasmussen & Williams, Gaussian Processes (2006), 5.4.1.
 """
 
 from __future__ import annotations

@@ -8,9 +8,10 @@ import numpy as np
 
 from .._recording import maxima_of
 from ._chain import Line
-from ._dynamics import MAINS, MODE, Columns, Family, Motion, beside_mode, columns_of, modes_of
+from ._dynamics import MAINS, MODE, Columns, Family, beside_mode, columns_of, modes_of
 from ._filters import Shape, highest_of
 from ._law import Curve
+from ._motion import Motion
 from ._signal import ends_of
 
 TWO_MODES = "second_mode"

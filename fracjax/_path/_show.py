@@ -24,13 +24,13 @@ from ._dynamics import (
     MODE_DAMPINGS,
     Columns,
     Family,
-    Motion,
     Scale,
 )
 from ._expansion import PATH, UNKNOWN, apart, kinds_of, motions_of, prior_of
 from ._fading import loop_of
 from ._filters import Shape, highest_of
 from ._law import FADINGS, ROUGHNESSES, Curve, PathLaw, Settled
+from ._motion import Motion
 from ._named import levels
 from ._posterior import Law
 from ._signal import Signal, ends_of

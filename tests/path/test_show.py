@@ -7,8 +7,9 @@ import pytest
 
 from fracjax._path import can_show, view_of
 from fracjax._path._chain import IN_SERIES
-from fracjax._path._dynamics import Motion, columns_of
+from fracjax._path._dynamics import columns_of
 from fracjax._path._fading import loop_of
+from fracjax._path._motion import Motion
 from tests.path.helpers import signal_of, through, twin_rates
 
 NOISE = 1e-3
